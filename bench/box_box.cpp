@@ -1,5 +1,5 @@
-// Time of the contact of two boxes by Google Benchmark, beside ODE's dBoxBox where the build has
-// it: on random pairs, of which half touch, on boxes that rest on each other, and on those apart.
+// Times the contact of two boxes by Google Benchmark, and ODE's dBoxBox where the build has ODE: on
+// random pairs, half of which touch, on boxes that rest on each other, and on separate boxes.
 
 #include <benchmark/benchmark.h>
 
@@ -76,7 +76,7 @@ BENCHMARK_TEMPLATE(ours, Pairs::kResting);
 BENCHMARK_TEMPLATE(ours, Pairs::kApart);
 
 #ifdef CONSTRAINT_SIM_BENCH_ODE
-/// ODE keeps rotation matrices, which ours makes of quaternions: its are made beforehand.
+/// Boxes as ODE needs them: rotation matrices are computed before timing.
 struct OdeBoxes {
   dVector3 p_a, p_b, size_a, size_b;
   dMatrix3 R_a, R_b;

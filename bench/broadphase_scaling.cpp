@@ -1,4 +1,4 @@
-// How the box tests of the broadphase grow with the number of bodies.
+// Prints how the box tests of the broadphase grow with the number of bodies.
 
 #include <cmath>
 #include <cstdint>
@@ -33,15 +33,15 @@ List<Proxy> floor_grid(int n) {
   return proxies;
 }
 
-/// Balls one on the other on a plane.
+/// A column of balls on a plane.
 List<Proxy> column(int n) {
   List<Proxy> proxies{floor_plane(n)};
   for (int i = 0; i < n; ++i) proxies.push_back(ball(i, Eigen::Vector3d(0.0, 0.0, i + 0.5), 0.5));
   return proxies;
 }
 
-/// A cube of balls on a plane, each shifted from its place by up to half a diameter along each axis
-/// and between half and fully grown.
+/// A cube of balls on a plane, each shifted by up to half a diameter along each axis and scaled to
+/// between half and full size.
 List<Proxy> pile(int n) {
   std::mt19937 generator(1);
   const auto random = [&] { return static_cast<double>(generator()) / 4294967296.0; };

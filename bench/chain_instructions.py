@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 LINKS = (100, 1000, 10000, 100000)
-STEPS = 2  # more than none: the difference is theirs
+STEPS = 2  # steps that the difference of two runs measures
 
 
 def instructions(program, links, steps):

@@ -1,4 +1,4 @@
-// Cost of a step of a chain as it grows. With a number of links and of steps: nothing but these
+// Prints the cost of a step of a chain as the chain grows. Arguments LINKS STEPS: only takes these
 // steps, for bench/chain_instructions.py to count.
 
 #include <chrono>

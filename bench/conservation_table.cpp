@@ -1,5 +1,6 @@
-// What energy_momentum keeps of each kind of joint, and what Newton's method takes for it.
-// `constraint_sim_conservation_table [PART OF A NAME]`; exit status 1 where a run failed.
+// Prints the errors of energy and momentum that energy_momentum leaves for each kind of joint, and
+// the iterations of Newton's method. `constraint_sim_conservation_table [PART OF A NAME]`; exit
+// status 1 where a run failed.
 
 #include <cstdio>
 

@@ -1,7 +1,7 @@
 #pragma once
 
-// What energy_momentum keeps of pairs of bodies in free space, of pairs that hang on the world, and
-// of loops.
+// Conservation by energy_momentum of pairs of bodies in free space, pairs that hang on the world,
+// and loops.
 
 #include <vector>
 
@@ -9,24 +9,24 @@
 
 namespace constraint_sim::engine::mechanisms {
 
-/// A scene for so many steps of a tick.
+/// A scene, and the length of its run.
 struct Conserved {
   Mechanism mechanism;
   double tick = 0.02;  ///< [s]
   int steps = 10000;
   double tolerance = 0.0;  ///< 0: one substep a tick
-  bool is_free = true;     ///< nothing holds it, so that momenta are kept as well
+  bool is_free = true;     ///< without joints to the world, so momenta are conserved too
 };
 
 struct Kept {
   double energy = 0.0;            ///< largest change over the largest kinetic energy
-  double momentum = 0.0;          ///< the same over its size
-  double angular_momentum = 0.0;  ///< the same, about the origin
+  double momentum = 0.0;          ///< largest change over its size
+  double angular_momentum = 0.0;  ///< largest change over its size, about the origin
   double joints = 0.0;            ///< largest error [m]
   double size = 0.0;              ///< largest coordinate [m]
-  double iterations = 0.0;        ///< of Newton's method, a solved system
+  double iterations = 0.0;        ///< Newton iterations per solved system
   std::uint32_t halvings = 0;
-  std::uint32_t changes = 0;  ///< of the method, told
+  std::uint32_t changes = 0;  ///< changes of method, as reported
   bool has_failed = false;
 };
 
@@ -51,7 +51,7 @@ inline Momenta momenta_of(const World& world) {
   return sum;
 }
 
-/// By the midpoint rule, one system a step.
+/// Runs by the midpoint rule, one system a step.
 inline Kept run(const Conserved& scene) {
   WorldOptions options;
   options.method = Method::kEnergyMomentum;
@@ -60,7 +60,7 @@ inline Kept run(const Conserved& scene) {
   options.tolerance = scene.tolerance;
   World world = scene.mechanism.world(options);
   Kept kept;
-  world.step();  // the start takes out what the joints do not let through
+  world.step();  // the first step removes velocities that the joints forbid
   const double energy = world.energy();
   const Momenta start = momenta_of(world);
   double kinetic = start.kinetic_energy, energy_change = 0.0, iterations = 0.0, systems = 0.0;
@@ -88,7 +88,7 @@ inline Kept run(const Conserved& scene) {
   return kept;
 }
 
-/// Two boxes that tumble, on one joint.
+/// Two tumbling boxes connected by one joint.
 inline Conserved pair_of(JointKind kind, double mass_ratio = 2.0) {
   Conserved scene;
   Mechanism& made = scene.mechanism;
@@ -107,7 +107,7 @@ inline Conserved pair_of(JointKind kind, double mass_ratio = 2.0) {
   return scene;
 }
 
-/// The same under gravity with the light box on a ball joint to the world.
+/// The pair of boxes under gravity, with the light box on a ball joint to the world.
 inline Conserved hanging_pair(JointKind kind, double mass_ratio) {
   Conserved scene = pair_of(kind, mass_ratio);
   scene.mechanism.name += mass_ratio > 100.0 ? ", heavy load" : ", on the world";
@@ -117,16 +117,16 @@ inline Conserved hanging_pair(JointKind kind, double mass_ratio) {
   scene.tick = 0.01;
   scene.steps = 2000;
   scene.is_free = false;
-  // near the lock of its gimbals the light box turns at up to 1e4 rad/s, which steps have to be
-  // shorter for, or substeps have to carry it across, now and then
+  // Near its gimbal lock the light box turns at up to 1e4 rad/s; steps have to be shorter there, or
+  // substeps have to pass it.
   if (kind == JointKind::kUniversal && mass_ratio > 100.0) scene.tolerance = 1e-8;
   return scene;
 }
 
-/// A mechanism on the world, for 2000 steps of 5 ms.
+/// A mechanism on the world, run for 2000 steps of 5 ms.
 inline Conserved loop(const Mechanism& mechanism) { return {mechanism, 0.005, 2000, 0.0, false}; }
 
-/// Two wheels on a free carrier, one on a skew axis, geared so that both have turned many times.
+/// Two wheels on a free carrier, one on a skew axis, geared so that both turn many times.
 inline Conserved free_gears(double mass_ratio) {
   Conserved scene = pair_of(JointKind::kHinge, mass_ratio);
   Mechanism& made = scene.mechanism;
@@ -171,7 +171,7 @@ inline Conserved free_screw() {
   return scene;
 }
 
-/// Two boxes on a rope over two corners of a third one.
+/// Two boxes on a rope over two corners of a third box.
 inline Conserved free_pulley() {
   Conserved scene = free_gears(2.0);
   Mechanism& made = scene.mechanism;

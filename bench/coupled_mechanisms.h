@@ -1,7 +1,7 @@
 #pragma once
 
-// References of mechanisms with gears, racks, screws and pulleys: bodies, joints, what couples
-// their coordinates, and where the bodies end.
+// References of mechanisms with gears, racks, screws and pulleys: bodies, joints, couplings of
+// their coordinates, and final poses.
 
 #include "mechanisms.h"
 
@@ -9,10 +9,11 @@ namespace constraint_sim::engine::mechanisms {
 
 enum class CoordinateOf { kAngle, kTranslation, kLength };
 
-/// Σ ratio · coordinate of a joint of the mechanism = its value at the start.
+/// A condition Σ ratio · coordinate = its initial value, over coordinates of the mechanism's
+/// joints.
 struct Coupling {
   struct Term {
-    std::size_t joint = 0;  ///< in Mechanism::joints
+    std::size_t joint = 0;  ///< index into Mechanism::joints
     CoordinateOf of = CoordinateOf::kAngle;
     double ratio = 1.0;
   };
@@ -24,8 +25,9 @@ struct CoupledMechanism {
   std::vector<Coupling> couplings;
 };
 
-/// Carrier, planet and sun in a ring that stands still, with 12, 24 and 60 teeth; from rest with
-/// the carrier level, gravity swings it about y. The coordinate is the carrier's angle.
+/// Carrier, planet and sun in a fixed ring; sun, planet and ring have 12, 24 and 60 teeth. Released
+/// with the carrier level, gravity swings the carrier about y. The coordinate is the carrier's
+/// angle.
 inline CoupledMechanism planetary_gear(int steps = 384) {
   const double sun_teeth = 12.0, planet_teeth = 24.0, ring_teeth = 60.0, arm = 0.36;
   CoupledMechanism made;
@@ -35,7 +37,7 @@ inline CoupledMechanism planetary_gear(int steps = 384) {
   mechanism.bodies = {bar("carrier", 0.5, {0.4, 0.02, 0.1}), bar("planet", 1.0, {0.24, 0.05, 0.24}),
                       bar("sun", 0.7, {0.12, 0.05, 0.12})};
   const auto poses = [=](const Jet& theta) {
-    // angles relative to the carrier, to which the ring turns by −θ
+    // Angles are relative to the carrier, to which the ring turns by −θ.
     const Jet planet = Jet(static_cast<Real>(ring_teeth / planet_teeth)) * -theta;
     const Jet sun = Jet(static_cast<Real>(-planet_teeth / sun_teeth)) * planet;
     const Angle carrier = minimal::angle(theta);
@@ -57,7 +59,7 @@ inline CoupledMechanism planetary_gear(int steps = 384) {
   return made;
 }
 
-/// Two masses that swing on a rope over two pulleys at (∓1, 0, 0), ℓ₁ + ratio ℓ₂ constant. The
+/// Two masses swinging on a rope over two pulleys at (∓1, 0, 0), with ℓ₁ + ratio ℓ₂ constant. The
 /// coordinates are ℓ₁ and both angles from the vertical.
 inline CoupledMechanism swinging_atwood(double ratio, int steps = 128) {
   const double m1 = 1.0, m2 = 1.5, length2 = 1.2;
@@ -103,7 +105,7 @@ inline CoupledMechanism swinging_atwood(double ratio, int steps = 128) {
   return made;
 }
 
-/// A nut on an upright screw of 50 mm pitch: a parabola.
+/// A nut on an upright screw of 50 mm pitch: its height is a parabola.
 inline CoupledMechanism falling_nut() {
   const double pitch = 0.05;
   CoupledMechanism made;
@@ -133,7 +135,7 @@ inline CoupledMechanism falling_nut() {
   return made;
 }
 
-/// A rack on an upright slider turns a pinion of 0.1 m beside it as it falls: a parabola.
+/// A falling rack on an upright slider turns a pinion of 0.1 m radius: its height is a parabola.
 inline CoupledMechanism falling_rack() {
   const double radius = 0.1;
   CoupledMechanism made;
@@ -153,7 +155,7 @@ inline CoupledMechanism falling_rack() {
         Poses poses(2);
         poses[0].x[2] = z;
         poses[1].x[0] = static_cast<Real>(radius);
-        // the rack is on the side of −x, where the pinion's rim rises with its angle about y
+        // The rack is on the side of −x, where the pinion's rim rises with the angle about y.
         poses[1].R = minimal::rotation(Vector3d::UnitY(),
                                        minimal::angle(z / Jet(static_cast<Real>(radius))));
         return poses;
@@ -168,8 +170,8 @@ inline CoupledMechanism falling_rack() {
   return made;
 }
 
-/// The mechanism with its couplings as joints: gears by number, a screw for the joint that couples
-/// its own coordinates, a pulley for lengths, whose fixed ends are at (∓1, 0, 0).
+/// Returns the mechanism with its couplings as joints: gears by number, a screw for a joint that
+/// couples its own coordinates, a pulley for lengths, with fixed ends at (∓1, 0, 0).
 inline Mechanism with_couplings(const CoupledMechanism& made) {
   Mechanism mechanism = made.mechanism;
   const std::vector<JointAt> joints = mechanism.joints;

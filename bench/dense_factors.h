@@ -1,6 +1,7 @@
 #pragma once
 
-// Symmetric matrices in long double that may be singular, and the numbers of the reference.
+// Factors of symmetric, possibly singular matrices in long double, and the number types of the
+// reference.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -18,8 +19,8 @@ using Quaternion = Eigen::Quaternion<Real>;
 using VectorX = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 using MatrixX = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
 
-/// Cholesky with diagonal pivots of the matrix scaled to a unit diagonal, until they are
-/// rounding.
+/// Cholesky factorisation with diagonal pivoting of a matrix scaled to a unit diagonal. Stops where
+/// pivots are rounding.
 class DenseFactors {
  public:
   explicit DenseFactors(MatrixX A) : scale_(A.diagonal()), L_(std::move(A)) {
@@ -59,7 +60,7 @@ class DenseFactors {
 
  private:
   Eigen::Index at(Eigen::Index i) const { return order_[static_cast<std::size_t>(i)]; }
-  // rows and columns of a matrix of which the lower triangle counts
+  // Swaps rows and columns of a matrix stored in its lower triangle.
   void swap(Eigen::Index i, Eigen::Index k) {
     if (i == k) return;
     const Eigen::Index n = L_.rows();

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""A digest of the bits of all positions, orientations and velocities after some hundred ticks of each
-shipped scene, the same with every compiler and on every machine.
+"""Prints a digest of the bits of all positions, orientations and velocities after some hundred ticks of each
+shipped scene, equal with every compiler and on every machine.
 
     bench/digests.py build/engine/constraint_sim_run            prints them
-    bench/digests.py PROGRAM --check bench/digests.csv          fails where one is another
+    bench/digests.py PROGRAM --check bench/digests.csv          fails where one differs
     bench/digests.py PROGRAM --update bench/digests.csv
-    bench/digests.py PROGRAM --against OTHER            by how much positions differ from another program's
+    bench/digests.py PROGRAM --against OTHER            differences of positions to another program
 """
 import argparse
 import csv
@@ -22,7 +22,7 @@ METHODS = ('auto', 'energy_momentum', 'event_driven', 'sequential_impulses')
 
 
 def run(program, scene, method, folder):
-    """The bodies in the report."""
+    """Returns the bodies of the report."""
     text = scene.read_text()
     tick = next((float(line.split('time_step:')[1].split('#')[0].split(',')[0].strip(' }'))
                  for line in text.splitlines() if 'time_step:' in line), 0.01)
@@ -30,7 +30,7 @@ def run(program, scene, method, folder):
     done = subprocess.run([program, scene, '--duration', repr(TICKS * tick), '--method', method,
                            '--report', report], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           universal_newlines=True, check=False)
-    if done.returncode not in (0, 4):  # 4: errors that are not closed are told, and are bits too
+    if done.returncode not in (0, 4):  # 4: unclosed errors are reported, and their bits are compared too
         raise SystemExit(f'digests: {scene.stem} by {method} ended with {done.returncode}:\n{done.stdout}')
     return json.loads(report.read_text())['bodies']
 
@@ -41,7 +41,7 @@ def digest(program, scene, method, folder):
 
 
 def difference(program, other, scene, method, folder):
-    """The largest one of a coordinate of a position [m]."""
+    """Returns the largest difference of a coordinate of a position [m]."""
     a, b = (run(of, scene, method, folder) for of in (program, other))
     return max(abs(x - y) for name in a for x, y in zip(a[name]['position'], b[name]['position']))
 

@@ -6,7 +6,7 @@
 
 namespace constraint_sim::engine {
 
-/// What is drawn is the same with every standard library.
+/// Random numbers that are equal with every standard library.
 class Draw {
  public:
   explicit Draw(unsigned seed) : generator_(seed) {}

@@ -1,5 +1,5 @@
-// Steps a world of 1000 pendula on which something is edited before each step, for
-// bench/edit_instructions.py to count what that costs.
+// Steps a world of 1000 pendula with an edit before each step, for bench/edit_instructions.py to
+// count the cost of edits.
 //
 // Usage: constraint_sim_edit_costs EDIT STEPS     EDIT: none, motor, state, break, add or all
 
@@ -14,7 +14,7 @@ namespace {
 using namespace constraint_sim::engine;
 
 constexpr int kPendula = 1000;
-constexpr int kWarmUp = 20;  // [steps]
+constexpr int kWarmUp = 20;  // warm-up [steps]
 
 World pendula() {
   WorldOptions options;

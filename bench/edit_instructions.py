@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Counts with valgrind what an edit before a step costs in a world of 1000 pendula.
+"""Counts the instructions of an edit before a step in a world of 1000 pendula, with valgrind.
 
 Usage: edit_instructions.py PATH/TO/constraint_sim_edit_costs
 """

@@ -1,5 +1,5 @@
-// What integration estimates of its local error, over what it is: per tick, against the same tick
-// in eighths at 1e-13 m per second.
+// Prints the ratio of estimated to actual local error per tick; the exact tick is eight eighths at
+// a tolerance of 1e-13 m/s.
 
 #include <cstdio>
 
@@ -27,7 +27,7 @@ void print_line(const char* name, World world) {
     for (int k = 0; k < 8; ++k) exact.step();
     const double estimate = world.step().local_error;
     const double error = problems::largest_difference(world, exact);
-    if (error > 1e-13) ratios.push_back(estimate / error);  // below it the error is rounding
+    if (error > 1e-13) ratios.push_back(estimate / error);  // smaller errors are rounding
   }
   std::sort(ratios.begin(), ratios.end());
   std::printf("%-16s %5d %8.3f %9.0e %6zu", name, options.order, options.time_step,

@@ -1,4 +1,4 @@
-// Run time to reach an error: each method on the smooth scenes of problems.h.
+// Prints the run time to reach an error, of each method on the smooth scenes of problems.h.
 
 #include <chrono>
 #include <cstdio>
@@ -10,22 +10,22 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr int kRepetitions = 5;      // of each run, the fastest counts
-constexpr double kLongestRun = 2.0;  // [s]; settings that take longer are not tried
+constexpr int kRepetitions = 5;      // runs per setting; the fastest counts
+constexpr double kLongestRun = 2.0;  // settings that take longer are not tried [s]
 constexpr double kTargets[] = {1e-4, 1e-6, 1e-9};
 
 struct Problem {
   const char* name;
   World world;
   double duration;                            // [s]
-  std::function<double(const World&)> error;  // at the end [m]
+  std::function<double(const World&)> error;  // error at the end [m]
 };
 
 struct Setting {
   Method method;
   int order;
   int rate;        // [1/s], one substep a tick
-  int iterations;  // of sequential_impulses
+  int iterations;  // iterations of sequential_impulses
 };
 
 struct Result {
@@ -62,7 +62,7 @@ Result run(const Problem& problem, const Setting& setting) {
   return result;
 }
 
-/// The first setting, from the cheapest on, that reaches each target.
+/// Prints the first setting, from the cheapest on, that reaches each target.
 void print_line(const Problem& problem, const char* name, const std::vector<Setting>& settings) {
   struct Cell {
     double run_time = 0.0;
@@ -94,7 +94,7 @@ std::vector<Setting> integrations(int order) {
   return settings;
 }
 
-/// The more links, the more sweeps a step needs.
+/// Settings of sequential_impulses; more links need more sweeps a step.
 std::vector<Setting> impulses(int iterations) {
   std::vector<Setting> settings;
   for (const int rate : {30, 100, 300, 1000, 3000, 10000, 30000, 100000, 300000})
@@ -124,7 +124,7 @@ void print_fixed_steps(const Problem& problem) {
   }
 }
 
-/// Fastest of interleaved runs of the engine and of a program for chains alone.
+/// Prints the fastest of interleaved runs of the engine and of a program for chains alone.
 void print_beside_hand_written(const Problem& problem) {
   constexpr int kRate = 30;
   const auto links = problem.world.joint_ids().size();

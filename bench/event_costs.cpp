@@ -1,8 +1,8 @@
-// What an event costs, in substeps: those that are taken or tried in ticks with events, beyond
-// those of ticks without, over the number of events. Of the shipped scenes that go from event to
-// event, and of the random ones of random_events.h. Counts, the same in every run.
+// Prints the cost of an event in substeps: substeps taken or tried in ticks with events, beyond
+// those of ticks without, over the number of events. For shipped event-driven scenes, and for the
+// random ones of random_events.h. Counts are the same in every run.
 //
-//   PROGRAM [FOLDER]      of the scenes, config/scenes if not given
+//   PROGRAM [FOLDER]      folder of the scenes, config/scenes if not given
 
 #include "event_costs.h"
 
@@ -38,7 +38,7 @@ void print_random() {
       "\n| random scenes | events | median | 95 %% | 99 %% | most |\n"
       "| --- | ---: | ---: | ---: | ---: | ---: |\n");
   for (std::size_t k = 0; k < events::kKindNames.size(); ++k) {
-    std::vector<double> of_events;  // substeps that a tick's events cost on the mean, for each
+    std::vector<double> of_events;  // mean substeps of each event in its tick
     for (unsigned seed = 0; seed < kSeeds; ++seed) {
       const events::Scene scene = events::scene_of(static_cast<events::Kind>(k), seed);
       const Costs costs = follow(events::world_of(scene), kRandomDuration);

@@ -1,7 +1,7 @@
 #pragma once
 
-// What events cost, in substeps: those that are taken or tried in ticks with events, beyond those
-// of ticks without.
+// Costs of events in substeps: substeps taken or tried in ticks with events, beyond those of ticks
+// without events.
 
 #include <utility>
 #include <vector>
@@ -10,10 +10,10 @@
 
 namespace constraint_sim::engine::event_costs {
 
-/// Shipped scenes that go from event to event.
+/// Shipped scenes that are event-driven.
 inline constexpr const char* kScenes[] = {"safety_rope",    "breaking_rod",    "rocking_block",
                                           "newtons_cradle", "ball_on_incline", "weak_winch"};
-inline constexpr double kDuration = 5.0;  // [s] of these
+inline constexpr double kDuration = 5.0;  // simulated time of these scenes [s]
 
 struct Costs {
   unsigned ticks = 0, ticks_without = 0, events = 0;
@@ -38,7 +38,7 @@ struct Costs {
   }
 };
 
-/// Until `duration`, or until it is left to impulses.
+/// Runs a world until `duration`, or until impulses take over.
 inline Costs follow(World world, double duration) {
   Costs costs;
   while (world.time() < duration) {

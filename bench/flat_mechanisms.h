@@ -6,7 +6,7 @@
 
 namespace constraint_sim::engine::mechanisms {
 
-// ---- Andrews' squeezer: Hairer & Wanner II, section VII.7, with its names and figures
+// ---- Andrews' squeezer: names and numbers of Hairer & Wanner II, section VII.7
 
 struct Squeezer {
   static constexpr Real xa = -0.06934L, ya = -0.00227L, xb = -0.03635L, yb = 0.03273L;
@@ -17,7 +17,7 @@ struct Squeezer {
   static constexpr Real zf = 0.02L, fa = 0.01421L, u = 0.04L, ua = 0.01228L, ub = 0.00449L;
   static constexpr double kStart = -0.0617138900142764496358948458001;  ///< β [rad]
 
-  /// Where the bars meet, at the crank's angle β.
+  /// Joints between the bars at the crank's angle β.
   struct Pins {
     Point crank, P, K, L;
   };
@@ -27,7 +27,8 @@ struct Squeezer {
     const Point P = minimal::meet(O, d, B, ss, 1);
     return {O, P, minimal::meet(A, zt, P, e, 1), minimal::meet(A, u, P, zf, -1)};
   }
-  /// `along` and `left` from this point, in the frame with its x axis from `from` to `to`.
+  /// Returns the pose of a bar whose x axis points from `from` to `to`; its centre is `point` plus
+  /// `along` and `left` in that frame.
   static Pose body(const Point& point, const Point& from, const Point& to, Real along, Real left) {
     const Angle turn = minimal::direction(to.x - from.x, to.y - from.y);
     Pose pose;
@@ -44,7 +45,7 @@ struct Squeezer {
             body(A, A, at.K, ta, tb),    body(at.L, at.L, at.P, zf - fa, 0),
             body(A, A, at.L, ua, -ub)};
   }
-  /// Where the spring pulls at the third body: in the frame from B to P.
+  /// Point of the third body where the spring acts, in the frame from B to P.
   static constexpr Real hook_along = sc, hook_left = sd;
   static Jet spring_energy(const Jet& beta) {
     const Pose hook = body({xb, yb}, {xb, yb}, pins(beta).P, hook_along, hook_left);
@@ -75,7 +76,8 @@ inline void add_squeezer_forces(World* world) {
   world->add_joint(spring);
 }
 
-/// Seven bodies on ten hinges, driven by a torque, from rest: the crank turns 2.5 times in 0.03 s.
+/// Andrews' squeezer: seven bodies on ten hinges, driven by a torque, from rest. The crank turns
+/// 2.5 times in 0.03 s.
 inline Mechanism squeezer(int steps = 384) {
   Mechanism made;
   made.name = "Andrews' squeezer";
@@ -89,7 +91,8 @@ inline Mechanism squeezer(int steps = 384) {
                                "upper", "lower_rod", "lower"};
   for (std::size_t i = 0; i < 7; ++i) {
     Body body = bar(names[i], masses[i].first, {0.01, 0.01, 0.01});
-    body.inertia.setConstant(masses[i].second);  // motion is in the plane: only the third counts
+    body.inertia.setConstant(
+        masses[i].second);  // the motion is planar: only the third moment counts
     made.bodies.push_back(body);
   }
   place(&made, Squeezer::poses, Squeezer::kStart, 0.0);
@@ -120,11 +123,11 @@ inline Mechanism squeezer(int steps = 384) {
   return made;
 }
 
-// ---- rows of parallelograms, through their singular poses
+// ---- rows of parallelograms, passing singular poses
 
-/// The IFToMM's A02: N + 1 upright slender bars of 1 kg and 1 m, hinged to the ground 1 m apart,
-/// and N between their tops; upright at the start, where the tops move at 1 m/s. All bars are in
-/// line twice a turn. θ̈ = −g cos θ ((N + 1)/2 + N)/((N + 1)/3 + N).
+/// IFToMM's A02: N + 1 upright slender bars of 1 kg and 1 m, hinged to the ground 1 m apart, and N
+/// bars between their tops. It starts upright with the tops at 1 m/s. All bars are in line twice a
+/// turn. θ̈ = −g cos θ ((N + 1)/2 + N)/((N + 1)/3 + N).
 inline Mechanism parallelograms(int windows, double duration) {
   Mechanism made;
   made.name = "parallelograms, N = " + std::to_string(windows);

@@ -1,7 +1,7 @@
 #pragma once
 
-// What a program takes that is written for one scene alone: the yardstick for what the engine's
-// generality costs. Same pair, same projection, no reports, no edits, no other joints.
+// A program for one scene alone, as a yardstick for the cost of the engine's generality: the same
+// Runge-Kutta pair and projection, without reports, edits and other joints.
 
 #include <cstddef>
 #include <vector>
@@ -10,7 +10,8 @@
 
 namespace constraint_sim::engine::hand_written {
 
-/// problems::chain() by fixed steps: unit masses, rods of 1 m, one tridiagonal system a stage.
+/// Steps problems::chain() with fixed steps: unit masses, rods of 1 m, one tridiagonal system a
+/// stage.
 class Chain {
  public:
   explicit Chain(std::size_t links)
@@ -48,7 +49,7 @@ class Chain {
     combine<kStages>(h);
     double* const x = next_.data();
     double* const v = x + 3 * n_;
-    for (int i = 0; i < 2; ++i) {  // positions, with the factors of the last stage
+    for (int i = 0; i < 2; ++i) {  // projects positions, with the factors of the last stage
       place(x);
       for (std::size_t r = 0; r < n_; ++r)
         lambda_[r] = 0.5 * (1.0 - dx_[r] * dx_[r] - dy_[r] * dy_[r] - dz_[r] * dz_[r]);
@@ -97,7 +98,7 @@ class Chain {
       lambda_[r] = lambda_[r] * diagonal_[r] - (r + 1 < n_ ? off_[r + 1] * lambda_[r + 1] : 0.0);
   }
 
-  void push(double* to) const {  // Gᵀλ, with masses of 1
+  void push(double* to) const {  // adds Gᵀλ, with unit masses
     for (std::size_t r = 0; r < n_; ++r) {
       const double next = r + 1 < n_ ? lambda_[r + 1] : 0.0;
       to[3 * r] += lambda_[r] * dx_[r] - next * dx_[r + 1];

@@ -4,8 +4,7 @@
 
 namespace constraint_sim::engine {
 
-/// A kind of joint, or a distance joint with its settings: what scenes of tests and benchmarks are
-/// put together from.
+/// A kind of joint, or a distance joint with its settings, for scenes of tests and benchmarks.
 struct JointType {
   JointKind kind = JointKind::kDistance;
   DistanceJoint distance;

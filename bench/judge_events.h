@@ -1,6 +1,6 @@
 #pragma once
 
-// What is off in a random scene that goes from event to event, by the oracles of random_events.h.
+// Judges random event-driven scenes by the oracles of random_events.h.
 
 #include <algorithm>
 #include <cmath>
@@ -13,12 +13,12 @@
 namespace constraint_sim::engine::random_events {
 
 struct Verdict {
-  std::vector<std::string> findings;  ///< each with its figures
+  std::vector<std::string> findings;  ///< descriptions of errors with their figures
   unsigned events = 0;
-  bool was_followed = false;  ///< else joints are closed at first, which moves bodies
-  bool is_given_up = false;   ///< told so, and left to impulses for a time
-  bool is_left = false;       ///< has what events do not carry
-  bool is_back = false;       ///< by events again, after that
+  bool was_followed = false;  ///< else joints have to be closed at first, which moves bodies
+  bool is_given_up = false;   ///< the engine reported that it gave up, and used impulses for a time
+  bool is_left = false;       ///< has elements that are not event-driven
+  bool is_back = false;       ///< event-driven again after impulses
 
   void find(const char* what, double time, double figure) {
     char text[100];
@@ -27,16 +27,16 @@ struct Verdict {
   }
 };
 
-/// Any of it, or at rest as impulses have left it.
+/// Returns whether impulses advance an island, or have left it at rest.
 inline bool is_by_impulses(const World& world) {
-  const std::vector<Island> islands = world.islands();  // each call makes its own
+  const std::vector<Island> islands = world.islands();  // each call makes its own list
   return std::any_of(islands.begin(), islands.end(), [](const Island& island) {
     return island.method == Method::kSequentialImpulses;
   });
 }
 
 inline bool has_given_up(const World& world) {
-  const std::vector<Island> islands = world.islands();  // each call makes its own
+  const std::vector<Island> islands = world.islands();  // each call makes its own list
   return std::any_of(islands.begin(), islands.end(), [](const Island& island) {
     return island.why == MethodReason::kContactsGivenUp || island.why == MethodReason::kRefused;
   });
@@ -48,8 +48,8 @@ inline bool is_closing(const World& world) {
   return false;
 }
 
-/// The most work that motors can do in a second [W]: with all their force at the rate asked for.
-/// What goes another way they brake.
+/// Returns the largest power of motors [W]: full force at the target rate. In the other direction
+/// motors brake.
 inline double driven_power(const Scene& scene) {
   double power = 0.0;
   for (const Joint& joint : scene.parts.joints)
@@ -60,7 +60,8 @@ inline double driven_power(const Scene& scene) {
   return power;
 }
 
-/// The most work of motors to a position in a step [J]: with all their force the way that they go.
+/// Returns the largest work of position-controlled motors in a step [J]: full force along the
+/// motion.
 inline double work_to_positions(const World& world, const std::vector<double>& before,
                                 std::vector<double>* now) {
   double work = 0.0;
@@ -71,23 +72,24 @@ inline double work_to_positions(const World& world, const std::vector<double>& b
       if (!law.motor || !law.motor->position || law.motor->is_servo()) continue;
       const double speed = std::abs(world.joint_state(id).coordinates[i].velocity);
       const double fastest = std::max(speed, before.empty() ? 0.0 : before[now->size()]);
-      // within the step it may be faster than at both ends, as it turns back or is hit
+      // Within the step the speed may exceed that at both ends, as when the motion reverses or in
+      // an impact.
       work += 2.0 * law.motor->max_force * (fastest + 0.1) * world.options().time_step;
       now->push_back(speed);
     }
   return work;
 }
 
-/// Energy beyond what tolerance and motors explain, joints and gaps beyond rounding, events out of
-/// order: over 2 s. Of steps by impulses energy alone, less what is booked; so also of those in
-/// which contacts are handed over, and come back.
+/// Checks 2 s: energy within tolerance and motors' work, joints and gaps within rounding, events in
+/// order. Steps by impulses are checked for energy less the reported work only, including steps in
+/// which contacts switch between events and impulses.
 inline void follow(const Scene& scene, Verdict* verdict) {
   World world = world_of(scene);
   verdict->was_followed = !is_closing(world);
   if (!verdict->was_followed) return;
-  // 1e-8 m/s of tolerance over what is exchanged, and rounding
+  // The bound covers 1e-8 m/s of tolerance over the exchanged energy, and rounding.
   const double allowed = 1e-7 * scene.largest;
-  // impulses are of first order: a share of what gravity does within a step
+  // Impulses are of first order: their bound is a share of the work of gravity within a step.
   const double fall = kGravity * scene.options.time_step * scene.options.time_step;
   const double of_impulses = 0.01 * scene.largest * fall;
   const double power = driven_power(scene);
@@ -104,9 +106,10 @@ inline void follow(const Scene& scene, Verdict* verdict) {
     std::swap(speeds, speeds_before);
     least += power * (now - before) + work;
     const double energy = world.energy() - booked;
-    // joints that impulses have left open are told, and closing them does work
+    // Joints that impulses left open are reported, and closing them does work.
     if (was_by_impulses && report.max_constraint_error > 1e-6) return;
-    if (has_servos(scene.kind) && is_by_impulses(world)) {  // to first order, and with no account
+    if (has_servos(scene.kind) &&
+        is_by_impulses(world)) {  // first order, without account of servos' work
       (has_given_up(world) ? verdict->is_given_up : verdict->is_left) = true;
       return;
     }
@@ -126,13 +129,13 @@ inline void follow(const Scene& scene, Verdict* verdict) {
         verdict->find("an event out of order", now, event.time);
       latest = event.time;
     }
-    // written so that what is not a number is found
+    // The conditions are negated so that NaN is found.
     if (!(report.max_constraint_error < (was_by_impulses ? 1e-6 : 1e-9)))
       verdict->find("joints are off", now, report.max_constraint_error);
     if (!(report.max_penetration < 1e-9))
       verdict->find("bodies overlap", now, report.max_penetration);
-    // an event that is placed late leaves an overlap, which is corrected; what is put down with one
-    // is so in the first step
+    // A late event leaves an overlap, which is then corrected. Initial overlaps are corrected in
+    // the first step, which is exempt.
     if (touches(scene.kind) && !was_by_impulses && before > 0.0 &&
         !(std::abs(report.correction_work) < allowed))
       verdict->find("bodies were moved apart", now, report.correction_work);
@@ -141,7 +144,7 @@ inline void follow(const Scene& scene, Verdict* verdict) {
   }
 }
 
-/// Whether a copy and a snapshot taken after a while, and threads, go on with the same bits.
+/// Checks that a copy, a snapshot, and a world with threads continue with the same bits.
 inline void repeat(const Scene& scene, Verdict* verdict) {
   World world = world_of(scene), threaded = world_of(scene);
   WorldOptions options = threaded.options();
@@ -161,9 +164,10 @@ inline void repeat(const Scene& scene, Verdict* verdict) {
   }
 }
 
-/// Moved, turned and in another order: the same motion up to shortly after the first hits, to what
-/// these leave of the tolerance. Later ones are hit in another order, to rounding. Impulses go by
-/// the order of bodies. Returns whether there were events to compare.
+/// Compares with the scene moved, turned and added in another order: the motion is the same up to
+/// shortly after the first hits, within their share of the tolerance. Later hits come in another
+/// order, by rounding. Impulses depend on the order of bodies. Returns whether there were events to
+/// compare.
 inline bool place_elsewhere(const Scene& scene, Verdict* verdict) {
   Draw draw(scene.seed + 7);
   Placing placing;
@@ -180,7 +184,7 @@ inline bool place_elsewhere(const Scene& scene, Verdict* verdict) {
     there.step();
     if (is_by_impulses(here) || is_by_impulses(there)) return false;
   }
-  if (touches(scene.kind) && events > 4 * most) return false;  // in one step
+  if (touches(scene.kind) && events > 4 * most) return false;  // too many events in a single step
   for (const BodyId id : here.body_ids()) {
     const BodyState& other = there.state(there.find_body(here.body(id).name));
     const Eigen::Vector3d expected = placing.shift + placing.turn * here.state(id).position;
@@ -190,7 +194,7 @@ inline bool place_elsewhere(const Scene& scene, Verdict* verdict) {
   return events > 0;
 }
 
-/// All of it; a scene that cannot be made, or throws, is a finding.
+/// Judges a scene by all checks; an exception is a finding.
 inline Verdict judge(Kind kind, unsigned seed) {
   Verdict verdict;
   try {

@@ -1,13 +1,13 @@
 #pragma once
 
-// Programs that judge many random scenes on threads, print a line for each finding as it occurs, on
-// stderr how many scenes are judged by then, and a table.
+// Programs that judge many random scenes on threads. They print a line for each finding, progress
+// on stderr, and a table.
 //
 //   PROGRAM [--scenes N] [--seed 1] [--only SEED] [--method NAME] [--threads 2]
 //
 // NAME: auto, runge_kutta, runge_kutta_5, energy_momentum, sequential_impulses, variants. Exit
-// status 1 if a scene is wrong without a word, 2 on wrong arguments. `conflict`, that the engine
-// calls joints contradictory which the reference meets, is printed and is no failure.
+// status 1 if a wrong result is not reported, 2 for wrong arguments. `conflict`, joints that the
+// engine calls contradictory but the reference satisfies, is printed and is no failure.
 
 #include <atomic>
 #include <cstdlib>
@@ -68,7 +68,7 @@ inline bool is_silently_wrong(const Verdict& verdict) {
   return false;
 }
 
-/// `judge(seed, method)` for each seed.
+/// Calls `judge(seed, method)` for each seed.
 template <class JudgeSeed>
 int run(const Arguments& arguments, JudgeSeed judge) {
   std::vector<Verdict> verdicts(arguments.scenes);
@@ -106,7 +106,7 @@ int run(const Arguments& arguments, JudgeSeed judge) {
   return off == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
-/// The program: as above. Returns its exit status.
+/// Runs the program as above; returns its exit status.
 template <class JudgeSeed>
 int main_of(int argc, char** argv, std::uint64_t scenes, JudgeSeed judge) {
   Arguments arguments;

@@ -1,21 +1,21 @@
 #!/usr/bin/env python3
-"""What a step costs in instructions, and whether what the plan leaves out costs none.
+"""Counts the instructions of a step, and checks that parts left out by the plan cost none.
 
-Runs each scene twice under callgrind and takes the steps between: the engine's own functions only,
-with what is inlined into them, since the C library chooses its functions by the processor. What the
-plan says to be left out (`left_out` of the runner's report) must not have cost one instruction in
+Runs each scene twice under callgrind and takes the difference: the engine's own functions only,
+with functions inlined into them, since the C library selects functions by the processor. A part that
+the plan leaves out (`left_out` of the runner's report) must not have cost one instruction in
 the files and functions of LEFT_OUT.
 
     leave_out.py build/engine/constraint_sim_run                     a table
-    leave_out.py build/engine/constraint_sim_run --check  COUNTS     fails when one grew by over 3 %
-    leave_out.py build/engine/constraint_sim_run --update COUNTS     takes these for right
-    leave_out.py build/engine/constraint_sim_run --profile           where they are spent, by file
+    leave_out.py build/engine/constraint_sim_run --check  COUNTS     fails when a count grew by over 3 %
+    leave_out.py build/engine/constraint_sim_run --update COUNTS     stores these counts
+    leave_out.py build/engine/constraint_sim_run --profile           instructions by file
     leave_out.py build/engine/constraint_sim_run --against dfc5a42   growth since that commit's counts
 
-Of counts that are known, COUNTS may stand in place of the program with --against: nothing is run.
+With --against, a file of COUNTS may replace the program: nothing is run.
 
-The program has to know its source lines (-g1). Counts hang on the compiler, which the file names;
-with another one only what is left out is checked.
+The program needs its source lines (-g1). Counts depend on the compiler, which the file names;
+with another one only left out parts are checked.
 """
 import argparse
 import collections
@@ -32,9 +32,9 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 MOST_GROWTH = 0.03
-LEAST_SHARE = 0.05  # of a file that the profile names
+LEAST_SHARE = 0.05  # least share of a file in the profile
 STEPS = 20
-# a comparison or jump that the compiler put beside a function may carry its line
+# a comparison or jump that the compiler placed beside a function may carry its line
 TOLERATED = 2  # [instructions a step]
 
 Scene = collections.namedtuple('Scene', 'name file first what options', defaults=((),))
@@ -67,7 +67,7 @@ SCENES = (
     Scene('dome', None, 20, '258 rods, 63 too many, tumbling at 1/60 s'),
 )
 
-# what the plan may leave out -> where it is: files, or functions of files
+# Parts that the plan may leave out, and their place: files, or functions of files.
 LEFT_OUT = {
     'collision': ['collision/broadphase.', 'collision/narrowphase', 'collision/manifold_points.h', 'constraints/contact.'],
     'boxes': ['collision/narrowphase_boxes.cpp', 'collision/narrowphase_box_box.cpp'],
@@ -94,13 +94,13 @@ LEFT_OUT = {
                             'methods/sequential_impulses/impulse_positions.cpp'],
     'islands': [],
 }
-# left out where all of these are
+# Files shared by these parts: left out where all of them are.
 SHARED = {'math/integrate.h': {'runge_kutta', 'event_driven'},
           'math/embedded_pairs.h': {'runge_kutta', 'event_driven'}}
 
 
 def lines_of(file, function):
-    """First and last line of each definition of the function, or of members of the class."""
+    """Returns first and last line of each definition of the function, or of members of the class."""
     pattern = re.compile(r'^[\w:<>,&*\[\] ]*\b(?:%s::\w+|%s)\([^;]*$' % (function, function))
     spans, start = [], None
     for number, line in enumerate((ROOT / 'src/engine' / file).read_text().splitlines(), 1):
@@ -115,7 +115,7 @@ def lines_of(file, function):
 
 
 def matcher(place):
-    """Whether a line of a file belongs to an entry of LEFT_OUT."""
+    """Returns a test whether a line of a file belongs to an entry of LEFT_OUT."""
     if ' ' not in place:
         if not list((ROOT / 'src/engine').glob(place + '*')):
             raise SystemExit(f'leave_out: there is no {place}; LEFT_OUT has to follow')
@@ -126,7 +126,7 @@ def matcher(place):
 
 
 def dome():
-    """The one of redundant_scenes.h: an apex and rings of points, joined along rings, meridians and
+    """Returns the dome of redundant_scenes.h: an apex and rings of points, joined along rings, meridians and
     diagonals, with chords in the lowest ring."""
     rings, sides = 6, 11
     points = [(0.0, 0.0, 5.0)]
@@ -151,7 +151,7 @@ def dome():
     def velocity(x, y, z):  # (3, 1, 5) + (0.7, 1.1, 0.4) × x
         return [3 + 1.1 * z - 0.4 * y, 1 + 0.4 * x - 0.7 * z, 5 + 0.7 * y - 1.1 * x]
 
-    return json.dumps({  # which is YAML, too
+    return json.dumps({  # JSON is YAML too
         'world': {'method': 'auto', 'time_step': 1 / 60},
         'bodies': [{'name': f'p_{i}', 'mass': 1.0, 'position': x, 'linear_velocity': velocity(*x)}
                    for i, x in enumerate(points)],
@@ -160,7 +160,7 @@ def dome():
 
 
 def chain_of_hinges():
-    """Ten bars in a row, each hinged to the one before, about y and about z by turns."""
+    """Returns ten bars in a row, each hinged to the previous one, alternately about y and z."""
     bars, length = 10, 0.4
     return json.dumps({
         'world': {'method': 'auto'},
@@ -184,7 +184,7 @@ def tick_of(scene):
 
 
 def profile(program, scene, steps, folder):
-    """Instructions by (file, line) of so many steps, and what the plan leaves out after them."""
+    """Returns the instructions of these steps by (file, line), and the parts left out by the plan afterwards."""
     path = ROOT / 'config/scenes' / f'{scene.file}.yaml'
     if scene.file is None:
         path = folder / f'{scene.name}.yaml'
@@ -199,9 +199,8 @@ def profile(program, scene, steps, folder):
 
 
 def parse(path, program):
-    """A callgrind file: costs stand below the file they belong to, which may be one inlined there;
-    that of a call follows its `calls` line and is the callee's. What is inlined of libraries goes to
-    the function's file, line 0."""
+    """Parses a callgrind file. Costs follow the file they belong to, which may be inlined there; the cost of a
+    call follows its `calls` line and is the callee's. Inlined library code counts for the function's file, line 0."""
     instructions = collections.Counter()
     is_own = is_call = False
     file = of_function = ''
@@ -224,7 +223,7 @@ def parse(path, program):
 
 
 def own_name(path):
-    """Below src/engine or include/constraint_sim/engine; of libraries ''."""
+    """Returns the path below src/engine or include/constraint_sim/engine; '' for libraries."""
     found = re.search(r'/(?:src/engine|include/constraint_sim/engine)/(.*)', path)
     return found.group(1) if found else ''
 
@@ -261,7 +260,7 @@ def compiler():
 
 
 def counts_in(text):
-    """The compiler and the instructions of each scene."""
+    """Returns the compiler and the instructions of each scene."""
     lines = text.splitlines()
     return lines[0][2:], {row['scene']: int(row['instructions'])
                           for row in csv.DictReader(lines[1:])}
@@ -280,7 +279,7 @@ def compare(path, rows):
 
 
 def older_counts(where):
-    """Of a file, or of the file that a commit has."""
+    """Returns the text of a file, or of the file in a commit."""
     if os.path.exists(where):
         return counts_in(pathlib.Path(where).read_text())
     return counts_in(subprocess.run(

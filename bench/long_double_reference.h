@@ -1,17 +1,17 @@
 #pragma once
 
-// A reference that shares no code with the engine: mechanics in long double (reference_mechanics.h)
-// by the steps of Gragg, Bulirsch and Stoer, each followed by a projection.
+// A reference integrator that shares no code with the engine: mechanics in long double
+// (reference_mechanics.h) by extrapolation of Gragg, Bulirsch and Stoer, with a projection after
+// each step.
 
 #include "reference_mechanics.h"
 
 namespace constraint_sim::engine::reference {
 
-/// Carries a mechanism on, by steps of its own choice. Says by valid() when it is no longer to be
-/// relied upon.
+/// Integrates a mechanism with automatic steps; is_valid() is false once the result is unreliable.
 class Integrator {
  public:
-  /// `tolerance` of one step [m]; `most_evaluations` until it gives up.
+  /// `tolerance` of one step [m]; gives up after `most_evaluations`.
   Integrator(const Mechanics& mechanics, double tolerance, long most_evaluations, int columns = 8)
       : mechanics_(mechanics),
         tolerance_(static_cast<Real>(tolerance)),
@@ -58,7 +58,7 @@ class Integrator {
  private:
   static constexpr Real kFits = 1e-9L;
 
-  // y' of a flat state, by the public functions
+  // Derivative y' of a flat state.
   struct Slope {
     Vector3 x, v, w;
     Eigen::Matrix<Real, 4, 1> q;
@@ -81,7 +81,7 @@ class Integrator {
       (*poses)[i].q.coeffs() += h * s[i].q;
     }
   }
-  // a + factor (a − b)
+  // Computes a + factor (a − b).
   static void combine(const std::vector<Pose>& a, Real factor, std::vector<Pose>* b) {
     for (std::size_t i = 0; i < a.size(); ++i) {
       Pose& p = (*b)[i];
@@ -107,7 +107,7 @@ class Integrator {
         std::swap(before, now);
       }
       add(h, slopes(now, t_ + H), &before);
-      combine(now, -Real{1} / 2, &before);  // their mean
+      combine(now, -Real{1} / 2, &before);  // the mean of both
       table.push_back(std::move(before));
       for (int k = j - 2; k >= 0; --k) {
         const Real ratio = static_cast<Real>(j) / static_cast<Real>(k + 1);

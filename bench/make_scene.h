@@ -1,6 +1,6 @@
 #pragma once
 
-// Bodies, joints and options, as tests and benchmarks put scenes together from them.
+// Builders of bodies, joints and options for scenes of tests and benchmarks.
 
 #include <Eigen/Geometry>
 #include <string>
@@ -12,7 +12,8 @@ namespace constraint_sim::engine {
 
 inline constexpr double kGravity = 9.81;
 
-/// The tutorial's method by name: errors left by edits are closed by Baumgarte.
+/// Options with the tutorial's method: sequential impulses, with Baumgarte stabilization of errors
+/// left by edits.
 inline WorldOptions options(double time_step, double gravity = kGravity) {
   WorldOptions options;
   options.method = Method::kSequentialImpulses;
@@ -33,8 +34,8 @@ inline Body make_body(const std::string& name, const Shape& shape, double mass,
   return body;
 }
 
-/// A plane through the origin, turned about y by `slope` [rad]: its downhill direction is
-/// (cos slope, 0, −sin slope).
+/// A plane through the origin, turned about y by `slope` [rad]; downhill is (cos slope, 0, −sin
+/// slope).
 inline Body make_floor(double friction, double slope = 0.0) {
   Body floor = make_body("floor", Plane{}, 0.0, Eigen::Vector3d::Zero());
   floor.type = BodyType::kStatic;
@@ -56,7 +57,7 @@ inline Joint make_joint(const std::string& name, BodyId a, const Eigen::Vector3d
   return joint;
 }
 
-/// From the world's origin to the centre of a body.
+/// A joint from the world's origin to the centre of a body.
 inline Joint hang(const std::string& name, BodyId body, const JointType& type = DistanceJoint{}) {
   return make_joint(name, kWorldBody, Eigen::Vector3d::Zero(), body, Eigen::Vector3d::Zero(), type);
 }

@@ -1,4 +1,4 @@
-// Errors of mechanisms by runge_kutta against minimal coordinates, by step and by tolerance.
+// Prints errors of mechanisms by runge_kutta against minimal coordinates, by step and by tolerance.
 // `constraint_sim_mechanism_table [PART OF A NAME]`; exit status 1 where a run failed.
 
 #include <chrono>

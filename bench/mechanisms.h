@@ -25,17 +25,17 @@ using problems::Reals;
 
 inline constexpr int kGround = -1;
 
-/// A joint between bodies by number, its anchors and axes where it is at the start.
+/// A joint between numbered bodies, with point and axes in the initial pose, world coordinates.
 struct JointAt {
   JointKind kind = JointKind::kHinge;
   int a = kGround, b = 0;
   Vector3d point = Vector3d::Zero();
   Vector3d axis = Vector3d::UnitZ();
-  std::optional<Vector3d> second_axis;        ///< fixed in B, of universal joints
-  std::optional<Motor> motor = std::nullopt;  ///< of the first free coordinate
+  std::optional<Vector3d> second_axis;        ///< fixed in B; of universal joints
+  std::optional<Motor> motor = std::nullopt;  ///< motor of the first free coordinate
 };
 
-/// Bodies with their states at the start, joints, and where the bodies are at the end.
+/// Bodies with initial states, joints, and final poses of the bodies.
 struct Mechanism {
   std::string name;
   double duration = 0.0;  ///< [s]
@@ -44,18 +44,19 @@ struct Mechanism {
   std::vector<JointAt> joints;
   std::function<void(World*)> add_forces;  ///< springs and wrenches, if any
   std::optional<OneCoordinate>
-      reference;  ///< of one degree of freedom, its poses those of `bodies`
-  Reals start;    ///< coordinate and its rate
+      reference;  ///< reference with one degree of freedom, and the poses of `bodies`
+  Reals start;    ///< initial coordinate and its rate
   Poses end;
   std::uint32_t dependent_rows = 0;
-  bool is_judged_by_angles = false;  ///< [rad] instead of metres
-  std::vector<double> steps;         ///< [s] at which it is looked at
-  /// What dense equations in a prototype had left at these steps, by the design's table.
+  bool is_judged_by_angles = false;  ///< errors are in rad instead of m
+  std::vector<double> steps;         ///< ticks to be tested [s]
+  /// Errors of a prototype with dense equations at these ticks.
   std::vector<double> expected_errors;
 
-  /// The scene, at its start.
+  /// Builds the scene in its initial state.
   World world(WorldOptions options) const;
-  /// Largest error of a body at the end, rotation times radius of gyration [m], or [rad].
+  /// Returns the largest final error of a body: position, and rotation times radius of gyration
+  /// [m]; or rotation [rad].
   double error(const World& world) const;
 };
 
@@ -103,17 +104,17 @@ inline double Mechanism::error(const World& world) const {
   return largest;
 }
 
-/// What a run left: the error at the end, and the largest of joints.
+/// Errors of a run: of the final state, and the largest of joints.
 struct Outcome {
   double error = 0.0;
-  double joints = 0.0;  ///< largest error of all steps [m]
+  double joints = 0.0;  ///< largest joint error of all steps [m]
   std::uint32_t substeps = 0, rejected = 0;
-  /// Least of all steps; in singular poses there are more.
+  /// Fewest in a step; singular poses have more.
   std::uint32_t dependent_rows = std::numeric_limits<std::uint32_t>::max();
   bool has_failed = false;  ///< a step failed, or another method took over
 };
 
-/// To the end by runge_kutta in ticks of `tick`, one step each with tolerance 0.
+/// Runs to the end by runge_kutta in ticks of `tick`, one step each with tolerance 0.
 inline Outcome run(const Mechanism& mechanism, double tick, double tolerance) {
   WorldOptions options;
   options.method = Method::kRungeKutta;
@@ -143,12 +144,12 @@ inline Body bar(const std::string& name, double mass, const Vector3d& size) {
   return body;
 }
 
-/// About the axis y, as all of plane mechanisms.
+/// A hinge about the axis −y, as in all planar mechanisms.
 inline JointAt hinge(int a, int b, const Vector3d& point) {
   return {JointKind::kHinge, a, b, point, -Vector3d::UnitY(), std::nullopt};
 }
 
-/// A mechanism of one degree of freedom: bodies where they start, with what velocities.
+/// Sets initial poses and velocities of a mechanism with one degree of freedom.
 inline void place(Mechanism* mechanism, const std::function<Poses(const Jet&)>& poses, double q,
                   double rate) {
   OneCoordinate reference{poses, {}, mechanism->gravity, {}, 0};
@@ -162,7 +163,7 @@ inline void place(Mechanism* mechanism, const std::function<Poses(const Jet&)>& 
   mechanism->start = {static_cast<Real>(q), static_cast<Real>(rate)};
 }
 
-/// Where it ends, by so many steps of the reference.
+/// Computes the final poses by `steps` steps of the reference.
 inline void finish(Mechanism* mechanism, int steps) {
   const Reals y = minimal::integrate(*mechanism->reference, mechanism->start,
                                      static_cast<Real>(mechanism->duration), steps);
@@ -175,7 +176,8 @@ inline std::vector<double> common_steps() {
 
 // ---- open chains
 
-/// Two bars, released in line and horizontal. Lagrange's equations of their angles φ₁, φ₂ from x.
+/// Two bars on hinges, released in line and horizontal. Reference: Lagrange's equations of the
+/// angles φ₁, φ₂ from x.
 inline Mechanism double_hinge_pendulum(int steps = 384) {
   const double l1 = 1.0, l2 = 0.8, m1 = 1.0, m2 = 0.7;
   Mechanism made;
@@ -209,8 +211,8 @@ inline Mechanism double_hinge_pendulum(int steps = 384) {
   return made;
 }
 
-/// A symmetric top on its tip, spinning about its axis z. Euler's equations about the tip in the
-/// body's frame, and its quaternion.
+/// A symmetric top on its tip, spinning about its axis z. Reference: Euler's equations about the
+/// tip in the body's frame, and the quaternion.
 inline Mechanism spinning_top(int steps = 1536) {
   const double m = 1.0, l = 0.3, A = 0.02, C = 0.01;
   Mechanism made;
@@ -233,7 +235,7 @@ inline Mechanism spinning_top(int steps = 1536) {
   const auto rate = [=](const Reals& y) {
     const Quaternion q(y[0], y[1], y[2], y[3]);
     const Vector w(y[4], y[5], y[6]);
-    // Rᵀe_z of a quaternion that need not be of unit length to the last bit
+    // Rᵀe_z, for a quaternion that is not normalized to the last bit
     const Vector up(2 * (q.x() * q.z() - q.w() * q.y()), 2 * (q.y() * q.z() + q.w() * q.x()),
                     q.w() * q.w() - q.x() * q.x() - q.y() * q.y() + q.z() * q.z());
     const Vector torque = Vector(0, 0, length).cross(-weight * up);
@@ -273,7 +275,7 @@ inline Poses slider_crank_poses(const Jet& theta) {
           minimal::planar(x + reach, 0, {})};
 }
 
-/// Crank, rod, and a slide along x; gravity. The coordinate is the crank's angle.
+/// Crank, rod, and a slide along x, under gravity. The coordinate is the crank's angle.
 inline Mechanism slider_crank(int steps = 384) {
   Mechanism made;
   made.name = "slider-crank";
@@ -295,7 +297,7 @@ inline Mechanism slider_crank(int steps = 384) {
   return made;
 }
 
-/// The crank's angle is c(t) = 0.3 + 4 t + 0.3 sin 3t by a motor, whatever the forces are.
+/// A motor moves the crank's angle as c(t) = 0.3 + 4 t + 0.3 sin 3t, whatever the forces.
 inline Mechanism driven_slider_crank() {
   Mechanism made = slider_crank();
   made.name = "slider-crank, driven";
@@ -308,7 +310,7 @@ inline Mechanism driven_slider_crank() {
   made.joints.front().motor = motor;
   const Real t = static_cast<Real>(made.duration);
   made.end = minimal::at(*made.reference, 0.3L + 4 * t + 0.3L * std::sin(3 * t));
-  made.expected_errors.assign(made.steps.size(), 0.0);  // but for rounding
+  made.expected_errors.assign(made.steps.size(), 0.0);  // zero up to rounding
   return made;
 }
 
@@ -324,7 +326,7 @@ inline Poses four_bar_poses(const Jet& theta) {
           minimal::planar(half * (Q.x + foot), half * Q.y, minimal::direction(Q.x - foot, Q.y))};
 }
 
-/// A crank of 0.3 m that turns, a coupler of 0.9 m and a rocker of 0.8 m, feet 1 m apart.
+/// A rotating crank of 0.3 m, a coupler of 0.9 m and a rocker of 0.8 m; feet 1 m apart.
 inline Mechanism four_bar(int steps = 768) {
   Mechanism made;
   made.name = "four-bar of hinges";
@@ -351,7 +353,7 @@ inline constexpr double kShaftAngle = 40.0 / 180.0 * 3.14159265358979323846;
 
 inline Vector3d output_direction() { return {std::cos(kShaftAngle), 0.0, std::sin(kShaftAngle)}; }
 
-/// The second shaft turns by θ₂, tan θ₂ = cos β tan θ.
+/// Poses of both shafts; the second turns by θ₂, tan θ₂ = cos β tan θ.
 inline Poses universal_shaft_poses(const Jet& theta) {
   const Vector3d along = output_direction();
   const Angle input = minimal::angle(theta);
@@ -366,7 +368,7 @@ inline Poses universal_shaft_poses(const Jet& theta) {
   return poses;
 }
 
-/// Two shafts in bearings, their lines at 40°, joined by a universal joint.
+/// Two shafts in bearings at an angle of 40°, joined by a universal joint.
 inline Mechanism universal_shaft(int steps = 384) {
   Mechanism made;
   made.name = "universal shaft";
@@ -387,7 +389,7 @@ inline Mechanism universal_shaft(int steps = 384) {
   return made;
 }
 
-/// The first shaft turns at 6 rad/s by a motor.
+/// A motor turns the first shaft at 6 rad/s.
 inline Mechanism driven_universal_shaft() {
   Mechanism made = universal_shaft();
   made.name = "universal shaft, driven";
@@ -399,9 +401,9 @@ inline Mechanism driven_universal_shaft() {
   return made;
 }
 
-/// Bricard's six-bar of a cube, threefold: unit links with hinges at right angles to both
-/// neighbours, by turns at angles α and β with cos α + cos β + cos α cos β = 0. The sixth link,
-/// which is the ground, comes last, where it has to be if the loop closes.
+/// Bricard's threefold symmetric six-bar of a cube: unit links with hinges normal to both
+/// neighbours, at alternating angles α and β with cos α + cos β + cos α cos β = 0. The sixth link,
+/// the ground, is last, and in its place if the loop closes.
 inline Poses bricard_poses(const Jet& alpha) {
   const Jet one = 1;
   const Jet cosine = -cos(alpha) / (one + cos(alpha));

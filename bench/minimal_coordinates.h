@@ -1,7 +1,7 @@
 #pragma once
 
 // References of mechanisms in minimal coordinates, without an engine: closed-form poses of all
-// bodies as functions of one coordinate, Lagrange's equation with derivatives of these by jets, and
+// bodies as functions of one coordinate, Lagrange's equation with their derivatives by jets, and
 // extrapolation in long double (problems.h).
 
 #include <Eigen/Core>
@@ -20,7 +20,7 @@ using problems::Reals;
 
 inline const Real kPi = std::acos(Real{-1});
 
-/// A number with its first and second derivatives by the coordinate q.
+/// A number with its first and second derivative by the coordinate q.
 struct Jet {
   Real v = 0, d = 0, dd = 0;
   Jet() = default;
@@ -39,7 +39,7 @@ inline Jet operator+(Jet x, const Jet& y) { return x += y; }
 inline Jet operator-(Jet x, const Jet& y) { return x -= y; }
 inline Jet operator*(Jet x, const Jet& y) { return x *= y; }
 
-/// f(x) by the derivatives of f at x.
+/// Returns f(x), given the derivatives of f at x.
 inline Jet compose(const Jet& x, Real f, Real df, Real ddf) {
   return {f, df * x.d, ddf * x.d * x.d + df * x.dd};
 }
@@ -85,18 +85,18 @@ namespace constraint_sim::engine::minimal {
 using Vector = Eigen::Matrix<Jet, 3, 1>;
 using Matrix = Eigen::Matrix<Jet, 3, 3>;
 
-/// A plane angle by its cosine and sine, which is all that poses need of it.
+/// A plane angle by its cosine and sine, sufficient for poses.
 struct Angle {
   Jet c = 1, s = 0;
 };
 inline Angle angle(const Jet& phi) { return {cos(phi), sin(phi)}; }
-/// Of the vector (x, z).
+/// Returns the angle of the vector (x, z).
 inline Angle direction(const Jet& x, const Jet& z) {
   const Jet length = sqrt(x * x + z * z);
   return {x / length, z / length};
 }
 
-/// Rotation about a constant unit vector.
+/// Returns the rotation about a constant unit vector.
 inline Matrix rotation(const Eigen::Vector3d& axis, const Angle& phi) {
   Matrix R;
   for (int i = 0; i < 3; ++i) {
@@ -109,14 +109,14 @@ inline Matrix rotation(const Eigen::Vector3d& axis, const Angle& phi) {
   return R;
 }
 
-/// Where a body is: its centre of mass, and its axes in columns.
+/// Pose of a body: its centre of mass, and its axes as columns.
 struct Pose {
   Vector x = Vector::Zero();
   Matrix R = Matrix::Identity();
 };
 using Poses = std::vector<Pose>;
 
-/// A body that moves in the x-z plane with its x axis in this direction.
+/// Returns the pose of a body in the x-z plane with its x axis along `along`.
 inline Pose planar(const Jet& x, const Jet& z, const Angle& along) {
   Pose pose;
   pose.x = {x, Jet(0), z};
@@ -124,8 +124,8 @@ inline Pose planar(const Jet& x, const Jet& z, const Angle& along) {
   return pose;
 }
 
-/// A point in a plane, and the one where circles about a and b of these radii meet; on the left of
-/// the way from a to b where `side` is 1, on the right where it is −1.
+/// A point in a plane. meet() returns the intersection of circles about a and b: left of the line
+/// from a to b for `side` = 1, right for −1.
 struct Point {
   Jet x, y;
 };
@@ -148,8 +148,8 @@ inline MassOf mass_of(const Body& body) {
   return {static_cast<Real>(body.mass), inertia.cast<Real>()};
 }
 
-/// A mechanism of one degree of freedom: poses(q), and what else has a potential [J] and a
-/// generalised force along q.
+/// A mechanism with one degree of freedom: poses(q), a further potential [J], and a generalized
+/// force along q.
 struct OneCoordinate {
   std::function<Poses(const Jet& q)> poses;
   std::vector<MassOf> bodies;
@@ -157,7 +157,7 @@ struct OneCoordinate {
   std::function<Jet(const Jet& q)> potential;
   Real force = 0;
 
-  /// ½ m(q) q̇² and the potential, with their derivatives by q.
+  /// Energies ½ m(q) q̇² and V, with their derivatives by q.
   struct Energies {
     Real m = 0, dm = 0;
     Real V = 0, dV = 0;
@@ -174,7 +174,7 @@ struct OneCoordinate {
         sum.dm += 2 * body.mass * x.d * x.dd;
         sum.V -= body.mass * static_cast<Real>(gravity[k]) * x.v;
         sum.dV -= body.mass * static_cast<Real>(gravity[k]) * x.d;
-        // ω in the body's axes is w q̇; w and its derivative are RᵀR′ and the skew part of RᵀR″
+        // In the body's axes ω = w q̇; w and its derivative are the skew parts of RᵀR′ and RᵀR″.
         const int i1 = (k + 1) % 3, i2 = (k + 2) % 3;
         Real w = 0, dw = 0;
         for (int r = 0; r < 3; ++r) {
@@ -194,26 +194,26 @@ struct OneCoordinate {
     return sum;
   }
 
-  /// m q̈ + ½ m′ q̇² + V′ = force, as derivatives of (q, q̇).
+  /// Returns (q̇, q̈) by m q̈ + ½ m′ q̇² + V′ = force.
   Reals operator()(const Reals& y) const {
     const Energies e = energies(y[0]);
     return {y[1], (force - e.dV - e.dm * y[1] * y[1] / 2) / e.m};
   }
 
-  /// Kinetic and potential energy less the work of `force` [J]: constant.
+  /// Returns kinetic and potential energy less the work of `force` [J], a constant.
   Real energy(const Reals& y) const {
     const Energies e = energies(y[0]);
     return e.m * y[1] * y[1] / 2 + e.V - force * y[0];
   }
 };
 
-/// Extrapolation of order 12: more columns amplify the rounding of their differences.
+/// Integrates by extrapolation of order 12; more columns amplify rounding in their differences.
 template <class Derivative>
 Reals integrate(const Derivative& f, const Reals& y, Real duration, int steps) {
   return problems::integrate(f, y, duration, steps, 6);
 }
 
-/// Poses at q.
+/// Returns the poses at q.
 inline Poses at(const OneCoordinate& mechanism, Real q) { return mechanism.poses(Jet(q, 1, 0)); }
 
 inline Eigen::Vector3d position(const Pose& pose) {
@@ -226,14 +226,14 @@ inline Eigen::Quaterniond orientation(const Pose& pose) {
   return Eigen::Quaternion<Real>(R).normalized().cast<double>();
 }
 
-/// The state of a body with this pose while the coordinate has this rate.
+/// Returns the state of a body with this pose, for a rate of the coordinate.
 inline BodyState state(const Pose& pose, double rate) {
   BodyState state;
   state.position = position(pose);
   state.orientation = orientation(pose);
   for (int i = 0; i < 3; ++i) {
     state.linear_velocity[i] = static_cast<double>(pose.x[i].d) * rate;
-    const int j = (i + 1) % 3, k = (i + 2) % 3;  // of R′Rᵀ
+    const int j = (i + 1) % 3, k = (i + 2) % 3;  // elements of R′Rᵀ
     Real w = 0;
     for (int c = 0; c < 3; ++c) w += pose.R(k, c).d * pose.R(j, c).v;
     state.angular_velocity[i] = static_cast<double>(w) * rate;
@@ -241,7 +241,7 @@ inline BodyState state(const Pose& pose, double rate) {
   return state;
 }
 
-/// By how much a body is off [m]: its position, or rotation times the larger radius of gyration.
+/// Returns the error of a body [m]: position, or rotation times the larger radius of gyration.
 inline double error_of(const BodyState& state, const MassOf& body, const Pose& reference) {
   const double radius = std::sqrt(static_cast<double>(body.inertia.maxCoeff() / body.mass));
   return std::max((state.position - position(reference)).norm(),

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""How many bodies the node carries at a tick of 1 ms and 50 rounds of messages per second.
+"""Measures the number of bodies that the node simulates at a tick of 1 ms with 50 rounds of messages per second.
 
 For each number of bodies it starts a master and a node of its own on a scene of chains, ten balls on
 ten rods each, released from the horizontal. It listens to all topics that rviz and a recorder would,
-and prints what the node's own statistics say over some seconds of wall time.
+and prints the node's own statistics over some seconds of wall time.
 
-With --overhead instead: what the node takes beyond the engine. Processor time per tick with nobody
-listening, less what the node says to have spent in steps, and beside that the same steps in the
-runner, where nothing comes between them; the share of a core with everything listened to; the latency
-of a service call meanwhile, and what a paused node takes.
+With --overhead instead: the cost of the node beyond the engine. Processor time per tick without
+subscribers, less the node's own time for steps, and beside it these steps in the
+runner, without anything in between; the share of a core with all topics subscribed; the latency
+of a service call meanwhile, and the cost of a paused node.
 
-With --count: that no message is built for nobody. The node runs under callgrind, without a listener and
-with one; instructions of what builds messages are printed for both, and none may be without.
+With --count: checks that no message is built without subscribers. The node runs under callgrind, without and
+with a subscriber; instructions of functions that build messages are printed, and must be 0 without one.
 """
 import argparse
 import contextlib
@@ -26,18 +26,18 @@ import tempfile
 import time
 import xmlrpc.client
 
-CHAIN = 10         # bodies, and as many rods
+CHAIN = 10         # bodies, and number of rods
 ROD = 0.5          # [m]
-APART = 1.0        # [m] from chain to chain
+APART = 1.0        # distance between chains [m]
 TIME_STEP = 0.001  # [s]
 RATE = 50.0        # [Hz]
-WARM_UP = 2.0      # [s] until everybody is connected and has had the first, full messages
+WARM_UP = 2.0      # until all are connected and have had the first, full messages [s]
 TOPICS = ("/tf", "/constraint_sim/markers", "/constraint_sim/body_states",
           "/constraint_sim/constraint_states")
-CALLS = 1000       # of services
-TIMEOUT = 120.0    # [s] for anything to come up or end, also under valgrind on a busy machine
-ROUNDS = 50        # of messages that are counted
-# latched, so once for each change of the scene; and what asks whether anybody listens to markers
+CALLS = 1000       # number of service calls
+TIMEOUT = 120.0    # for any start or end, also under valgrind on a busy machine [s]
+ROUNDS = 50        # number of counted messages
+# Latched topics, published once for each change of the scene, and the check for subscribers of markers.
 NOT_COUNTED = "plan|static_transforms|clock|markers"
 
 
@@ -82,7 +82,7 @@ def wait_until(condition, what):
 
 
 def cpu_seconds(pid):
-    """Processor time of a process so far, all its threads."""
+    """Returns the processor time of a process so far, all its threads."""
     total = 0
     for task in os.listdir("/proc/%d/task" % pid):
         with open("/proc/%d/task/%s/schedstat" % (pid, task)) as file:
@@ -91,7 +91,7 @@ def cpu_seconds(pid):
 
 
 def listen(duration, results):
-    """Subscribes to everything, and puts what the statistics say of the duration into results."""
+    """Subscribes to all topics, and puts the node's statistics of the duration into results."""
     import rospy
     from constraint_sim.msg import Statistics
 
@@ -100,7 +100,7 @@ def listen(duration, results):
     rospy.Subscriber("/constraint_sim/statistics", Statistics,
                      lambda message: statistics.append((time.monotonic(), message)))
     for topic in TOPICS:
-        # as bytes: taking them apart in Python would cost more than all the rest
+        # raw bytes: deserializing in Python would cost more than all the rest
         rospy.Subscriber(topic, rospy.AnyMsg, lambda _: messages.append(None))
     wait_until(lambda: statistics, "the node's statistics")
     time.sleep(WARM_UP)
@@ -126,7 +126,7 @@ def listen(duration, results):
 
 @contextlib.contextmanager
 def node(bodies, *parameters, prefix=""):
-    """A master, and a node on that many bodies; gives its scene and its process number."""
+    """Starts a master, and a node with that many bodies; yields its scene and its process number."""
     with tempfile.TemporaryDirectory() as folder:
         port = free_port()
         os.environ.update(ROS_MASTER_URI="http://localhost:%d" % port, ROS_HOME=folder,
@@ -145,7 +145,8 @@ def node(bodies, *parameters, prefix=""):
 
 
 def in_process(function, *arguments):
-    """What the function puts into the queue that it gets last: rospy can be initialised once."""
+    """Returns the value that the function puts into its last argument, a queue: rospy can be initialised
+    once per process."""
     results = multiprocessing.Queue()
     process = multiprocessing.Process(target=function, args=(*arguments, results))
     process.start()
@@ -162,7 +163,7 @@ def measure(bodies, duration):
 
 
 def steps_and_calls(duration, pid, results):
-    """Steps and processor time of a node that nobody listens to, and the times of calls."""
+    """Measures steps and processor time of a node without subscribers, and the times of calls."""
     import rospy
     from constraint_sim.msg import Statistics
     from constraint_sim.srv import GetWorldProperties
@@ -192,7 +193,7 @@ def calls(_, results):
 
 
 def call_times():
-    """Of set_motor_bias: median, and what 99 of 100 are below [ms]."""
+    """Measures set_motor_bias: median, and the bound of 99 of 100 calls [ms]."""
     import rospy
     from constraint_sim.srv import SetMotorBias
 
@@ -242,7 +243,7 @@ def print_overhead(bodies, duration):
 
 
 def wait_for_rounds(rounds, results):
-    """Listens to everything until that many messages have come for each topic."""
+    """Subscribes to all topics until that many messages have arrived for each."""
     import rospy
 
     rospy.init_node("listener")
@@ -254,7 +255,8 @@ def wait_for_rounds(rounds, results):
 
 
 def instructions_for_messages(listens, *parameters):
-    """By function of the node, of what builds messages of bodies and constraints; and messages."""
+    """Returns instructions by function of the node, for building messages of bodies and constraints; and
+    the messages."""
     messages = 0
     with tempfile.TemporaryDirectory() as folder:
         profile = folder + "/profile"

@@ -7,33 +7,34 @@
 
 namespace constraint_sim::engine {
 
-/// Bodies and joints before they are a world.
+/// Bodies and joints before they are added to a world.
 struct Parts {
   std::vector<Body> bodies;
-  std::vector<Joint> joints;              ///< whose bodies are those of `ends`
-  std::vector<std::pair<int, int>> ends;  ///< into bodies; -1 of the world
+  std::vector<Joint> joints;              ///< bodies of joints are given by `ends`
+  std::vector<std::pair<int, int>> ends;  ///< indices into bodies; -1: the world
 };
 
-/// Of the whole scene.
+/// Pose of a whole scene, and the order of adding bodies.
 struct Placing {
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
   Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
   bool is_reversed = false;  ///< bodies added from the last to the first
 };
 
-/// Where a body's frame is that is named otherwise, as has its shape: in the one it had. Of a
-/// dynamic one its axes by turns, in which the inertia is as diagonal as it was; of others
-/// turned anyhow, and of static ones elsewhere. Planes have none.
+/// Returns a pose for a body's frame relative to its present one, for a body with a shape pose.
+/// Dynamic bodies get permuted axes, which keep the inertia diagonal; others get any rotation, and
+/// static ones also another place. Planes keep their frame.
 inline ShapePose other_frame(const Body& body) {
   if (std::holds_alternative<Plane>(body.shape)) return {};
   if (body.type == BodyType::kDynamic)
     return {Eigen::Vector3d::Zero(), Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5)};
-  const bool moves = body.type == BodyType::kKinematic;  // its centre goes straight
+  const bool moves =
+      body.type == BodyType::kKinematic;  // the centre of a moving body stays on its straight line
   return {moves ? Eigen::Vector3d::Zero().eval() : Eigen::Vector3d(0.3, -0.2, 0.5),
           Eigen::Quaterniond(0.7, 0.1, -0.5, 0.5)};
 }
 
-/// The same body in that frame, its shape with a pose.
+/// Returns the body described in another frame, with a pose of its shape.
 inline Body in_frame(Body body, const ShapePose& frame) {
   if (std::holds_alternative<Plane>(body.shape)) return body;
   if (body.type == BodyType::kDynamic) {
@@ -52,7 +53,7 @@ inline Body in_frame(Body body, const ShapePose& frame) {
   return body;
 }
 
-/// A joint's end on it there.
+/// Transforms a joint's end to another frame of its body.
 inline void put_in_frame(const ShapePose& frame, bool is_a, Joint* joint) {
   const Eigen::Quaterniond back = frame.orientation.conjugate();
   Eigen::Vector3d& anchor = is_a ? joint->anchor_a : joint->anchor_b;
@@ -62,7 +63,7 @@ inline void put_in_frame(const ShapePose& frame, bool is_a, Joint* joint) {
   if (!is_a && joint->axis_b) joint->axis_b = back * *joint->axis_b;
 }
 
-/// The world of these parts, all of it moved and turned, gravity too.
+/// Builds the world of these parts, all of it moved and turned, gravity too.
 inline World assemble(const Parts& parts, WorldOptions options, const Placing& placing) {
   options.gravity = placing.turn * options.gravity;
   World world(options);

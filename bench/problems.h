@@ -1,6 +1,6 @@
 #pragma once
 
-// Scenes with references that know nothing of the engine: closed forms, published values, and
+// Scenes with references that are independent of the engine: closed forms, published values, and
 // minimal coordinates in long double.
 
 #include <Eigen/Core>
@@ -28,7 +28,7 @@ inline BodyId add_mass(World* world, const std::string& name, const Eigen::Vecto
   return world->add_body(body);
 }
 
-/// At the present distance, between centres.
+/// Adds a rod between centres of mass at their present distance.
 inline void add_rod(World* world, BodyId a, BodyId b) {
   Joint joint;
   joint.name = "rod_" + std::to_string(world->joint_ids().size());
@@ -37,8 +37,8 @@ inline void add_rod(World* world, BodyId a, BodyId b) {
   world->add_joint(joint);
 }
 
-/// Unit point masses on rods of 1 m, from the origin along x, at rest. One is the pendulum of the
-/// IFToMM benchmark A01, two the double pendulum.
+/// Unit point masses on rods of 1 m, from the origin along x, at rest. One link is the pendulum of
+/// IFToMM's benchmark A01, two are the double pendulum.
 inline World chain(int links, double end_mass = 1.0, double mass = 1.0) {
   World world;
   BodyId last = kWorldBody;
@@ -76,8 +76,8 @@ inline World chain_of_bars(int links) {
   return world;
 }
 
-/// A heavy mass on ten links of 1 m with 0.1 kg each, straight down from the origin, and one link
-/// more. It starts with 1 m/s along x, all others in line with it or at rest.
+/// Ten links of 1 m with 0.1 kg each, straight down from the origin, and a heavy mass on one more
+/// link. The mass starts with 1 m/s along x; the others are in line with it or at rest.
 inline World heavy_chain(double end_mass, bool moves_in_line) {
   constexpr int kLinks = 11;
   World world;
@@ -96,7 +96,7 @@ inline World heavy_chain(double end_mass, bool moves_in_line) {
   return world;
 }
 
-/// The box of OSRF's benchmark 'boxes', complex: it tumbles in free fall.
+/// The box of OSRF's benchmark 'boxes', complex case: it tumbles in free fall.
 inline World free_box() {
   WorldOptions options;
   options.gravity = {0.0, 0.0, -9.8};
@@ -112,8 +112,8 @@ inline World free_box() {
 }
 
 /// N + 1 upright rods with unit masses on top, joined in a row, all moving at 1 m/s along x. All
-/// rods are in line twice a turn. With `is_loaded` the last mass is 3 kg and the first is pushed by
-/// 5 N along x, so that the rods between them carry a force in these poses.
+/// rods are in line twice a turn. With `is_loaded` the last mass is 3 kg and 5 N along x push the
+/// first, so that the rods between carry a force in these poses.
 inline World four_bar(int windows, bool is_loaded = false) {
   World world;
   std::vector<BodyId> tops;
@@ -141,8 +141,8 @@ inline World four_bar(int windows, bool is_loaded = false) {
   return world;
 }
 
-/// n × n unit masses 1 m apart, joined to their neighbours by rods, two corners held by rods to the
-/// world; sagging to its middle by about `sag` times n/2.
+/// n × n unit masses 1 m apart, joined to their neighbours by rods, with two corners held by rods
+/// to the world; the middle sags by about `sag` times n/2.
 inline World net(int n, double sag) {
   World world;
   std::vector<BodyId> ids;
@@ -174,7 +174,7 @@ inline World net(int n, double sag) {
 using Real = long double;
 using Reals = std::vector<Real>;
 
-/// One step of H of y' = f(y) by extrapolation of the modified midpoint rule: Gragg, Bulirsch &
+/// Takes one step H of y' = f(y) by extrapolation of the modified midpoint rule: Gragg, Bulirsch &
 /// Stoer; Hairer, Nørsett & Wanner I, section II.9.
 template <class Derivative>
 void extrapolate(const Derivative& f, Real H, Reals* y, int columns) {
@@ -213,9 +213,9 @@ Reals integrate(const Derivative& f, Reals y, Real duration, int steps, int colu
   return y;
 }
 
-/// Angles from the x axis and their rates of a chain of masses: Lagrange's equations,
+/// Angles from the x axis and their rates, of a chain of masses. Lagrange's equations
 ///   Σ_j m_max(i,j) (cos(φ_i − φ_j) φ̈_j + sin(φ_i − φ_j) φ̇_j²) = −m_i g cos φ_i,
-/// m_i the mass from link i to the end, solved by Cholesky.
+/// with m_i the mass from link i to the end, are solved by Cholesky factorisation.
 class ChainInAngles {
  public:
   explicit ChainInAngles(std::size_t links, Real end_mass = 1, Real mass = 1)
@@ -273,7 +273,7 @@ class ChainInAngles {
   Real mass_;
 };
 
-/// Where a chain with these angles is [m].
+/// Returns the positions of a chain with these angles [m].
 inline std::vector<Eigen::Vector3d> chain_positions(const Reals& angles) {
   std::vector<Eigen::Vector3d> positions;
   Real x = 0, z = 0;
@@ -285,7 +285,8 @@ inline std::vector<Eigen::Vector3d> chain_positions(const Reals& angles) {
   return positions;
 }
 
-/// Where chain(links) is after `duration` [m]. Halving the step changes nothing above 1e-13 m.
+/// Returns the positions of chain(links) after `duration` [m]. Half the step changes nothing above
+/// 1e-13 m.
 inline std::vector<Eigen::Vector3d> chain_reference(int links, double duration,
                                                     double step = 1.0 / 16.0) {
   const auto n = static_cast<std::size_t>(links);
@@ -295,8 +296,8 @@ inline std::vector<Eigen::Vector3d> chain_reference(int links, double duration,
   return chain_positions(y);
 }
 
-/// Where heavy_chain() is at `samples` times until `duration` [m]; of a step of 4/ω, ω the fastest
-/// motion of the links, halving changes nothing above 1e-11 m.
+/// Returns the positions of heavy_chain() at `samples` times until `duration` [m]. The step is 4/ω,
+/// with ω the fastest motion of the links; half the step changes nothing above 1e-11 m.
 inline std::vector<std::vector<Eigen::Vector3d>> heavy_chain_references(double end_mass,
                                                                         bool moves_in_line,
                                                                         double duration,
@@ -320,14 +321,14 @@ inline std::vector<std::vector<Eigen::Vector3d>> heavy_chain_references(double e
   return positions;
 }
 
-/// The same at the end alone.
+/// Returns the positions of heavy_chain() at the end [m].
 inline std::vector<Eigen::Vector3d> heavy_chain_reference(double end_mass, bool moves_in_line,
                                                           double duration) {
   return heavy_chain_references(end_mass, moves_in_line, duration, 1).back();
 }
 
-/// Where top k of four_bar(windows, is_loaded) is after `duration`, less its foot [m]: all uprights
-/// have one angle θ from the x axis, M θ̈ = −M g cos θ − F sin θ.
+/// Returns the position of top k of four_bar(windows, is_loaded) after `duration`, relative to its
+/// foot [m]. All uprights have one angle θ from the x axis, with M θ̈ = −M g cos θ − F sin θ.
 inline Eigen::Vector3d four_bar_reference(int windows, bool is_loaded, double duration) {
   const Real mass = static_cast<Real>(windows + 1) + (is_loaded ? 2 : 0);
   const Real force = is_loaded ? 5 : 0;
@@ -346,12 +347,12 @@ inline Eigen::Quaterniond free_box_orientation() {
   return {0.2251645634139582, -0.6199275624994525, -0.2770291506871946, 0.6987457236403101};
 }
 
-/// The angle between two orientations [rad].
+/// Returns the angle between two orientations [rad].
 inline double angle_between(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
   return 2.0 * (a.conjugate() * b).vec().norm();
 }
 
-/// By how much two states of one world differ at most [m]: positions, and rotations times the
+/// Returns the largest difference of two states of a world [m]: positions, and rotations times the
 /// radius of gyration.
 inline double largest_difference(const World& a, const World& b) {
   double largest = 0.0;

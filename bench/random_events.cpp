@@ -1,11 +1,11 @@
-// Random scenes that go from event to event (random_events.h), of all kinds in turn: what is off is
-// printed, with the kind and the seed that make the scene again, and a table of all.
+// Judges random event-driven scenes (random_events.h), of all kinds in turn. Prints each finding
+// with the kind and seed of its scene, and a table.
 //
 //   PROGRAM [--scenes 2000] [--seed 0] [--kind 0...8] [--threads 2]
 //
-// --seed is that of the first scene of each kind; --kind leaves out all others. Exit status 1 if
-// anything is off, 2 on wrong arguments. Scenes that are given up are counted, and no failure:
-// the engine says so.
+// --seed: of the first scene of each kind; --kind: judges this kind only. Exit status 1 for
+// findings, 2 for wrong arguments. Scenes that the engine gives up are counted, and no failure: it
+// reports them.
 
 #include <atomic>
 #include <boost/program_options.hpp>

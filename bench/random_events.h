@@ -1,14 +1,12 @@
 #pragma once
 
-// Random scenes of few bodies that go from event to event, and a judge of them. Mechanisms have
-// ropes, struts, limits with and without restitution, friction, motors, servos and springs with a
-// force limit, and springs; what touches are spheres and boxes on a floor and each other with
-// friction and restitution, in joints, with the same laws, and with shapes beside the centres of
-// mass; some joints can break; and equal boxes that stand on each other, hit by a ball, where
-// margins and gaps begin at zero to rounding. A scene is made from its kind and seed alone.
-// Oracles: energy, which nothing but a motor can raise; joints, limits and gaps, which hold to
-// rounding; events in the order of time; the same bits of a copy, of a snapshot and with threads;
-// and the same motion of the scene moved, turned and added in another order.
+// Random event-driven scenes of few bodies, each made from its kind and seed alone, and their
+// judge. Mechanisms have ropes, struts, limits, friction, motors, servos and springs. Touching
+// bodies are spheres and boxes with friction and restitution, with joints and laws, some with shape
+// poses; some joints can break. Aligned cubes, hit by a ball, have gaps and margins of zero to
+// rounding. Oracles: only motors raise energy; joints, limits and gaps hold to rounding; events are
+// ordered; a copy, a snapshot and threads give the same bits; the scene moved, turned and added in
+// another order moves alike.
 
 #include <array>
 #include <string>
@@ -50,7 +48,7 @@ struct Scene {
   unsigned seed;
   Parts parts;
   WorldOptions options;
-  double largest = 0.0;  ///< energy that is exchanged [J]: weight times a metre
+  double largest = 0.0;  ///< exchanged energy [J]: weight times one metre
 };
 
 // ---- mechanisms
@@ -78,7 +76,8 @@ inline CoordinateLaw law_of_mechanism(Draw& draw, bool is_angle, bool with_motor
   return law;
 }
 
-/// Between an earlier body, or the world, and this one, met where the two are.
+/// Returns a joint between an earlier body, or the world, and this one, satisfied in the present
+/// pose.
 inline Joint joint_of_mechanism(Draw& draw, const std::string& name, const BodyState& a,
                                 const BodyState& b, bool with_motors) {
   constexpr JointKind kKinds[] = {
@@ -145,9 +144,9 @@ inline Parts mechanism(unsigned seed, bool with_motors) {
   return parts;
 }
 
-// ---- what touches
+// ---- touching bodies
 
-/// Met where the two are.
+/// Sets anchors and frame of a joint that is satisfied in the present pose.
 inline void meet(Draw& draw, const BodyState& a, const BodyState& b, Joint* joint) {
   const Eigen::Vector3d place = b.position + 0.2 * draw.vector();
   joint->anchor_a = a.orientation.conjugate() * (place - a.position);
@@ -165,7 +164,8 @@ inline Joint joint_without_laws(Draw& draw, const std::string& name, const BodyS
   meet(draw, a, b, &joint);
   if (joint.kind != JointKind::kDistance) return joint;
   const Eigen::Vector3d anchor_a = 0.1 * draw.vector(), anchor_b = 0.1 * draw.vector();
-  return make_joint(name, kWorldBody, anchor_a, kWorldBody, anchor_b);  // as long as they are apart
+  return make_joint(name, kWorldBody, anchor_a, kWorldBody,
+                    anchor_b);  // length: distance of the anchors
 }
 
 inline CoordinateLaw law_of_touching(Draw& draw, bool is_angle, bool with_motors) {
@@ -187,7 +187,7 @@ inline CoordinateLaw law_of_touching(Draw& draw, bool is_angle, bool with_motors
   return law;
 }
 
-/// With what acts one way: ropes, and laws of coordinates.
+/// Returns a joint with one-sided elements: a rope, or laws of coordinates.
 inline Joint joint_with_laws(Draw& draw, const std::string& name, const BodyState& a,
                              const BodyState& b, bool with_motors) {
   constexpr JointKind kKinds[] = {JointKind::kHinge, JointKind::kSlider, JointKind::kCylindrical,
@@ -261,9 +261,10 @@ inline Scene touching(unsigned seed, Kind kind) {
   return scene;
 }
 
-/// Some joints bear no more than so many times the weight of all, and its moment at half a metre.
+/// Makes some joints break at random multiples of the total weight, and of its moment at half a
+/// metre.
 inline void let_joints_break(Scene* scene) {
-  Draw draw(scene->seed + 1000003);  // of its own, so that the others are what they were
+  Draw draw(scene->seed + 1000003);  // separate generator, so that other draws stay the same
   for (Joint& joint : scene->parts.joints) {
     if (draw.below(3) > 0) continue;
     const double bears = scene->largest * std::pow(10.0, draw());
@@ -274,8 +275,8 @@ inline void let_joints_break(Scene* scene) {
   }
 }
 
-/// Springs, servos and motors to a position, all with a force limit. Positions are where the joints
-/// are, so that nothing has to be closed at first.
+/// Adds springs, servos and position-controlled motors, all with a force limit. Targets are the
+/// initial positions, so that nothing has to be closed.
 inline void add_servos(unsigned seed, Parts* parts) {
   Draw draw(seed + 1000033);
   for (Joint& joint : parts->joints) {
@@ -299,7 +300,7 @@ inline void add_servos(unsigned seed, Parts* parts) {
   }
 }
 
-/// Of a third of the bodies, others have their shapes anywhere.
+/// Describes a third of the bodies in another frame, and gives the others random shape poses.
 inline void add_poses(unsigned seed, Parts* parts) {
   Draw draw(seed + 1000037);
   for (std::size_t i = 0; i < parts->bodies.size(); ++i) {
@@ -310,7 +311,7 @@ inline void add_poses(unsigned seed, Parts* parts) {
       body.shape_pose = ShapePose{0.1 * draw.vector(), draw.turn()};
       continue;
     }
-    // the same as without a pose
+    // The body moves as without a pose.
     const ShapePose frame = other_frame(body);
     body = in_frame(body, frame);
     for (std::size_t j = 0; j < parts->joints.size(); ++j) {

@@ -1,8 +1,7 @@
-// Random mechanisms of joints of all kinds, by all methods and in several guises, against a
-// reference in long double: joints to (1e-12 m + 4 eps coordinate)/sqrt(smallest kept pivot),
-// energy, the motion. Prints a line for each finding, from which the mechanism can be made again
-// with --only SEED, and a table; arguments are those of judge_program.h, 1000 mechanisms unless
-// --scenes.
+// Judges random mechanisms of joints of all kinds, by all methods and in several variants, against
+// a reference in long double: joints to (1e-12 m + 4 eps coordinate)/sqrt(smallest kept pivot),
+// energy, the motion. Prints each finding, which --only SEED reproduces, and a table. Arguments as
+// in judge_program.h, with 1000 mechanisms by default.
 
 #include "random_mechanisms.h"
 

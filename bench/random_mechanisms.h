@@ -1,9 +1,9 @@
 #pragma once
 
-// Random mechanisms of joints of all kinds, for the judge of random scenes: trees, loops that are
-// met as the bodies lie, planar loops of hinges, joints once more, gears, racks, screws and
-// pulleys, masses over six decades, 1 m and 1 km from the origin. A mechanism is made from its seed
-// alone, with the same numbers everywhere.
+// Random mechanisms of joints of all kinds, for the judge of random scenes: trees, loops that fit
+// the initial pose, planar loops of hinges, duplicated joints, gears, racks, screws and pulleys;
+// masses over six decades, 1 m and 1 km from the origin. A mechanism depends on its seed alone,
+// with the same numbers everywhere.
 
 #include "scene_judge.h"
 
@@ -76,7 +76,7 @@ class MechanismGenerator {
   }
 
   static bool turns_over(JointKind kind) { return has_two_axes(kind); }
-  // z_B at a right angle to z_A, of a universal joint
+  // Returns the frame on B relative to A at zero; in universal joints z_B is normal to z_A.
   static Quaterniond home_of(JointKind kind) {
     return turns_over(kind) ? Quaterniond(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0)
                             : Quaterniond::Identity();
@@ -86,7 +86,7 @@ class MechanismGenerator {
            kind == JointKind::kPointOnLine || kind == JointKind::kPointOnPlane;
   }
 
-  /// Places a body where a joint of this kind lets it be on another, and joins it.
+  /// Places a body at a random position of a joint to its parent, and joins it.
   void hang(int parent, JointKind kind) {
     Random& r = random_;
     Joint joint;
@@ -151,7 +151,7 @@ class MechanismGenerator {
            any_kind());
   }
 
-  /// A joint of two bodies as they lie, about a point near them.
+  /// Joins two bodies in their present pose, about a point near them.
   void join(int a, int b, JointKind kind, const Vector3d& p, const Quaterniond& frame) {
     Joint joint;
     joint.kind = kind;
@@ -176,7 +176,7 @@ class MechanismGenerator {
     for (int i = 0; i < count; ++i) {
       const int a = any(), b = any();
       if (a == b) continue;
-      // few rows each: many such loops still move
+      // kinds with few rows, so that most such loops still move
       static constexpr JointKind kKinds[] = {JointKind::kDistance,     JointKind::kBall,
                                              JointKind::kPointOnPlane, JointKind::kPointOnLine,
                                              JointKind::kUniversal,    JointKind::kPlanar};
@@ -186,7 +186,7 @@ class MechanismGenerator {
     }
   }
 
-  /// Four-bars and slider-cranks in one plane, of hinges and sliders: three rows too many for each
+  /// Adds four-bars and slider-cranks in one plane, of hinges and sliders: three redundant rows per
   /// loop.
   void add_planar_loops() {
     Random& r = random_;
@@ -201,7 +201,7 @@ class MechanismGenerator {
       const Vector3d corner[] = {a, b, c, d};
       int bars[3];
       for (int k = 0; k < 3; ++k) {
-        if (k == 0 && before >= 0) {  // the last bar of the loop before
+        if (k == 0 && before >= 0) {  // shares the last bar of the previous loop
           bars[0] = before;
           continue;
         }
@@ -221,7 +221,7 @@ class MechanismGenerator {
       if (before < 0) pin(-1, bars[0], a);
       pin(bars[0], bars[1], b);
       pin(bars[1], bars[2], c);
-      if (r.chance(0.3)) {  // the last bar on a rail along x instead of a hinge
+      if (r.chance(0.3)) {  // the last bar slides on a rail along x instead of turning on a hinge
         const Quaterniond rail =
             plane * Quaterniond(Eigen::AngleAxisd(0.5 * 3.14159265358979323846, Vector3d::UnitY()));
         join(-1, bars[2], JointKind::kSlider, origin_ + plane * d, rail);
@@ -255,7 +255,7 @@ class MechanismGenerator {
     scene_.joints.push_back(joint);
   }
 
-  /// A length of one to three metres, from a point of one body or the world to another.
+  /// Adds a length of one to three metres, from a point of one body or the world to another.
   std::size_t rope(int a, int b) {
     Joint joint;
     joint.kind = JointKind::kFreeDistance;
@@ -267,7 +267,8 @@ class MechanismGenerator {
     return scene_.joints.size() - 1;
   }
 
-  /// Gears between any first coordinates, angles and translations, so racks as well, and pulleys.
+  /// Adds gears between any first coordinates, angles and translations, hence racks too, and
+  /// pulleys.
   void add_couplings() {
     Random& r = random_;
     if (!r.chance(0.6)) return;
@@ -294,7 +295,7 @@ class MechanismGenerator {
     }
   }
 
-  // random ones, made to fit by the reference
+  // Sets random velocities; the reference projects them onto the joints.
   void set_velocities() {
     const double speed = random_.uniform(0.2, 2.0);
     for (Body& made : scene_.bodies) {
@@ -319,7 +320,7 @@ class MechanismGenerator {
   bool is_planar_ = false, is_free_ = false, has_kinematic_ = false, spreads_masses_ = false;
 };
 
-/// Joints by the strict bound.
+/// Judges a mechanism, with the strict bound for joints.
 inline Verdict judge_mechanism(std::uint64_t seed, const std::string& only = "") {
   return judge_scene(Judge(MechanismGenerator(seed).make(), true), seed, only);
 }

@@ -1,7 +1,6 @@
-// Random scenes of rods, ropes, springs and balls, each by all methods and in several guises,
-// against a reference in long double. Prints a line for each finding, from which the scene can be
-// made again with --only SEED, and a table; arguments are those of judge_program.h, 600 scenes
-// unless --scenes.
+// Judges random scenes of rods, ropes, springs and balls, each by all methods and in several
+// variants, against a reference in long double. Prints each finding, which --only SEED reproduces,
+// and a table. Arguments as in judge_program.h, with 600 scenes by default.
 
 #include "judge_program.h"
 

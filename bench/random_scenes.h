@@ -1,7 +1,7 @@
 #pragma once
 
-// Random scenes, every method on each of them, and a judge: what is off and was not reported. A
-// scene is made from its seed alone, with the same numbers on every machine.
+// Random scenes, run by every method, and a judge that finds errors that were not reported. A scene
+// depends on its seed alone, with the same numbers on every machine.
 
 #include <cstdint>
 #include <random>
@@ -24,7 +24,7 @@ class Random {
   explicit Random(std::uint64_t seed) : generator_(seed * 2654435761u + 12345u) {
     generator_.discard(8);
   }
-  /// In [0, 1).
+  /// Returns a number in [0, 1).
   double unit() { return static_cast<double>(generator_() >> 11) / 9007199254740992.0; }
   double uniform(double from, double to) { return from + (to - from) * unit(); }
   double decades(double from, double to) {
@@ -57,7 +57,7 @@ class Random {
 
 // ---- scenes
 
-/// Builds one scene. Lengths of joints are those of the pose, so joints fit however many there are.
+/// Builds one scene. Lengths of joints are those of the initial pose, so any number of joints fits.
 class Generator {
  public:
   explicit Generator(std::uint64_t seed) : random_(seed) {}
@@ -160,7 +160,7 @@ class Generator {
   }
   const Body& at(int i) const { return scene_.bodies[static_cast<std::size_t>(i)]; }
 
-  // a point of world space in a body's frame; -1 is the world
+  // Transforms a point from the world's to a body's frame; -1 is the world.
   Vector3d in_body(int i, const Vector3d& p) const {
     if (i < 0) return p;
     return at(i).state.orientation.conjugate() * (p - at(i).state.position);
@@ -200,11 +200,12 @@ class Generator {
     if ((p - q).norm() > 0.1) add_joint(a, p, b, q, DistanceJoint{});
   }
 
-  // what a body hangs on its tree by
+  // Adds the joint of a body to its parent in the tree.
   void add_link(int a, int b) {
     Random& r = random_;
     if (!turns(a) && !turns(b)) return add_rod(a, b);
-    if (!turns(b) || !turns(a)) {  // a mass is held at its centre: in that point, or by a rod
+    if (!turns(b) ||
+        !turns(a)) {  // a point mass is held at its centre: by a ball joint there, or by a rod
       const int point = turns(b) ? a : b, other = turns(b) ? b : a;
       if (other < 0 || r.chance(0.7)) return add_rod(a, b);
       add_joint(other, at(point).state.position, point, at(point).state.position, JointKind::kBall);
@@ -215,10 +216,10 @@ class Generator {
     const Vector3d p = r.chance(0.5) ? point_on(b) : Vector3d(0.5 * (point_on(a) + point_on(b)));
     add_joint(a, p, b, p, JointKind::kBall);
     if (kind < 0.6) return;
-    const Vector3d q = p + r.vector(0.4);  // a hinge: one row of six is too many
+    const Vector3d q = p + r.vector(0.4);  // a hinge; one of its six rows is redundant
     add_joint(a, q, b, q, JointKind::kBall);
     words_ += words_.find("hinge") == std::string::npos ? ", hinges" : "";
-    if (kind > 0.9) {  // locked, by a third point off the axis
+    if (kind > 0.9) {  // locked by a third point off the axis
       const Vector3d s = p + r.vector(0.4);
       add_joint(a, s, b, s, JointKind::kBall);
     }
@@ -273,10 +274,10 @@ class Generator {
                 b = static_cast<int>(of.body_b.value) - 1;
       const Vector3d p = place(a, of.anchor_a), q = place(b, of.anchor_b);
       if (r.chance(0.4) || of.kind != JointKind::kBall) {
-        add_joint(a, p, b, q, JointType(of));  // the same once more
+        add_joint(a, p, b, q, JointType(of));  // a duplicate
         continue;
       }
-      // from the common point, in one of the bodies, to another point of the other
+      // A rod from the common point, on one body, to another point of the other body.
       const bool is_on_a = turns(a) && (!turns(b) || r.chance(0.5));
       const Vector3d from = p + r.vector(1.0);
       if (is_on_a)
@@ -323,7 +324,7 @@ class Generator {
     words_ += ", springs";
   }
 
-  // on a rod without which the others can move, as well as the reference can tell
+  // Adds a motor to a rod without which, by the reference, the other bodies can move.
   void add_motor() {
     Random& r = random_;
     if (!r.chance(0.15)) return;
@@ -337,12 +338,13 @@ class Generator {
     const Mechanics mechanics(scene_);
     std::vector<Pose> poses = mechanics.start_at(0);
     if (mechanics.project(0, &poses) > 1e-9L)
-      joint.motor = Motor{};  // others hold it
+      joint.motor = Motor{};  // other joints hold the length
     else
       words_ += ", motor";
   }
 
-  // random ones, made to fit by the reference; one in ten is left for the engine to make fit
+  // Sets random velocities, which the reference projects; one scene in ten is left for the engine
+  // to project.
   void set_velocities() {
     Random& r = random_;
     const double speed = r.chance(0.2) ? 0.0 : r.uniform(0.1, 3.0);
@@ -389,7 +391,7 @@ inline World make_world(const Scene& scene) {
   return world;
 }
 
-/// In world coordinates.
+/// Returns poses in world coordinates.
 inline std::vector<Pose> poses_of(const World& world, const Scene& scene) {
   const reference::Vector3 origin(0, 0, 0);
   std::vector<Pose> poses;

@@ -1,7 +1,6 @@
-// Figures of scenes with redundant joints, singular poses and mass ratios, with what is allowed and
-// with run times. `constraint_sim_redundancy_table [--long] [PART OF A NAME]`, --long for 1000 s
-// each; exit status 1 where one is not met. A run ends where it is no longer met, so times of such
-// runs mean nothing.
+// Prints figures of scenes with redundant joints, singular poses and mass ratios, with bounds and
+// run times. `constraint_sim_redundancy_table [--long] [PART OF A NAME]`, --long for 1000 s each;
+// exit status 1 where a bound is exceeded. A run ends there, so its time means nothing.
 
 #include <chrono>
 #include <cstdio>

@@ -1,8 +1,8 @@
 #pragma once
 
-// What redundancy, singular poses and mass ratios are held to: scenes, settings, and the figures of
-// a prototype, which tests allow ten times and constraint_sim_redundancy_table prints beside the
-// engine's.
+// Cases of redundancy, singular poses and mass ratios: scenes, settings, and figures of a
+// prototype. Tests allow ten times these figures; constraint_sim_redundancy_table prints them
+// beside the engine's.
 
 #include <functional>
 
@@ -17,7 +17,7 @@ inline Vector3d anchor_in_world(const World& world, BodyId id, const Vector3d& a
   return world.state(id).position + world.state(id).orientation * anchor;
 }
 
-/// Largest distance by which a joint without limits and springs is off [m]; motors are not counted.
+/// Returns the largest error of a joint without limits and springs [m]; motors are not counted.
 inline double largest_joint_error(const World& world) {
   double largest = 0.0;
   for (const JointId id : world.joint_ids()) {
@@ -55,7 +55,7 @@ inline double kinetic_energy(const World& world) {
   return sum;
 }
 
-/// Of the potential energies of all bodies, without their signs [J].
+/// Returns the sum of |potential energy| of all bodies [J].
 inline double size_of_potential_energy(const World& world) {
   double sum = 0.0;
   for (const BodyId id : world.body_ids())
@@ -75,14 +75,14 @@ struct Figures {
   double energy = 0.0;        // largest |E − E0| [J]
   double rise = 0.0;          // largest E − E0 [J]
   double peak_kinetic = 0.0;  // [J]
-  double scale = 0.0;         // of the energies that are added up [J]
-  double round_off = 0.0;     // of joints [m]
-  double lost = 0.0;          // projected_energy, summed up [J]
-  std::uint32_t changes = 0;  // of method
-  bool has_failed = false;    // a report said so, or an island was taken for contradictory
+  double scale = 0.0;         // sum of |energy| terms [J]
+  double round_off = 0.0;     // rounding of joints [m]
+  double lost = 0.0;          // sum of projected_energy [J]
+  std::uint32_t changes = 0;  // changes of method
+  bool has_failed = false;    // a step failed, or an island was taken for contradictory
 };
 
-/// Ends early, with the figures so far, once joints or energy are off by more than allowed.
+/// Runs a world. Ends early, with the figures so far, once joints or energy exceed their bounds.
 inline Figures measure(World world, double duration, double joints_allowed, double energy_allowed) {
   Figures figures;
   const double start = world.energy();
@@ -126,12 +126,12 @@ struct Case {
   Method method;
   double rate;      // [1/s]
   double duration;  // [s]
-  double joints;    // the prototype's figure [m]
-  double energy;    // the prototype's figure [J]
+  double joints;    // figure of the prototype [m]
+  double energy;    // figure of the prototype [J]
   double tolerance = 1e-8;
   bool keeps_method = false;  // the figure was measured without a change of method
 
-  /// Ten times the figure where that is above rounding; rounding is allowed always.
+  /// Bounds: ten times the figure where that is above rounding; rounding is always allowed.
   double joints_allowed() const { return joints > 1e-12 ? 10.0 * joints : 0.0; }
   double energy_allowed() const { return energy > 1e-12 ? 10.0 * energy : 0.0; }
 };
@@ -151,7 +151,8 @@ inline bool is_met(const Case& c, const Figures& figures) {
          (!c.keeps_method || figures.changes == 0);
 }
 
-// Durations at short ticks are shorter than the prototype's 3 to 5 s, to keep this file quick.
+// Cases with permanently dependent rows. At short ticks durations are below the prototype's 3 to 5
+// s, to keep the tests quick.
 inline std::vector<Case> permanent_cases() {
   return {
       Case{"dome_auto", [] { return dome(); }, kAuto, 30, 3, 9e-16, 7e-13},
@@ -188,8 +189,8 @@ inline std::vector<Case> permanent_cases() {
       Case{"hook_stiff", hook_stiff, kAuto, 100, 3, 2e-16, 7e-10}};
 }
 
-// Few digits leave joints off by up to 1e-6 m of what the scene asks for, with no motion that mends
-// it: the joints are then held to what was given (the file's 1e-7 m), and energy to rounding.
+// Cases given with few digits: joints start off by up to 1e-6 m, and no motion removes that. Joints
+// are held to the given digits (1e-7 m), and energy to rounding.
 inline std::vector<Case> few_digits_cases() {
   return {Case{"door_7", [] { return rounded(door(), 7); }, kAuto, 100, 3, 1e-7, 1e-12},
           Case{"door_7_em", [] { return rounded(door(), 7); }, kEm, 100, 3, 1e-7, 1e-12},
@@ -203,7 +204,8 @@ inline std::vector<Case> few_digits_cases() {
 inline World flat_at_rest() { return flat_four_bar_with_spring(); }
 inline World flat_and_moving() { return flat_four_bar_with_spring(0.5); }
 
-// Without permanently dependent rows: singular poses twice a turn, and loops through the world.
+// Cases without permanently dependent rows: singular poses twice a turn, and loops through the
+// world.
 inline std::vector<Case> momentary_cases() {
   return {
       Case{"n_four_bar_40_em", [] { return n_four_bar(40); }, kEm, 10, 3, 1e-15, 6e-10, 1e-8, true},
@@ -221,7 +223,7 @@ inline std::vector<Case> momentary_cases() {
       Case{"peaucellier_em", peaucellier, kEm, 30, 4, 1e-15, 2e-11},
       Case{"peaucellier_em", peaucellier, kEm, 100, 4, 1e-15, 7e-10},
       Case{"peaucellier_em", peaucellier, kEm, 1000, 4, 1e-15, 2e-6},
-      // two ways part where it starts
+      // starts at a bifurcation
       Case{"flat_with_spring_rk", flat_at_rest, kRk, 30, 3, 1e-15, 7e-9},
       Case{"flat_with_spring_rk", flat_at_rest, kRk, 100, 3, 1e-15, 7e-9},
       Case{"flat_with_spring_rk", flat_at_rest, kRk, 1000, 1, 1e-15, 7e-9},
@@ -231,7 +233,7 @@ inline std::vector<Case> momentary_cases() {
       Case{"flat_with_spring_em", flat_at_rest, kEm, 1000, 1, 1e-15, 7e-9},
       Case{"flat_and_moving_rk", flat_and_moving, kRk, 100, 3, 1e-15, 7e-9},
       Case{"flat_and_moving_em", flat_and_moving, kEm, 100, 3, 1e-15, 7e-9},
-      // a tick ends within 5e-6 m of the flat pose, where what is left out is off by 3e-11 m
+      // A tick ends within 5e-6 m of the flat pose, where dropped rows are off by 3e-11 m.
       Case{"flat_bars_with_spring_rk", flat_bars_with_spring, kRk, 100, 3, 3e-12, 7e-9},
       Case{"flat_bars_with_spring_em", flat_bars_with_spring, kEm, 100, 3, 1e-15, 7e-9},
       Case{"window_with_spring_em", [] { return window_with_spring(1e3); }, kEm, 100, 3, 1e-15,
@@ -244,14 +246,14 @@ inline std::vector<Case> momentary_cases() {
            1e-7}};
 }
 
-// Every tick of a net by energy_momentum keeps joints and energy; run times are printed by
-// constraint_sim_redundancy_table.
+// A large net by energy_momentum: joints and energy hold in every tick.
+// constraint_sim_redundancy_table prints run times.
 inline std::vector<Case> large_cases() {
   return {Case{"net_2966_em", net_2966, kEm, 100, 0.02, 1e-15, 1e-9}};
 }
 
-// Taken for a contradiction before; the links' own motion is followed by many substeps. 4e-12 of
-// the energy [J] is the prototype's figure.
+// Large mass ratios, consistent joints: many substeps resolve the motion of the links. 4e-12 of the
+// energy [J] is the prototype's figure.
 inline std::vector<Case> ratio_cases() {
   return {Case{"tripod_1e8_rk", [] { return tripod(1e8); }, kRk, 100, 0.2, 2e-16,
                4e-12 * 1e8 * problems::kGravity},
@@ -259,8 +261,9 @@ inline std::vector<Case> ratio_cases() {
                4e-12 * 1e10 * problems::kGravity}};
 }
 
-// Whether redundant rows stay where they are, which nothing projects: 1e5 steps of 1/100 s and, of
-// the dome, 6000 of 1/60 s. Minutes; constraint_sim_redundancy_table runs them by --long.
+// Long runs for drift of redundant rows, which no projection corrects: 1e5 steps of 1/100 s, for
+// the dome 6000 of 1/60 s. They take minutes; constraint_sim_redundancy_table runs them with
+// --long.
 inline std::vector<Case> long_cases() {
   return {Case{"bricard_stays", [] { return bricard(); }, kRk, 100, 1000, 5e-15, 4e-8},
           Case{"bricard_far_stays", [] { return bricard(kFar); }, kRk, 100, 1000, 2e-12, 4e-8},

@@ -1,7 +1,7 @@
 #pragma once
 
-// Scenes with dependent, contradictory or badly scaled joints. Each builder says what must hold.
-// All lengths are in metres, masses in kg; methods and ticks are set by the caller.
+// Scenes with dependent, contradictory or badly scaled joints. Each builder says which properties
+// must hold. Lengths are in metres, masses in kg; the caller sets methods and ticks.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -36,14 +36,14 @@ inline Body body_at(const std::string& name, const Vector3d& size, double mass,
   return body;
 }
 
-/// The same point of world space in the frame of a body.
+/// Transforms a point from the world's to a body's frame.
 inline Vector3d in_body(const World& world, BodyId id, const Vector3d& p_W) {
   if (id == kWorldBody) return p_W;
   const BodyState& state = world.state(id);
   return state.orientation.conjugate() * (p_W - state.position);
 }
 
-/// Joins two bodies between two points of world space.
+/// Joins two bodies between two points in world coordinates.
 inline JointId join(World* world, BodyId a, const Vector3d& p_W, BodyId b, const Vector3d& q_W,
                     const JointType& type = DistanceJoint{}) {
   Joint joint;
@@ -60,14 +60,14 @@ inline JointId join_ball(World* world, BodyId a, BodyId b, const Vector3d& p_W) 
   return join(world, a, p_W, b, p_W, JointKind::kBall);
 }
 
-/// A hinge about `axis` of two ball joints, 2 × `half` apart.
+/// Adds a hinge about `axis`, made of two ball joints 2 × `half` apart.
 inline void join_hinge(World* world, BodyId a, BodyId b, const Vector3d& p_W, const Vector3d& axis,
                        double half = 0.1) {
   join_ball(world, a, b, p_W - half * axis);
   join_ball(world, a, b, p_W + half * axis);
 }
 
-/// A rod between two point masses.
+/// Adds a rod between two centres of mass.
 inline void join_centres(World* world, BodyId a, BodyId b) {
   join(world, a, world->state(a).position, b, world->state(b).position);
 }
@@ -85,12 +85,12 @@ inline void set_twist(World* world, BodyId id, const Vector3d& v, const Vector3d
   world->set_state(id, state);
 }
 
-/// Turns a body about a point of world space.
+/// Makes a body rotate about a point in world coordinates.
 inline void spin_about(World* world, BodyId id, const Vector3d& p_W, const Vector3d& w) {
   set_twist(world, id, w.cross(world->state(id).position - p_W), w);
 }
 
-/// Point masses on rods, downwards from `top`, the last with `end_mass`.
+/// Adds point masses on rods, downwards from `top`, the last with `end_mass`.
 inline BodyId hang_chain(World* world, BodyId from, const Vector3d& top, int links, double length,
                          double mass, double end_mass) {
   Vector3d last = top;
@@ -108,8 +108,8 @@ inline BodyId hang_chain(World* world, BodyId from, const Vector3d& top, int lin
 // ---- permanently dependent rows
 
 /// A rigid dome in free flight: an apex and 6 rings of 11 points, joined along rings and meridians,
-/// with both diagonals in each panel and 16 chords in the lowest ring. Of 258 rods 63 are too many.
-/// Energy is kept to rounding.
+/// with both diagonals in each panel and 16 chords in the lowest ring. 63 of 258 rods are
+/// redundant. Energy is kept to rounding.
 inline World dome(const Vector3d& origin = Vector3d::Zero()) {
   constexpr int kRings = 6, kSides = 11;
   const Vector3d w(0.7, 1.1, 0.4), v(3.0, 1.0, 5.0);
@@ -144,14 +144,14 @@ inline World dome(const Vector3d& origin = Vector3d::Zero()) {
   return world;
 }
 
-/// One link of a closed chain of hinges, in Denavit and Hartenberg's sense: turned by `angle` about
-/// the axis before, `length` long, the next axis turned by `twist` about the link.
+/// A link of a closed chain of hinges, by Denavit and Hartenberg: joint angle about the previous
+/// axis, its rate, link length, and twist of the next axis about the link.
 struct Link {
   double angle, rate, length, twist;
 };
 
-/// A closed chain of hinges, each of two ball joints; its last link is the world, so that the chain
-/// starts from the origin.
+/// A closed chain of hinges, each of two ball joints. Its last link is the world; the chain starts
+/// from the origin.
 inline World hinged_loop(const std::vector<Link>& links, const Vector3d& gravity,
                          const Vector3d& origin = Vector3d::Zero()) {
   WorldOptions options;
@@ -184,7 +184,7 @@ inline World hinged_loop(const std::vector<Link>& links, const Vector3d& gravity
 }
 
 /// Bricard's linkage: six unit links along the edges of a cube, each hinge normal to both links. 36
-/// rows hold 30 freedoms, and one is left. Joints and energy are kept to rounding.
+/// rows hold 30 degrees of freedom, and one remains. Joints and energy are kept to rounding.
 inline World bricard(const Vector3d& origin = Vector3d::Zero()) {
   std::vector<Link> links;
   for (int i = 0; i < 6; ++i) {
@@ -194,8 +194,8 @@ inline World bricard(const Vector3d& origin = Vector3d::Zero()) {
   return hinged_loop(links, {0.0, -9.81, 0.0}, origin);
 }
 
-/// Bennett's linkage: opposite links alike, length / sin(twist) the same for all; 24 rows hold 18
-/// freedoms, and one is left. It depends on its measures alone, in no neighbouring linkage.
+/// Bennett's linkage: opposite links are equal, length / sin(twist) is equal for all. 24 rows hold
+/// 18 degrees of freedom, and one remains. The dependence holds for these dimensions only.
 inline World bennett(const Vector3d& origin = Vector3d::Zero()) {
   const double a = 1.0, alpha = 0.6, beta = 1.1;
   const double b = a * std::sin(beta) / std::sin(alpha);
@@ -220,7 +220,7 @@ inline World door(const Vector3d& origin = Vector3d::Zero()) {
   return world;
 }
 
-/// The same with a knob of 0.05 kg on a spring of 1e6 N/m, which makes it stiff.
+/// The door with a knob of 0.05 kg on a spring of 1e6 N/m, which makes the scene stiff.
 inline World door_with_knob() {
   World world = door();
   const BodyId id = world.find_body("door");
@@ -232,7 +232,7 @@ inline World door_with_knob() {
 }
 
 /// A boom on a hinge of two ball joints and a stay, with a load of 1e4 kg on light links, which
-/// make it stiff.
+/// make the scene stiff.
 inline World crane_boom() {
   World world;
   const BodyId boom = world.add_body(body_at("boom", {4.0, 0.2, 0.2}, 50.0, {2.0, 0.0, 0.0}));
@@ -243,8 +243,8 @@ inline World crane_boom() {
   return world;
 }
 
-/// A light ring on a ball joint, with a rod from there across the ring that follows from it, and a
-/// load of 1e5 kg on a rod below.
+/// A light ring on a ball joint, with a redundant rod from there across the ring, and a load of 1e5
+/// kg on a rod below.
 inline World hook_stiff() {
   World world;
   const BodyId ring = world.add_body(body_at("ring", {0.2, 0.2, 0.05}, 0.5, {0.0, 0.0, -0.1}));
@@ -256,9 +256,9 @@ inline World hook_stiff() {
   return world;
 }
 
-/// A box and a mass, held in a point of the box by a ball joint, and by a rod from a corner that
-/// follows from it. Both tumble in free space. The rod turns, so it takes the place of each row of
-/// the ball joint in turn.
+/// A box and a mass, joined in a point of the box by a ball joint, and by a redundant rod from a
+/// corner. Both tumble in free space. As the rod turns it replaces each row of the ball joint in
+/// turn.
 inline World ball_and_dependent_rod(const Vector3d& origin = Vector3d::Zero()) {
   WorldOptions options;
   options.gravity.setZero();
@@ -275,8 +275,8 @@ inline World ball_and_dependent_rod(const Vector3d& origin = Vector3d::Zero()) {
   return world;
 }
 
-/// Nine planks between two fixed edges, each hinged by two ball joints, sagging in an arc of 28° at
-/// its ends; a ball of 5 kg falls on the middle.
+/// Nine planks between two fixed edges, each hinged by two ball joints, sagging in an arc with 28°
+/// at its ends; a ball of 5 kg falls on the middle.
 inline World bridge_two_balls() {
   World world;
   const double length = 0.4;
@@ -309,8 +309,8 @@ inline World bridge_two_balls() {
 
 // ---- momentary singular poses, and loops without dependent rows
 
-/// N windows of bars of 1 kg on ball joints, the IFToMM's A02: the uprights stand, and their tops
-/// move at 1 m/s. All bars are in line twice a turn. Energy is kept.
+/// IFToMM's A02: N windows of bars of 1 kg on ball joints, upright, with tops moving at 1 m/s. All
+/// bars are in line twice a turn. Energy is kept.
 inline World n_four_bar(int windows) {
   World world;
   const auto add_bar = [&](const std::string& name, const Vector3d& from, const Vector3d& to,
@@ -339,8 +339,8 @@ inline World n_four_bar(int windows) {
   return world;
 }
 
-/// Peaucellier's linkage of seven rods; the last point runs along a line, and at both its ends all
-/// rods but one are in line. It starts at rest, 1 m above the middle.
+/// Peaucellier's linkage of seven rods. Its last point runs along a line; at both ends of the line
+/// all rods but one are in line. It starts at rest, 1 m above the middle.
 inline World peaucellier() {
   World world;
   const Vector3d O = Vector3d::Zero(), Q(0.75, 0.0, 0.0), C(2.0, 0.0, 1.0);
@@ -376,8 +376,8 @@ inline World flat_four_bar_with_spring(double speed = 0.0) {
   return world;
 }
 
-/// One without a spring and without weight, that passes its flat pose slowly while a motor changes
-/// the length of a rod by some nanometres, which that pose does not allow.
+/// The flat four-bar without spring and gravity. It passes its flat pose slowly while a motor
+/// changes the length of a rod by some nanometres, which that pose does not allow.
 inline World flat_four_bar_with_motor() {
   World world = flat_four_bar_with_spring(1e-4);
   world.remove_joint(world.joint_ids().back());
@@ -391,7 +391,7 @@ inline World flat_four_bar_with_motor() {
   return world;
 }
 
-/// The four-bar with a spring of slender bars on ball joints, at rest.
+/// The four-bar with a spring, of slender bars on ball joints, at rest.
 inline World flat_bars_with_spring() {
   World world;
   const auto add_bar = [&](const std::string& name, double from) {
@@ -441,7 +441,7 @@ inline World cable_held_at_both_ends(int masses) {
   return world;
 }
 
-/// 200 links of 10 g and 0.1 m, hanging at rest; the middle one moves at 10 m/s across.
+/// 200 links of 10 g and 0.1 m, hanging at rest; the middle one moves across at 10 m/s.
 inline World cable_struck() {
   World world;
   hang_chain(&world, kWorldBody, Vector3d::Zero(), 200, 0.1, 0.01, 0.01);
@@ -449,12 +449,12 @@ inline World cable_struck() {
   return world;
 }
 
-/// 39 × 39 masses and 2966 rods.
+/// A net of 39 × 39 masses and 2966 rods.
 inline World net_2966() { return problems::net(39, 0.1); }
 
-// ---- contradictions: what cannot be met is reported, and gains no energy
+// ---- contradictory joints: reported, and without a gain of energy
 
-/// A mass of 2 kg whose five rods cannot all have their length.
+/// A mass of 2 kg on five rods whose lengths contradict each other.
 inline World tetra() {
   World world;
   const Vector3d start(0.1, 0.1, 0.1);
@@ -472,7 +472,7 @@ inline World tetra() {
   return world;
 }
 
-/// Five masses, tumbling in free space, each pair on a rod, one of which is 20 % too long.
+/// Five masses tumbling in free space, a rod for each pair, and one rod 20 % too long.
 inline World k5_too_long() {
   WorldOptions options;
   options.gravity.setZero();
@@ -494,9 +494,9 @@ inline World k5_too_long() {
   return world;
 }
 
-// ---- ratios
+// ---- mass ratios
 
-/// A load on a light chain from a tripod of four rods, of which one is too many.
+/// A load on a light chain from a tripod of four rods, one of which is redundant.
 inline World tripod(double load) {
   World world;
   const Vector3d top(0.0, 0.0, 3.0);
@@ -509,8 +509,8 @@ inline World tripod(double load) {
   return world;
 }
 
-/// A box that turns at 1e6 rad/s on a ball joint at its corner. What the tick cannot show is
-/// reported.
+/// A box that turns at 1e6 rad/s on a ball joint at its corner, faster than the tick resolves,
+/// which is reported.
 inline World fast_box(const Vector3d& w) {
   World world;
   const BodyId id = world.add_body(body_at("box", {0.3, 0.2, 0.1}, 1.0, {0.15, 0.1, 0.05}));
@@ -519,7 +519,7 @@ inline World fast_box(const Vector3d& w) {
   return world;
 }
 
-/// Two masses of 1 : `ratio` on rods of 1 m below the origin, moving at 1 m/s across.
+/// Two masses `first` and `second` on rods of 1 m below the origin, moving across at 1 m/s.
 inline World mass_ratio(double first, double second) {
   World world;
   const BodyId a = problems::add_mass(&world, "first", {0.0, 0.0, -1.0}, first);
@@ -530,8 +530,8 @@ inline World mass_ratio(double first, double second) {
   return world;
 }
 
-/// Eleven links of 0.1 kg and a load, straight and at rest, with a slack rope beside the chain that
-/// makes it an island of impulses. It starts closed and at rest, and stays so.
+/// Eleven links of 0.1 kg and a load, straight and at rest, with a slack rope beside the chain so
+/// that impulses advance the island. It starts consistent and at rest, and stays so.
 inline World chain_with_slack_rope(double load) {
   World world;
   const BodyId end = hang_chain(&world, kWorldBody, Vector3d::Zero(), 12, 1.0, 0.1, load);
@@ -543,8 +543,8 @@ inline World chain_with_slack_rope(double load) {
 
 // ---- variants
 
-/// A copy with positions, anchors, lengths and quaternions written with `digits` decimals, as in a
-/// file made by hand.
+/// Returns a copy with positions, anchors, lengths and quaternions rounded to `digits` decimals, as
+/// in a file written by hand.
 inline World rounded(const World& original, int digits) {
   const double scale = std::pow(10.0, digits);
   const auto round = [&](double x) { return std::round(scale * x) / scale; };

@@ -1,7 +1,7 @@
 #pragma once
 
-// Joints as the reference in long double has them: rows of up to four bodies, with C and γ, free
-// coordinates, and errors. Read from the public structs alone.
+// Joints of the reference in long double: rows of up to four bodies, with C and γ, free
+// coordinates, and errors. They read the public structs alone.
 
 #include <array>
 #include <string>
@@ -12,8 +12,8 @@
 
 namespace constraint_sim::engine::reference {
 
-/// Bodies, joints and forces as they are given to a World, in the order of their ids: joints name
-/// body i by BodyId{i + 1}, and joint j by JointId{j + 1}, which is before them.
+/// Bodies, joints and forces as given to a World, in the order of their ids: body i is BodyId{i +
+/// 1}, joint j is JointId{j + 1}, and coupled joints come before their coupling.
 struct Scene {
   std::string kind;
   WorldOptions options;
@@ -44,7 +44,7 @@ auto& at(Items& items, int i) {
 
 // ---- rows
 
-/// C, γ = C̈ − J V̇, the rate C is to have, and J, body by body.
+/// A row: C, γ = C̈ − J V̇, the target of Ċ, and J by bodies.
 struct Row {
   struct Block {
     int body = -1;
@@ -57,7 +57,7 @@ struct Row {
   const Block* begin() const { return blocks.data(); }
   const Block* end() const { return blocks.data() + count; }
 
-  /// Of the world, -1, nothing is kept.
+  /// Adds a block of J; the world, -1, has none.
   void add(int body, const Vector3& v, const Vector3& w) {
     if (body < 0) return;
     for (std::size_t i = 0; i < count; ++i) {
@@ -88,14 +88,14 @@ struct Vector {
   int fixed_in;
 };
 
-/// A joint where the bodies are: anchors, frames and d from anchor A to anchor B.
+/// A joint in the present poses: anchors, frames, and d from anchor A to anchor B.
 struct Placed {
   int a, b;  // -1: the world
   Vector3 r_A, r_B;
   Quaternion frame_A, frame_B;
   Vector d;
 
-  /// Poses count from `origin`.
+  /// Positions of poses are relative to `origin`.
   Placed(const Joint& joint, const std::vector<Pose>& poses, const Vector3& origin)
       : a(static_cast<int>(joint.body_a.value) - 1),
         b(static_cast<int>(joint.body_b.value) - 1),
@@ -118,7 +118,7 @@ struct Placed {
     return {Vector3::Unit(k), Vector3(0, 0, 0), Vector3(0, 0, 0), 3};
   }
 
-  /// J of n·ḋ.
+  /// Returns the row of n·ḋ.
   Row along(const Vector3& n) const {
     Row row;
     row.add(a, -n, -r_A.cross(n));
@@ -126,7 +126,7 @@ struct Placed {
     return row;
   }
 
-  /// u·v = 0.
+  /// Returns the row of u·v = 0.
   Row product(const Vector& u, const Vector& v) const {
     Row row;
     row.C = u.value.dot(v.value);
@@ -164,7 +164,7 @@ struct Placed {
   }
 };
 
-/// Rows of every kind but kDistance, which has its length, and of what couples.
+/// Adds rows of every kind except kDistance, which depends on its length, and couplings.
 inline void add_rows(JointKind kind, const Placed& p, std::vector<Row>* rows) {
   const auto add = [&](const Vector& u, const Vector& v) { rows->push_back(p.product(u, v)); };
   const auto add_point = [&] {
@@ -220,9 +220,9 @@ inline void add_rows(JointKind kind, const Placed& p, std::vector<Row>* rows) {
 
 // ---- coordinates
 
-/// q as C, of an angle in [−π, π], with its gradient and γ. `which`: the first, or of a screw its
-/// angle, 1. An angle is that of the twist about z_A, whose rate is z_A·(ω_B − ω_A) where the joint
-/// is met, of a universal joint as well; that is what it is taken for elsewhere.
+/// Returns q as C, angles in [−π, π], with its gradient and γ. `which`: 0, or 1 for the angle of a
+/// screw. An angle is the twist about z_A, whose rate is z_A·(ω_B − ω_A) where the joint is
+/// satisfied, in universal joints too; that rate is used elsewhere as well.
 inline Row coordinate(JointKind kind, const Placed& p, int which) {
   switch (kind) {
     case JointKind::kFreeDistance: {
@@ -257,7 +257,7 @@ inline Row coordinate(JointKind kind, const Placed& p, int which) {
     default:
       break;
   }
-  return p.product(p.on_a(2), p.d);  // a translation along z_A
+  return p.product(p.on_a(2), p.d);  // translation along z_A
 }
 
 inline bool is_angle(const Joint& joint, int which) {
@@ -265,7 +265,7 @@ inline bool is_angle(const Joint& joint, int which) {
          joint.kind == JointKind::kUniversal || (joint.kind == JointKind::kScrew && which == 1);
 }
 
-/// Σ ratio q of what a joint couples, coordinates by index of their joint.
+/// A term of Σ ratio q of a coupling; `joint` is an index.
 struct Term {
   std::size_t joint;
   int which;
@@ -282,8 +282,8 @@ inline std::array<Term, 2> terms_of(const std::vector<Joint>& joints, std::size_
 
 // ---- errors
 
-/// The larger of the distance that has to be zero and of the angle times the radius of gyration; of
-/// every kind but kDistance, coupling left out.
+/// Returns the larger of the joint's distance error and angle error times radius of gyration, for
+/// every kind except kDistance, without couplings.
 inline Real error_of(JointKind kind, const Placed& p, Real radius) {
   const Vector3 z_A = p.on_a(2).value, z_B = p.on_b(2).value;
   const Real along = z_A.dot(p.d.value);

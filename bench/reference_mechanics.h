@@ -5,8 +5,7 @@
 //
 //   A λ = −(G a + γ),  A = G M⁻¹ Gᵀ,  V̇ = a + M⁻¹ Gᵀ λ
 //
-// Dependent rows are left out by Cholesky's factorisation with diagonal pivots: what is left then
-// holds them too.
+// Cholesky factorisation with diagonal pivoting drops dependent rows, which the kept rows imply.
 
 #include <optional>
 #include <variant>
@@ -20,7 +19,7 @@ inline Pose pose_of(const BodyState& state, const Vector3& origin) {
           state.angular_velocity.cast<Real>(), state.orientation.cast<Real>().normalized()};
 }
 
-/// Of each joint that couples, both coordinates with whole turns; zeros of others.
+/// Both coordinates of each coupling, with whole turns; zeros for other joints.
 using Readings = std::vector<std::array<Real, 2>>;
 
 class Mechanics {
@@ -58,22 +57,23 @@ class Mechanics {
   const Scene& scene() const { return scene_; }
   const std::vector<Pose>& start() const { return start_; }
   const Readings& start_readings() const { return readings_; }
-  /// Positions of poses count from here, so that far scenes lose no digits: the first body's start.
+  /// Returns the origin of positions, the first body's start, so that distant scenes lose no
+  /// digits.
   const Vector3& origin() const { return origin_; }
 
-  /// Where a body that nothing pulls at is: what is kinematic keeps its twist.
+  /// Returns the initial poses, with kinematic bodies moved to time t by their twist.
   std::vector<Pose> start_at(Real t) const {
     std::vector<Pose> poses = start_;
     for (std::size_t i = 0; i < poses.size(); ++i) place_kinematic(i, t, &poses[i]);
     return poses;
   }
 
-  /// Radius of gyration [m].
+  /// Returns the radius of gyration [m].
   double radius(std::size_t i) const {
     return static_cast<double>(std::sqrt(inertia_[i].maxCoeff() * inverse_mass_[i]));
   }
 
-  /// ∫ζ, ζ and ζ̇ of a joint's motor.
+  /// Motion of a joint's motor: ∫ζ, ζ and ζ̇.
   struct Travel {
     Real s, rate, acceleration;
   };
@@ -89,7 +89,7 @@ class Mechanics {
     return travel;
   }
 
-  /// Coordinates that are coupled, angles nearest to those expected.
+  /// Returns coupled coordinates, with angles nearest to the expected ones.
   Readings read(const std::vector<Pose>& poses, const Readings& expected) const {
     Readings now = expected;
     for (std::size_t j = 0; j < now.size(); ++j)
@@ -97,7 +97,7 @@ class Mechanics {
         now[j][k] = read(terms_of(scene_.joints, j)[k], poses, expected[j][k]).C;
     return now;
   }
-  /// The same h later, by the rates of both moments.
+  /// Advances coupled coordinates by h, with the mean of the rates at both ends.
   Readings read_on(const std::vector<Pose>& from, const std::vector<Pose>& to, Real h,
                    Readings readings) const {
     for (std::size_t j = 0; j < readings.size(); ++j) {
@@ -110,8 +110,8 @@ class Mechanics {
     return read(to, readings);
   }
 
-  /// Takes those whole turns of angles that meet the couplings best, where an angle has moved by so
-  /// much that its ends do not tell how far. False where there are such.
+  /// Chooses the whole turns that satisfy the couplings best, where an angle has moved too far to
+  /// be unwrapped. Returns whether all turns are known.
   bool choose_turns(const std::vector<Pose>& poses, const Readings& before, Readings* now) const {
     constexpr Real kMostCounted = 2;  // [rad]
     bool are_known = true;
@@ -142,7 +142,7 @@ class Mechanics {
     return are_known;
   }
 
-  /// By how much a joint is off at time t [m]; of limits, beyond them; 0 of springs; of a coupling
+  /// Returns the error of a joint at time t [m]: beyond limits, 0 for springs, and for a coupling
   /// in the unit of its first coordinate.
   Real joint_error(std::size_t j, const std::vector<Pose>& poses, Real t,
                    const Readings& before) const {
@@ -161,14 +161,14 @@ class Mechanics {
          distance->min_length > 0 ? static_cast<Real>(distance->min_length) + s - d : Real{0}});
   }
 
-  /// Smallest of the pivots that are kept, of rows scaled to 1: sin² of the angle between a row and
-  /// those before it, in the metric of the masses.
+  /// Returns the smallest kept pivot of rows scaled to 1: sin² of the angle between a row and those
+  /// before it, in the metric of the masses.
   double smallest_pivot(const std::vector<Pose>& poses, Real t) const {
     return static_cast<double>(
         DenseFactors(matrix(poses, make_rows(poses, t, readings_))).smallest_pivot());
   }
 
-  /// Largest error of a joint, and whose it is.
+  /// Returns the largest error of a joint, and its index.
   std::pair<double, std::size_t> worst_joint(const std::vector<Pose>& poses, double t) const {
     return worst_joint(poses, t, readings_);
   }
@@ -205,13 +205,14 @@ class Mechanics {
 
   // ---- motion
 
-  /// Rows from which all others follow, at a pose that fits. Within a step they must not change:
-  /// between its ends poses do not fit, and there what depends on them contradicts them.
+  /// Returns independent rows, from which all others follow, at a pose that satisfies the joints.
+  /// They must not change within a step, where poses do not satisfy the joints and dependent rows
+  /// contradict.
   std::vector<Eigen::Index> independent_rows(const std::vector<Pose>& poses, Real t) const {
     return DenseFactors(matrix(poses, make_rows(poses, t, readings_))).kept();
   }
 
-  /// `v` and `w` of the result are accelerations.
+  /// Returns accelerations in `v` and `w`.
   std::vector<Pose> accelerations(const std::vector<Pose>& poses, Real t,
                                   const std::vector<Eigen::Index>& kept) const {
     const std::vector<Row> all = make_rows(poses, t, readings_);
@@ -235,8 +236,8 @@ class Mechanics {
     return a;
   }
 
-  /// Makes positions and velocities fit the joints, by the least change in the metric of the
-  /// masses. Returns the largest error left [m], of all joints.
+  /// Projects positions and velocities onto the joints, by the least change in the metric of the
+  /// masses. Returns the largest remaining error of all joints [m].
   Real project(Real t, std::vector<Pose>* poses) const { return project(t, poses, readings_); }
   Real project(Real t, std::vector<Pose>* poses, const Readings& before) const {
     for (int k = 0; k < 4; ++k) {
@@ -297,7 +298,7 @@ class Mechanics {
     if (is_angle(joint, term.which)) row.C += turn * std::round((before - row.C) / turn);
     return row;
   }
-  /// Σ ratio q less its constant.
+  /// Returns Σ ratio q less its constant.
   Row coupled(std::size_t j, const std::vector<Pose>& poses, const Readings& before) const {
     Row row;
     const std::array<Term, 2> terms = terms_of(scene_.joints, j);
@@ -336,7 +337,7 @@ class Mechanics {
     return rows;
   }
 
-  // the lower triangle of A
+  // Returns the lower triangle of A.
   MatrixX matrix(const std::vector<Pose>& poses, const std::vector<Row>& rows) const {
     const auto n = static_cast<Eigen::Index>(rows.size());
     MatrixX A = MatrixX::Zero(n, n);
@@ -354,7 +355,7 @@ class Mechanics {
     return A;
   }
 
-  // adds M⁻¹ Gᵀ λ
+  // Adds M⁻¹ Gᵀ λ.
   void respond(const std::vector<Pose>& poses, const std::vector<Row>& rows, const VectorX& lambda,
                std::vector<Pose>* twists) const {
     for (std::size_t r = 0; r < rows.size(); ++r) {
@@ -390,7 +391,7 @@ class Mechanics {
     }
   }
 
-  // of positions, and of velocities in metres of a second
+  // Returns the largest error of positions, and of velocities over one second [m].
   Real error_left(const std::vector<Pose>& poses, Real t, const Readings& before,
                   const std::vector<Row>& rows) const {
     Real largest = 0;
@@ -410,11 +411,11 @@ class Mechanics {
   std::vector<Pose> start_;
   std::vector<Vector3> inertia_;
   std::vector<Real> inverse_mass_;
-  std::vector<Real> constant_;  // of joints that couple
+  std::vector<Real> constant_;  // right-hand sides of couplings
   Readings readings_;           // at the start
 };
 
-/// Largest difference of positions, and of rotations times the radius of gyration [m].
+/// Returns the largest difference of positions, and of rotations times the radius of gyration [m].
 inline double difference(const Mechanics& mechanics, const std::vector<Pose>& a,
                          const std::vector<Pose>& b) {
   double largest = 0.0;

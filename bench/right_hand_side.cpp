@@ -1,6 +1,5 @@
-// Time of a chain's right-hand side by Google Benchmark, of its kernels and of the general
-// equations, and of whole steps of a chain of bars and of a net; items are links, and of a step
-// stages as well.
+// Times a chain's right-hand side by Google Benchmark, by its kernels and by the general equations,
+// and whole steps of a chain of bars and of a net. Items are links, for steps times stages.
 
 #include <benchmark/benchmark.h>
 
@@ -18,7 +17,7 @@ void count_items(benchmark::State& state, std::int64_t per_iteration) {
   state.SetItemsProcessed(state.iterations() * per_iteration);
 }
 
-/// The equations of a chain from a fixed point along x, its links swinging across it.
+/// Equations of a chain from a fixed point along x, with links swinging across it.
 struct SwingingChain {
   SwingingChain(int links, bool has_bars)
       : equations(equations_of(links, has_bars)), y(equations.size()), dydt(equations.size()) {
@@ -62,7 +61,7 @@ struct SwingingChain {
 
 constexpr bool kMasses = false, kBars = true;
 
-/// One evaluation of a chain's right-hand side, with nothing else of a step.
+/// Times one evaluation of a chain's right-hand side alone.
 template <class System, bool kHasBars>
 void right_hand_side(benchmark::State& state) {
   SwingingChain chain(static_cast<int>(state.range(0)), kHasBars);
@@ -78,7 +77,7 @@ BENCHMARK_TEMPLATE(right_hand_side, ChainOfBodies, kBars)->Arg(10)->Arg(100)->Ar
 BENCHMARK_TEMPLATE(right_hand_side, EquationsOfMotion&, kMasses)->Arg(100);
 BENCHMARK_TEMPLATE(right_hand_side, EquationsOfMotion&, kBars)->Arg(100);
 
-/// Steps of order 8 and one substep each, by stages and joints.
+/// Takes steps of order 8 with one substep each; items are stages times joints.
 void count_stages(benchmark::State& state, World world) {
   constexpr int kStages = 12;
   WorldOptions options = world.options();
@@ -92,13 +91,13 @@ void count_stages(benchmark::State& state, World world) {
   count_items(state, static_cast<std::int64_t>(world.joint_ids().size()) * kStages);
 }
 
-/// One stage for one bar on ball joints, with its share of the rest of the step.
+/// Times one stage for one bar on ball joints, with its share of the rest of the step.
 void bar_stage(benchmark::State& state) {
   count_stages(state, problems::chain_of_bars(static_cast<int>(state.range(0))));
 }
 BENCHMARK(bar_stage)->Arg(10)->Arg(100);
 
-/// The same for one rod of a net of n × n masses: loops.
+/// Times one stage for one rod of a net of n × n masses, which has loops.
 void net_stage(benchmark::State& state) {
   count_stages(state, problems::net(static_cast<int>(state.range(0)), 0.1));
 }

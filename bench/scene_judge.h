@@ -1,10 +1,9 @@
 #pragma once
 
-// Runs a scene by each method and says what is off and was not reported: joints by more than 1e-6
-// m, energy, and within 1 s the state by more than 1e-6 m + 100 times the accumulated estimate. In
-// scenes where a disturbance of the start grows more than tenfold by then, ten times that growth
-// takes the place of 100: motions that part make as much of any error, however well it is
-// estimated.
+// Runs a scene by each method and finds unreported errors: joints above 1e-6 m, energy, and within
+// 1 s the state above 1e-6 m + 100 times the accumulated estimate. Where a disturbance of the start
+// grows more than tenfold, ten times that growth replaces 100: diverging motions amplify every
+// error, however well it is estimated.
 
 #include <cstdio>
 #include <functional>
@@ -27,19 +26,19 @@ inline constexpr Setting kSettings[] = {
     {"sequential_impulses", Method::kSequentialImpulses, 8},
 };
 
-/// One thing that is off, or none where `what` is empty.
+/// An error, or none where `what` is empty.
 struct Finding {
   std::string setting;
   long tick = 0;
   std::string what;    // class: joints, energy, state, finite, report, conflict
   std::string detail;  // figures
 
-  /// Whether it is wrong without a word. A word that is wrong is told beside.
+  /// Returns whether a wrong result was not reported. A wrong report is a finding, but not silent.
   bool is_silent() const { return !what.empty() && what != "conflict"; }
 };
 
-/// Whether the last step says that its result is not to be relied upon. Errors that are merely
-/// listed count for sequential_impulses alone: `own_error` is what the joints are off by.
+/// Returns whether the last step reports that its result is unreliable. Listed errors alone count
+/// for sequential_impulses only; `own_error` is the error of joints.
 inline bool says_so(const World& world, Method method, double own_error) {
   const StepReport& report = world.report();
   if (report.failed || report.unresolved_bodies > 0) return true;
@@ -52,12 +51,12 @@ inline bool says_so(const World& world, Method method, double own_error) {
          report.max_constraint_error >= 0.999 * own_error - 1e-12;
 }
 
-/// The motion by the reference, at every tenth of a second, with its own error and with what a
-/// disturbance of the start grows to.
+/// Motion by the reference, every tenth of a second, with its own error and the growth of a
+/// disturbance of the start.
 struct Motion {
   std::vector<std::vector<Pose>> samples;
   std::vector<double> error;        // [m]
-  std::vector<double> sensitivity;  // m/m
+  std::vector<double> sensitivity;  // growth of a disturbance [m/m]
 };
 
 constexpr double kDuration = 1.0;        // [s]
@@ -99,7 +98,7 @@ inline Motion reference_motion(const Mechanics& mechanics) {
 
 class Judge {
  public:
-  /// `is_strict`: methods that integrate keep joints to (1e-12 m + 4 eps · coordinate)/√(smallest
+  /// `is_strict`: integrating methods must keep joints to (1e-12 m + 4 eps · coordinate)/√(smallest
   /// kept pivot), where the reference has a motion.
   explicit Judge(Scene scene, bool is_strict = false)
       : mechanics_(std::move(scene)), motion_(reference_motion(mechanics_)) {
@@ -122,7 +121,7 @@ class Judge {
   bool has_motion() const { return !motion_.samples.empty(); }
   const Scene& scene() const { return mechanics_.scene(); }
 
-  /// The first thing that is off by a method.
+  /// Returns the first error of a method.
   Finding judge(const Setting& setting) const {
     Scene scene = mechanics_.scene();
     scene.options.method = setting.method;
@@ -131,12 +130,12 @@ class Judge {
     return follow(setting, &world, nullptr);
   }
 
-  /// The same of a world that is to move as the scene does.
+  /// Returns the first error of a world that should move like the scene.
   Finding judge(const Setting& setting, World* world) const {
     return follow(setting, world, nullptr);
   }
 
-  /// The same motion by `auto` of scenes that only look different.
+  /// Compares the motion by `auto` of variants: scenes that differ in description only.
   std::vector<Finding> compare_variants(std::uint64_t seed) const {
     std::vector<Finding> findings;
     if (!has_motion()) return findings;
@@ -184,7 +183,7 @@ class Judge {
  private:
   using Back = std::function<std::vector<Pose>(std::vector<Pose>)>;
 
-  // `size`: of the world, in that of the scene
+  // Runs a world. `size`: scale of the world relative to the scene.
   Finding follow(const Setting& setting, World* world, const Back& back, double size = 1.0) const {
     const Scene& scene = mechanics_.scene();
     const double h = scene.options.time_step;
@@ -221,12 +220,12 @@ class Judge {
 
   struct Progress {
     double start = 0.0, before = 0.0;  // energy [J]
-    double scale = 0.0;                // of energies [J]
-    double estimate = 0.0;             // accumulated [m]
-    double corrected = 0.0;            // by impulses [m]
-    double error = 0.0;                // of joints, tick before [m]
-    reference::Readings readings;      // of what is coupled
-    bool knows_turns = true;           // of that
+    double scale = 0.0;                // scale of energies [J]
+    double estimate = 0.0;             // accumulated estimate [m]
+    double corrected = 0.0;            // corrections by impulses [m]
+    double error = 0.0;                // error of joints in the previous tick [m]
+    reference::Readings readings;      // coupled coordinates
+    bool knows_turns = true;           // whole turns of coupled coordinates are known
     std::vector<Pose> poses;
     bool has_said = false;
     bool uses_impulses = false;
@@ -275,10 +274,10 @@ class Judge {
     // a rope that becomes taut is an inelastic impact
     const bool loses = is_damped_ || has_limits_ || so_far->uses_impulses || is_thrown();
     const double off = loses ? rise : std::abs(rise);
-    // and the energy of 1e-6 m/s, where a scene that rests has no other
+    // The last term is the energy of 1e-6 m/s, for scenes at rest.
     double allowed =
         1e-6 * so_far->scale + 100.0 * so_far->estimate * so_far->scale + 0.5e-12 * mass();
-    // what Baumgarte's corrections lift, at most; of rotations the method is of first order
+    // Baumgarte's corrections may lift bodies; with rotations the method is of first order.
     if (so_far->uses_impulses) allowed += weight() * so_far->corrected;
     if (so_far->uses_impulses && turns_) allowed += 1e-3 * so_far->scale;
     if (!(off > allowed)) return false;
@@ -315,7 +314,7 @@ class Judge {
       return 1e-6 + 4.0 * 2.3e-16 * coordinate_;
     return (1e-12 + 4.0 * 2.3e-16 * coordinate_) / std::sqrt(*smallest_pivot_);
   }
-  // of the motion, as the reference has it
+  // Returns the smallest pivot along the motion of the reference.
   double smallest_pivot() const {
     double least = mechanics_.smallest_pivot(mechanics_.start(), 0);
     for (std::size_t k = 0; k < motion_.samples.size(); ++k)
@@ -337,7 +336,7 @@ class Judge {
     return mass * mechanics_.scene().options.gravity.norm();
   }
 
-  // ---- scenes that only look different
+  // ---- variants: scenes that differ in description only
 
   Scene transformed(const Quaterniond& q, const Vector3d& x) const {
     Scene scene = mechanics_.scene();
@@ -378,7 +377,7 @@ class Judge {
       joint.body_b = id[joint.body_b.value];
     }
     shuffle(&scene.joints);
-    // what couples joints comes after them
+    // couplings must follow the joints that they couple
     std::stable_partition(scene.joints.begin(), scene.joints.end(),
                           [](const Joint& joint) { return !couples_joints(joint.kind); });
     for (Joint& joint : scene.joints)
@@ -387,10 +386,10 @@ class Judge {
     return scene;
   }
 
-  // and of couplings the first joint and the second
+  // Exchanges bodies A and B of joints, and first and second joint of couplings.
   Scene exchanged() const {
     Scene scene = mechanics_.scene();
-    // the first coordinate of what is exchanged changes its sign, or is another one
+    // Exchanging bodies reverses the sign of the first coordinate, or selects another coordinate.
     std::vector<double> sign(scene.joints.size(), 1.0);
     std::vector<bool> stays(scene.joints.size(), false);
     for (Joint& joint : scene.joints)
@@ -400,8 +399,9 @@ class Judge {
       }
     for (std::size_t j = 0; j < scene.joints.size(); ++j) {
       Joint& joint = scene.joints[j];
-      const bool is_of_a = joint.kind == JointKind::kPointOnLine ||  // the line, or the plane
-                           joint.kind == JointKind::kPointOnPlane;
+      const bool is_of_a =
+          joint.kind == JointKind::kPointOnLine ||  // the line, or the plane, belongs to A
+          joint.kind == JointKind::kPointOnPlane;
       if (is_of_a || stays[j]) continue;
       if (joint.kind != JointKind::kFreeDistance) sign[j] = -1.0;
       std::swap(joint.body_a, joint.body_b);
@@ -416,7 +416,7 @@ class Judge {
     return scene;
   }
 
-  // what a gear or a pulley couples
+  // Returns the joints that a gear or pulley couples.
   static std::vector<JointId*> coupled_by(Joint* joint) {
     if (!couples_joints(joint->kind)) return {};
     return {&joint->coupling.first, &joint->coupling.second};
@@ -433,7 +433,7 @@ class Judge {
     return !is_angle(scene.joints[joint.value - 1].kind, 0);
   }
 
-  // all lengths, with weight and inertia of the bodies; of the tolerance as well
+  // Scales all lengths, with gravity, inertia and the tolerance.
   Scene scaled(double factor) const {
     Scene scene = mechanics_.scene();
     scene.options.gravity *= factor;
@@ -460,7 +460,7 @@ class Judge {
     return scene;
   }
 
-  // but for springs and limits, which would add up
+  // Duplicates joints, except springs and limits, which would add up.
   Scene doubled() const {
     Scene scene = mechanics_.scene();
     for (const Joint& joint : mechanics_.scene().joints) {
@@ -480,7 +480,7 @@ class Judge {
   bool has_limits_ = false, is_driven_ = false, is_damped_ = false, turns_ = false;
 };
 
-/// All findings on the scene of a seed, and whether the reference could follow it.
+/// Findings on the scene of a seed, and whether the reference could follow its motion.
 struct Verdict {
   std::uint64_t seed = 0;
   std::string kind;
@@ -489,7 +489,7 @@ struct Verdict {
   std::vector<Finding> findings;
 };
 
-/// `only`: the name of a setting, or empty for all and the variants.
+/// Judges a scene. `only`: name of a setting; empty: all settings and the variants.
 inline Verdict judge_scene(const Judge& judge, std::uint64_t seed, const std::string& only) {
   Verdict verdict{
       seed, judge.scene().kind, 1.0 / judge.scene().options.time_step, judge.has_motion(), {}};
@@ -508,7 +508,7 @@ inline Verdict judge_seed(std::uint64_t seed, const std::string& only = "") {
   return judge_scene(Judge(Generator(seed).make()), seed, only);
 }
 
-/// One line, from which the scene can be made again.
+/// Returns one line, from which the scene can be reproduced.
 inline std::string line_of(const Verdict& verdict, const Finding& finding) {
   char text[512];
   std::snprintf(text, sizeof text, "--only %-5llu %-24s 1/%-4.0f s tick %-4ld %-12s %s | %s",

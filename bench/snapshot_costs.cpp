@@ -1,5 +1,5 @@
-// Bytes and time of a copy of a world, and of a snapshot for publishing: 1000 bodies on 1000 rods,
-// as one chain and as pendula.
+// Prints bytes and time of a copy of a world, and of a snapshot for publishing: 1000 bodies on 1000
+// rods, as one chain and as pendula.
 //
 // Usage: constraint_sim_snapshot_costs
 
@@ -54,8 +54,8 @@ World bodies_on_rods(bool is_chain) {
 }
 
 struct Cost {
-  double kilobytes;     // of the first one
-  double microseconds;  // of one into the last one, median
+  double kilobytes;     // size of a first copy
+  double microseconds;  // time of a copy into the previous one, median
 };
 
 template <class Copy>

@@ -1,5 +1,5 @@
-// What a heavy load on light links costs, and how well its way is known: energy_momentum beside
-// runge_kutta that resolves the links.
+// Prints the cost and error of a heavy load on light links: energy_momentum beside runge_kutta,
+// which resolves the motion of the links.
 
 #include <chrono>
 #include <cstdio>
@@ -9,10 +9,10 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr int kRepetitions = 5;      // of each run, the fastest counts
+constexpr int kRepetitions = 5;      // runs per setting; the fastest counts
 constexpr double kDuration = 5.0;    // [s]
-constexpr int kSamples = 50;         // at which errors are taken
-constexpr double kLongestRun = 2e6;  // [µs]; takes no repetition
+constexpr int kSamples = 50;         // number of samples of the error
+constexpr double kLongestRun = 2e6;  // longer runs are not repeated [µs]
 
 struct Setting {
   const char* name;
@@ -38,9 +38,9 @@ constexpr Setting kSettings[] = {
 
 struct Result {
   double of_load = 0.0, of_links = 0.0;  // largest errors [m]
-  double drift = 0.0;                    // of energy
+  double drift = 0.0;                    // change of energy over its scale
   double run_time = 0.0;                 // [µs] per simulated second
-  double newton_steps = 0.0;             // a midpoint step
+  double newton_steps = 0.0;             // Newton iterations per midpoint step
 };
 
 Result run(const World& scene, const Setting& setting,
@@ -85,7 +85,7 @@ void print_table(double end_mass) {
   const auto reference = problems::heavy_chain_references(end_mass, false, kDuration, kSamples);
   for (const Setting& setting : kSettings) {
     const double h_omega = std::sqrt(4.0 * end_mass * problems::kGravity / 0.1) / setting.rate;
-    if (setting.tolerance == 0.0 && h_omega > 5.9) continue;  // not stable
+    if (setting.tolerance == 0.0 && h_omega > 5.9) continue;  // unstable
     const Result result = run(scene, setting, reference);
     std::printf("%8.0e  %-21s 1/%-5d %9.1f %10.1e %10.1e %10.1e %6.1f\n", end_mass, setting.name,
                 setting.rate, result.run_time, result.of_load, result.of_links, result.drift,

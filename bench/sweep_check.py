@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""What sweeps cost, and that nothing is lost: a study of many cases on threads, on a local cluster, and on a
-scheduler with three workers of which one is killed and one comes late; interrupted ten times and resumed; held
-against the runner; the overhead of a case, and two workers against one.
+"""Measures costs of sweeps, and checks that nothing is lost: a study of many cases on threads, on a local cluster,
+and on a scheduler with three workers, one of them killed and one late; interrupted ten times and resumed; compared
+with the runner; the overhead of a case, and two workers against one.
 
   PYTHONPATH=build/engine/python:python bench/sweep_check.py [--cases 2000] [--runner build/engine/constraint_sim_run]
 
@@ -24,7 +24,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / 'test/python'))
 COMMAND = [sys.executable, str(ROOT / 'src/tools/constraint_sim_sweep')]
-FINISHED_BUT_TOLD = 4  # exit status of the runner: errors of joints that are not being closed
+FINISHED_BUT_TOLD = 4  # exit status of the runner: unclosed errors of joints
 SCENE = """world: {time_step: 0.01}
 bodies:
   - {name: a, mass: 1, position: [1, 0, 0]}
@@ -92,7 +92,7 @@ def runner_hashes(path, runner, folder):
 
 
 def on_machines(path, folder):
-    """Three workers; the first is killed once results come, and a fourth comes then."""
+    """Runs on three workers; the first is killed once results arrive, and a fourth joins then."""
     os.environ.setdefault('CONSTRAINT_SIM_RUN', 'unused')
     from test_sweep import Machines, wait_until
     machines = Machines(folder)
@@ -110,7 +110,7 @@ def on_machines(path, folder):
 
 
 def interrupted(path, times):
-    """SIGINT and SIGKILL in turn, at random moments; then to the end."""
+    """Sends SIGINT and SIGKILL alternately, at random times; then runs to the end."""
     moments = random.Random(1)
     counts = [0]
     for number in range(times):
@@ -126,8 +126,8 @@ def interrupted(path, times):
 
 
 def adopt_orphans():
-    """Makes this process the parent of what outlives its own: a command ends before its processes for cases,
-    whose processor time is known to their parent alone."""
+    """Makes this process the parent of orphans: a command ends before its processes for cases, whose processor time
+    only their parent knows."""
     PR_SET_CHILD_SUBREAPER = 36
     if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) != 0:
         raise OSError(ctypes.get_errno(), 'prctl')
@@ -142,7 +142,7 @@ def wait_for_orphans():
 
 
 def timed(path, *options):
-    """Wall time and processor time of the command and its processes [s]."""
+    """Returns wall time and processor time of the command and its processes [s]."""
     wait_for_orphans()
     def processor():
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -155,7 +155,7 @@ def timed(path, *options):
 
 
 def busy_time():
-    """Of all processors since the start of the machine [s]."""
+    """Returns the busy time of all processors since the start of the machine [s]."""
     with open('/proc/stat') as file:
         ticks = [int(word) for word in file.readline().split()[1:9]]
     return (sum(ticks) - ticks[3] - ticks[4]) / os.sysconf('SC_CLK_TCK')  # idle, waiting for disks
@@ -188,7 +188,7 @@ def check_times(check, folder, cases):
     short = make(folder / 'short', cases, 2)
     taken, processor = timed(short)
     run_time = table(short)[1]
-    # of the processor, since others may have had it meanwhile
+    # processor time, since other processes may have used the processor meanwhile
     overhead = 1e3 * (processor - run_time) / cases
     check(overhead < 5.0, f'overhead of a case: {overhead:.2f} ms of the processor, starting and writing '
                           f'included; {cases} cases of {1e3 * run_time / cases:.2f} ms took {taken:.1f} s')
@@ -201,7 +201,7 @@ def check_times(check, folder, cases):
             wall, used = timed(path, '--workers', workers)
             times[workers - 1].append(wall)
             before += used
-    # what others have is missing to two workers, not to one
+    # time of other processes is missing to two workers, not to one
     others = (busy_time() - before) / (time.monotonic() - begun) / os.cpu_count()
     one, two = map(min, times)
     run_time = table(path)[1] / count

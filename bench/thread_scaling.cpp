@@ -1,6 +1,7 @@
-// Wall time of a step of many islands by number of threads, and whether the state is the same.
+// Prints the wall time of a step of many islands by number of threads, and whether the state is the
+// same.
 //
-//   constraint_sim_thread_scaling [ISLANDS]    10, 100, 1000 and 10000 unless given
+//   constraint_sim_thread_scaling [ISLANDS]    10, 100, 1000 and 10000 by default
 
 #include <chrono>
 #include <cstdio>
@@ -13,7 +14,7 @@ namespace {
 
 constexpr int kSteps = 20, kRepetitions = 10;
 
-/// Pendula on rods of their own.
+/// Pendula, each on its own rod.
 World pendula(int count, int threads) {
   WorldOptions options;
   options.time_step = 1.0 / 240.0;
@@ -32,7 +33,7 @@ World pendula(int count, int threads) {
   return world;
 }
 
-/// Best of several [µs].
+/// Returns the best of several times [µs].
 double time_of_a_step(World* world) {
   double best = 1e300;
   for (int repetition = 0; repetition < kRepetitions; ++repetition) {

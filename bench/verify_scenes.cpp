@@ -1,14 +1,10 @@
-// Random scenes of the other judges with random wrenches and edits, each verified against itself
-// with half the time step, another method and a perturbed twin (constraint_sim/engine/verify.h).
-// Compares what verify() finds with what the run itself reported.
+// Verifies random scenes of the other judges, with random wrenches and edits, against themselves
+// with half the time step, another method and a perturbed start (constraint_sim/engine/verify.h),
+// and compares verify() with the reports of the run. A scene depends on its number alone. Exit
+// status 1 where more than 0.1 % of scenes have an unreported difference, or more than 1 % a
+// warning without a difference or chaos.
 //
 //   PROGRAM [--scenes 5000] [--seed 1] [--duration 0.5] [--threads 2] [--least 1e-6] [--margin 100]
-//
-// A scene is made from its number alone. Prints a line for each scene in which a difference exceeds
-// the allowed one, or which the run warned of in vain, and the two shares: of scenes with such a
-// difference that the run had not reported, and of scenes with a warning in which no difference
-// was found though none was chaotic. Exit status 1 where the first is above 0.1 % or the second
-// above 1 % of the scenes.
 
 #include <atomic>
 #include <boost/program_options.hpp>
@@ -56,7 +52,7 @@ std::vector<BodyId> dynamic_bodies(const World& world) {
   return ids;
 }
 
-/// A wrench on one body in half of the scenes.
+/// Adds a wrench on one body in half of the scenes.
 void add_random_wrench(random_scenes::Random& draw, double duration, World* world) {
   const std::vector<BodyId> bodies = dynamic_bodies(*world);
   if (bodies.empty() || !draw.chance(0.5)) return;
@@ -71,7 +67,7 @@ void add_random_wrench(random_scenes::Random& draw, double duration, World* worl
 /// An edit at the beginning of a tick.
 struct RandomEdit {
   enum class Kind { kNone, kDisable, kMotor, kMass, kVelocity } kind = Kind::kNone;
-  double time = 0.0;  // simulated [s]
+  double time = 0.0;  // simulated time [s]
   std::uint64_t which = 0;
   double amount = 0.0;
 
@@ -88,7 +84,7 @@ struct RandomEdit {
     try {
       change(world);
     } catch (const std::invalid_argument&) {
-      // a joint that cannot be edited like this stays as it is, in all runs
+      // joints that reject the edit stay as they are, in all runs
     }
   }
 

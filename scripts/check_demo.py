@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Checks what the demonstration recorded; exits with 1 and says why when it shows too little.
+"""Checks the record of the demonstration; exits with 1 and a reason when it shows too little.
 
   check_demo.py BAG PICTURE BODY CONSTRAINT
 
-BAG holds every main topic, transforms that move, and the body and constraint that were added by
+BAG must hold every main topic, moving transforms, and the body and constraint added by
 service calls. PICTURE is a screenshot of rviz whose 3-D view shows the colours of the markers.
 """
 import subprocess
@@ -14,13 +14,13 @@ import rosbag
 
 TOPICS = ['/tf'] + ['/constraint_sim/' + name for name in
                     ('markers', 'body_states', 'constraint_states', 'statistics')]
-MOVED = 0.05  # [m] that some frame must travel at least
+MOVED = 0.05  # least motion of some frame [m]
 
-# The 3-D view of config/constraint_sim.rviz in pixels, well inside its frame
+# 3-D view of config/constraint_sim.rviz in pixels, well inside its frame
 VIEW = (slice(70, 760), slice(24, 850))
 BACKGROUND = (48, 48, 48)
 DYNAMIC_BODY = (69, 130, 181)
-# of constraints: without load, and where that is off; in tension and in compression
+# Colours of constraints: without load, and with an error; in tension and in compression.
 UNLOADED, LARGE_ERROR, TENSION, COMPRESSION = (51, 204, 51), (255, 71, 64), (26, 217, 255), (255, 230, 26)
 
 
@@ -49,7 +49,7 @@ def check_bag(path, body, constraint):
 
 
 def read_view(path):
-    """The 3-D view as float array of rows, columns, rgb."""
+    """Returns the 3-D view as a float array of rows, columns, rgb."""
     size = subprocess.run(['identify', '-format', '%w %h', path], check=True, text=True,
                           stdout=subprocess.PIPE).stdout
     width, height = map(int, size.split())
@@ -63,14 +63,14 @@ def count_close(pixels, colour, distance):
 
 
 def count_shaded(pixels, colour):
-    """Pixels of this colour under any light: the same direction in rgb, and not too dark."""
+    """Counts pixels of this colour under any light: equal direction in rgb, and not too dark."""
     brightness = numpy.linalg.norm(pixels, axis=-1)
     cosine = pixels @ (colour / numpy.linalg.norm(colour)) / numpy.maximum(brightness, 1.0)
     return int(((cosine > 0.995) & (brightness > 80)).sum())
 
 
 def count_blended(pixels, start, end, distance):
-    """Pixels close to the line between two colours."""
+    """Counts pixels close to the line between two colours."""
     start, way = numpy.array(start, float), numpy.subtract(end, start)
     share = numpy.clip((pixels - start) @ way / (way @ way), 0.0, 1.0)
     return count_close(pixels, start + share[..., None] * way, distance)

@@ -5,7 +5,7 @@
 
 BUILD         the build's folder, after CTest ran in it. Results are the XML files that gtest, pytest and
               rostest leave in test_results.
-CTEST_STATUS  CTest's exit status: a failure that no case tells, as of a program that crashed, counts as
+CTEST_STATUS  CTest's exit status: a failure without a failed case, such as a crash, counts as
               one failed case.
 
 Registered are the cases that the gtest programs list. rostest and pytest run what their files define and
@@ -34,7 +34,7 @@ def main(build, status):
     results = next(build.rglob('test_results'))
     passed, failed, ran = 0, [], set()
     for path in sorted(results.rglob('*.xml')):
-        # rostest writes each result twice: of the test, and of the file that names it
+        # rostest writes each result twice: for the test, and for the file that names it
         if path.parent.name == 'constraint_sim' and path.name.startswith('rostest-'):
             continue
         try:

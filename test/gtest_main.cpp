@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-// Our own, because not every catkin links gtest's.
+// Own main function, since not every catkin links gtest's.
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
   return RUN_ALL_TESTS();

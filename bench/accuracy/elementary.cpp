@@ -1,5 +1,5 @@
-// The largest errors of engine/math/elementary.h against MPFR, over arguments of all sizes. Fails
-// where one is above what the header states. 1e8 arguments take two hours on one core:
+// Measures the largest errors of engine/math/elementary.h against MPFR, over arguments of all
+// sizes. Fails where one exceeds the bound in the header. 1e8 arguments take two hours on one core:
 //   g++ -std=c++17 -O2 -Isrc bench/accuracy/elementary.cpp src/engine/math/elementary.cpp
 //     -ffp-contract=off -lmpfr -lgmp -pthread -o build/elementary_accuracy
 //   build/elementary_accuracy 1e8
@@ -23,7 +23,7 @@ namespace math = constraint_sim::engine::math;
 
 namespace {
 
-constexpr mpfr_prec_t kBits = 140;  // of exact results
+constexpr mpfr_prec_t kBits = 140;  // precision of exact results
 
 class Number {
  public:
@@ -39,7 +39,7 @@ class Number {
 
 struct Function {
   const char* name;
-  double stated;  // [ulp]
+  double stated;  // bound in the header [ulp]
 };
 constexpr std::array<Function, 6> kFunctions{{{"sin", 0.8},
                                               {"cos", 0.8},
@@ -48,7 +48,7 @@ constexpr std::array<Function, 6> kFunctions{{{"sin", 0.8},
                                               {"hypot of 3", 1.6},
                                               {"fifth_root", 1.0}}};
 
-/// The largest error of each function, and where it is.
+/// Largest error of a function, and its arguments.
 struct Worst {
   double error = 0.0;
   std::array<double, 3> at{};

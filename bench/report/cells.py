@@ -23,7 +23,7 @@ Problem = collections.namedtuple(
     'Problem', 'name group graded duration length tick_scale invalid conflict has_reference source')
 Batch = collections.namedtuple('Batch', 'round problem variant values grid')
 
-# what `header` of a program prints, and the round
+# Columns that `header` of a program prints, and the round.
 COLUMNS = {
     'round': 'which of the interleaved rounds this run belongs to, from 1; errors stand in the first '
              'only. 0: a perturbed method',
@@ -48,8 +48,8 @@ COLUMNS = {
     'penetration': 'deepest overlap of spheres, of spheres or boxes and planes [m]',
     'distance': 'how far a body came from its start at most [m]',
 }
-TIMED = list(COLUMNS).index('position')  # columns before the errors
-GRACE = 5.0  # [s] that a process may take for a setting beyond twice the budget
+TIMED = list(COLUMNS).index('position')  # number of columns before the errors
+GRACE = 5.0  # time beyond twice the budget that a process may take for a setting [s]
 
 
 def programs(folder):
@@ -63,7 +63,7 @@ def output_of(program, *arguments):
 
 
 def variants(folder):
-    """Of all programs; ours first."""
+    """Returns the variants of all programs; this engine first."""
     found = []
     for program in programs(folder):
         for line in output_of(program, 'list').splitlines():
@@ -74,7 +74,7 @@ def variants(folder):
 
 
 def label(variant):
-    """The name of a contestant."""
+    """Returns the name of a contestant."""
     return f'{variant.engine} {variant.name}'
 
 
@@ -91,8 +91,8 @@ def problems(program):
 
 
 class ProgressBar:
-    """Over all that is to be done, with the time left, where somebody is looking; else a line now
-    and then. The estimate takes what is left to be as dear as what is done."""
+    """Shows progress of all batches, with the remaining time, on a terminal; else prints a line now and
+    then. Remaining batches are assumed as expensive as finished ones."""
 
     def __init__(self, total):
         self.title, self.total, self.done = '', total, 0
@@ -117,13 +117,13 @@ class ProgressBar:
                   end=end, file=sys.stderr, flush=True)
 
     def skip(self, count):
-        """That so many are done already, or need not be."""
+        """Counts batches that are done already, or not needed."""
         with self.lock:
             self.total -= count
 
 
 def lines_within(process, limit):
-    """Lines of a process as they come; None when `limit` seconds passed without one."""
+    """Yields lines of a process as they arrive; None when `limit` seconds passed without one."""
     selector = selectors.DefaultSelector()
     selector.register(process.stdout, selectors.EVENT_READ)
     rest = b''
@@ -140,7 +140,7 @@ def lines_within(process, limit):
 
 
 def run_batch(batch, references, budget, repeats, perturbation, memory):
-    """Rows of the CSV files. A setting that crashes or hangs is noted, and the rest goes on."""
+    """Yields rows of the CSV files. A setting that crashes or hangs is noted, and the others go on."""
     variant, values, rows = batch.variant, list(batch.values), []
     contestant = label(variant) + (' perturbed' if perturbation else '')
     while values:
@@ -150,7 +150,7 @@ def run_batch(batch, references, budget, repeats, perturbation, memory):
                    '--values', *(f'{value:.12g}' for value in values)]
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for us: what runs then is ended properly
+            start_new_session=True,  # Ctrl-C is for this program: running processes are ended properly
             preexec_fn=lambda: memory and resource.setrlimit(resource.RLIMIT_AS, (memory, memory)))
         current, outcome, finished = None, None, 0
         for line in lines_within(process, 2.0 * budget + GRACE):
@@ -172,13 +172,13 @@ def run_batch(batch, references, budget, repeats, perturbation, memory):
         outcome = outcome or 'crashed'
         rows.append([str(batch.round), batch.problem, contestant, 'tick' if batch.grid else variant.knob,
                      current, outcome, 'nan', '0'] + ['nan'] * 8)
-        # dearer settings of what hangs would hang longer
+        # more expensive settings would hang longer
         values = [] if outcome == 'hung' else values[finished + 1:]
     return rows
 
 
 class Table:
-    """A CSV file that grows, and what of it is already there."""
+    """A growing CSV file, and its complete batches."""
 
     def __init__(self, path, is_fresh):
         self.path = pathlib.Path(path)
@@ -205,7 +205,7 @@ class Table:
             self.done.add(self.key(batch))
 
     def rows(self):
-        """Of batches that are complete; half ones are left over from an interruption."""
+        """Yields rows of complete batches; incomplete ones are remains of an interruption."""
         with open(self.path, newline='') as file:
             return [row for row in csv.DictReader(file)
                     if f'{row["round"]} {row["problem"]} {row["contestant"].replace(" perturbed", "")}'
@@ -213,8 +213,8 @@ class Table:
 
 
 def finish(workers, function, items):
-    """Calls the function for each item on so many threads. Once one fails, or the user interrupts,
-    what has begun is finished and the rest is left."""
+    """Calls the function for each item on this many threads. After a failure or an interruption, running
+    calls are finished and the others are dropped."""
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
         futures = [pool.submit(function, item) for item in items]
         try:
@@ -233,7 +233,7 @@ def run_all(title, batches, table, workers, progress, **settings):
 
     def run(batch):
         rows = run_batch(batch, **settings)
-        if batch.round > 1:  # the errors are those of the first
+        if batch.round > 1:  # errors come from the first round
             rows = [row[:TIMED] + [''] * (len(row) - TIMED) for row in rows]
         table.add(batch, rows)
         progress.step()
@@ -242,7 +242,7 @@ def run_all(title, batches, table, workers, progress, **settings):
 
 
 def repeat(number, batches, table, progress, **settings):
-    """A round after the first, of what ended well in that: only its times can get better."""
+    """Repeats batches that succeeded in the first round: only their times can improve."""
     good = collections.defaultdict(list)
     for row in table.rows():
         if row['round'] == '1' and row['outcome'] == 'ok':
@@ -253,7 +253,7 @@ def repeat(number, batches, table, progress, **settings):
 
 
 def make_references(program, folder, names, sources, progress):
-    """Computes what is missing in `folder`; all of it anew when the problems changed."""
+    """Computes missing references in `folder`; all of them when the problems changed."""
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     digest = hashlib.sha256(b''.join(path.read_bytes() for path in sorted(sources))).hexdigest()

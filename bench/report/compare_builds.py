@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Compares what two builds of this engine take for the report's quick problems.
+"""Compares the run times of two builds of this engine for the report's quick problems.
 
     compare_builds.py OLD NEW [--count] [--rounds 3] [--variant V ...] [--problem P ...]
 
 OLD and NEW are constraint_sim_report_engine of two commits. Each problem, variant and value is run
 by both in turn, in alternating rounds, and the smallest run time of each is compared; or, with
 --count, the instructions of a tick as callgrind counts them, those of libraries included, which
-other work on the machine does not change. Prints a line for each case that both could do, then
+other work on the machine does not change. Prints a line for each case that both completed, then
 medians of the ratio NEW / OLD for each variant and for all.
 """
 import argparse
@@ -21,7 +21,7 @@ import sys
 
 PROBLEMS = ('pendulum', 'double_pendulum', 'chain_10', 'chain_100', 'free_box', 'tumbling_pendulum',
             'four_bar_10_loaded', 'heavy_chain_1e3', 'sliding_ball')
-VARIANTS = {  # values of each, coarse and fine
+VARIANTS = {  # values of each variant, coarse and fine
     'auto': ('1e-4', '1e-8'),
     'runge_kutta_order_8': ('0.016666666666666666', '0.004'),
     'runge_kutta_order_5': ('0.016666666666666666', '0.004'),
@@ -31,7 +31,7 @@ VARIANTS = {  # values of each, coarse and fine
 
 
 def run(program, folder, problem, variant, values, budget):
-    """{value: µs a simulated second} of what went well."""
+    """Returns {value: µs per simulated second} of the successful runs."""
     header = subprocess.run([program, 'header'], check=True, capture_output=True, text=True).stdout
     done = subprocess.run([program, 'run', folder, '--problem', problem, '--variant', variant,
                            '--budget', str(budget), '--repeats', '9', '--values', *values],
@@ -45,7 +45,7 @@ def run(program, folder, problem, variant, values, budget):
 
 
 def instructions(program, problem, variant, tick):
-    """Those of a tick, between the 20th and the 60th."""
+    """Returns the instructions of a tick, averaged between the 20th and the 60th."""
     counts = []
     for ticks in ('20', '60'):
         done = subprocess.run(['valgrind', '--tool=callgrind', '--callgrind-out-file=/dev/null', program,

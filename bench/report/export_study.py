@@ -25,7 +25,7 @@ OURS = 'constraint_sim_report_engine'
 
 
 def scene_of(program, problem):
-    """(text, facts by name, measured bodies)."""
+    """Returns (text, facts by name, measured bodies)."""
     text = subprocess.run([program, 'save', '--problem', problem, '--variant', 'auto'], check=True, text=True,
                           stdout=subprocess.PIPE).stdout
     words = text.splitlines()[0].split()[1:]
@@ -42,7 +42,7 @@ def has_reference(program, problem):
 
 
 def write_reference(program, problem, bodies, sample, folder):
-    """As the runner writes motions; returns the file's name."""
+    """Writes a reference in the runner's format; returns the file's name."""
     subprocess.run([program, 'references', folder, '--problem', problem], check=True, stdout=subprocess.DEVNULL)
     binary = folder / f'{problem}.reference'
     states = np.fromfile(binary).reshape(-1, len(bodies), len(COMPONENTS))
@@ -68,13 +68,13 @@ def methods_of(part, study, problem, labels):
 
 
 def fits(tick, sample, duration):
-    """A whole number of ticks, and ticks and samples meet."""
+    """Returns whether the duration is a whole number of ticks, and ticks and samples coincide."""
     ratio = max(sample / tick, tick / sample)
     return abs(round(duration / tick) - duration / tick) < 1e-9 * duration / tick and abs(round(ratio) - ratio) < 1e-6
 
 
 def export(part, problem, programs, folder):
-    """Path of the study."""
+    """Writes the study and returns its path."""
     folder.mkdir(parents=True, exist_ok=True)
     ours, study = programs / OURS, studies.load(part)
     referenced = has_reference(ours, problem)

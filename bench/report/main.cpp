@@ -1,22 +1,13 @@
-// Runs problems in one engine and prints how wrong and how dear each run was. scripts/report calls
-// one such program per engine, so that none can harm another.
+// Runs problems in one engine, and prints error and cost of each run. scripts/report calls one such
+// program per engine, so that a crash of one does not affect others.
 //
-//   PROGRAM list          ways to use the engine: name, coordinates, knob, engine, version, values
-//   PROGRAM problems      name, group, graded, duration, length, has reference, source, ...
-//   PROGRAM references FOLDER [--problem P]    computes the references; prints their own errors
-//   PROGRAM header        of the lines that `run` prints
+//   PROGRAM list | problems | header      variants; problems; head of the lines of `run`
+//   PROGRAM references FOLDER [--problem P]    computes references; prints their errors
 //   PROGRAM run FOLDER --problem P --variant V [--grid] [--values X ...] [--budget S]
-//                         [--repeats N] [--perturb SHARE]
+//           [--repeats N] [--perturb SHARE]    announces each setting as `begin VALUE`
 //   PROGRAM scene FILE --variant V --values TICK --duration S --sample S [--budget S]
-//                         a scene file instead of a problem: its motion
-//   PROGRAM save --problem P --variant V
-//                         the problem as a scene file, after a comment with what a study of it
-//                         needs
-//   PROGRAM ticks --problem P --variant V --values TICK --repeats N
-//                         nothing but so many ticks, in a function that valgrind finds by its name
-//
-// `run` announces each setting as `begin VALUE` before it starts, so that whoever reads knows in
-// which of them the engine crashed or hung.
+//   PROGRAM save --problem P --variant V       the problem as a scene file
+//   PROGRAM ticks --problem P --variant V --values TICK --repeats N    ticks only, for valgrind
 
 #include <malloc.h>
 
@@ -45,29 +36,30 @@ double seconds_since(SteadyClock::time_point start) {
   return std::chrono::duration<double>(SteadyClock::now() - start).count();
 }
 
-/// Of this process [s].
+/// Returns the processor time of this process [s].
 double processor_time() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// Memory of this process that is its own and in use [bytes]; NaN where the system does not tell.
+/// Returns the private memory in use by this process [bytes]; NaN where the system does not report
+/// it.
 double memory_in_use() {
-  malloc_trim(0);  // what was freed before is not used again unseen
+  malloc_trim(0);  // freed memory would otherwise be reused without being measured
   std::ifstream file("/proc/self/smaps_rollup");
   for (std::string line; std::getline(file, line);)
     if (line.rfind("Anonymous:", 0) == 0) return 1024.0 * std::stod(line.substr(10));
   return std::numeric_limits<double>::quiet_NaN();
 }
 
-// ---- references in files, since the programs of all engines use them
+// ---- references in files, shared by the programs of all engines
 
 std::string path_of(const std::string& folder, const Problem& problem) {
   return (std::filesystem::path(folder) / (problem.name + ".reference")).string();
 }
 
-/// Of one state, in a row.
+/// numbers of one state in a row
 using Numbers = Eigen::Matrix<double, 13, 1>;
 
 void write_reference(const std::string& path, const Trajectory& trajectory) {
@@ -101,7 +93,7 @@ Trajectory read_reference(const std::string& folder, const Problem& problem) {
   return trajectory;
 }
 
-/// With its own error: the difference to steps half as long.
+/// Writes references. Each error is the difference to steps half as long.
 void make_references(const std::string& folder, const std::string& only) {
   std::filesystem::create_directories(folder);
   for (const Problem& problem : problems()) {
@@ -123,11 +115,11 @@ struct Result {
   double memory = std::numeric_limits<double>::quiet_NaN();    // [bytes]
   long ticks = 0;
   Errors errors{};
-  double largest_distance = 0.0;  // from where a body started [m]
+  double largest_distance = 0.0;  // distance of a body from its start position [m]
   Motion motion;
 };
 
-/// One run to the end, to a state that is not finite, or until `limit` seconds are used up.
+/// Runs once: to the end, to a state that is not finite, or until `limit` seconds are spent.
 Result run(const Problem& problem, const Problem& reality, const Trajectory& reference,
            const Variant& variant, Setting setting, double limit) {
   Result result;
@@ -140,11 +132,11 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
     motion.states.push_back(std::move(states));
     return is_good;
   };
-  // so many ticks between samples, or so many samples between ticks
+  // Several ticks per sample, or several samples per tick.
   const double ratio = problem.sample / setting.tick;
   const int stride = ratio >= 1.0 ? 1 : static_cast<int>(std::lround(1.0 / ratio));
   const long ticks = ratio >= 1.0 ? std::lround(ratio) : 1;
-  // a tick as it is printed has too few digits to end on the samples
+  // A printed tick has too few digits to end exactly on the samples.
   const double tick = problem.sample * stride / static_cast<double>(ticks);
   if (std::abs(tick - setting.tick) > 1e-4 * tick)
     throw std::invalid_argument("ticks must divide the " + std::to_string(problem.sample) +
@@ -165,8 +157,8 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
       const auto start = SteadyClock::now();
       simulation->advance(ticks, k * problem.sample);
       const double wall = seconds_since(start);
-      // both are at least what it took: the one counts what others had of the processor, the other
-      // what it takes to ask for it
+      // Wall time includes other processes, processor time the cost of its query; both are upper
+      // bounds.
       const double taken = std::min(wall, processor_time() - processor_start);
       if (counts) {
         result.run_time += taken;
@@ -186,7 +178,7 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
     }
   } catch (const Unsupported&) {
     result.outcome = "unsupported";
-  } catch (const std::exception& error) {  // peers throw what they like
+  } catch (const std::exception& error) {  // peers may throw any type
     result.outcome = "refused";
     std::fprintf(stderr, "%s %s %g: %s\n", problem.name.c_str(), variant.name.c_str(), setting.tick,
                  error.what());
@@ -211,7 +203,7 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
   return result;
 }
 
-constexpr double kWild = 0.01;  // of the length: an error beyond all that is graded
+constexpr double kWild = 0.01;  // error over length beyond all graded errors
 
 constexpr char kHeader[] =
     "problem,contestant,knob,value,outcome,run_time,ticks,memory,position,orientation,energy,"
@@ -233,16 +225,16 @@ struct Arguments {
   std::string command, folder, problem, variant;
   std::vector<double> values;
   bool is_grid = false;
-  double duration = 0.0, sample = 0.0;  // of a scene [s]
+  double duration = 0.0, sample = 0.0;  // run of a scene file [s]
   double budget = 1.0;
   int repeats = 5;
   double perturbation = 0.0;
 };
 
-/// The best of the repeats; long runs are not repeated here, the rounds of the report do that.
+/// Returns the best of the repeats. Long runs are not repeated: the report has several rounds.
 Result best_run(const Problem& problem, const Problem& reality, const Trajectory& reference,
                 const Variant& variant, const Setting& setting, const Arguments& arguments) {
-  constexpr double kLongEnough = 0.02;  // [s]; noise of a timer tick or an interrupt is below 1 %
+  constexpr double kLongEnough = 0.02;  // noise of a timer tick or an interrupt is below 1 % [s]
   Result best = run(problem, reality, reference, variant, setting, arguments.budget);
   double spent = best.run_time;
   for (int i = 1; i < arguments.repeats && best.outcome == "ok" && spent < kLongEnough; ++i) {
@@ -259,7 +251,7 @@ Variant variant_named(const std::string& name) {
   throw std::invalid_argument("there is no variant '" + name + "'");
 }
 
-/// From the coarsest setting on, until one is dearer than the budget or exact to rounding.
+/// Runs settings from the coarsest on, until one exceeds the budget or is exact to rounding.
 void run(const Arguments& arguments) {
   const Problem& problem = problem_named(arguments.problem);
   const Trajectory reference = read_reference(arguments.folder, problem);
@@ -279,7 +271,7 @@ void run(const Arguments& arguments) {
     const Result result = best_run(problem, reality, reference, variant, setting, arguments);
     print(problem, contestant, variant, value, result);
     if (arguments.is_grid) continue;
-    // beyond stability a coarse tick can cost more than finer ones that are stable
+    // An unstable coarse tick can cost more than finer, stable ones.
     const bool is_wild = is_tick && result.errors.position > kWild * problem.length;
     const bool is_slow = result.outcome == "too_slow" || result.run_time > arguments.budget;
     if (result.outcome == "unsupported" || (is_slow && !is_wild)) break;
@@ -290,7 +282,7 @@ void run(const Arguments& arguments) {
   }
 }
 
-/// One run of a scene file: `outcome`, and `state TIME` with 13 numbers for each body.
+/// Runs a scene file once: prints `outcome`, and `state TIME` with 13 numbers for each body.
 void run_scene(const Arguments& arguments) {
   Problem problem;
   try {
@@ -318,7 +310,7 @@ void run_scene(const Arguments& arguments) {
   }
 }
 
-/// The names of bodies are those that peers/engine.cpp gives them.
+/// Prints a problem as a scene. Names of bodies are those given by peers/engine.cpp.
 void save_scene(const Arguments& arguments) {
   const Problem& problem = problem_named(arguments.problem);
   Setting setting;
@@ -333,7 +325,7 @@ void save_scene(const Arguments& arguments) {
   std::printf("\n%s", scene.c_str());
 }
 
-/// Whose instructions valgrind counts.
+/// Takes ticks; valgrind counts the instructions of this function.
 [[gnu::noinline]] void counted_ticks(Simulation* simulation, int ticks, double time) {
   simulation->advance(ticks, time);
 }
@@ -345,7 +337,7 @@ void take_ticks(const Arguments& arguments) {
   setting.tick = arguments.values.at(0);
   const std::unique_ptr<Simulation> simulation =
       Contestant::make(problem, variant_named(arguments.variant), setting);
-  constexpr int kWarmUp = 2;  // what is set up once, and what grows once more
+  constexpr int kWarmUp = 2;  // ticks of one-time setup and of growing memory
   simulation->advance(kWarmUp, kWarmUp * setting.tick);
   counted_ticks(simulation.get(), arguments.repeats, (kWarmUp + arguments.repeats) * setting.tick);
 }

@@ -12,7 +12,7 @@ namespace {
 using Eigen::Vector3d;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-/// std::max would drop a NaN.
+/// Raises a maximum; keeps NaN, which std::max would drop.
 void raise(double* largest, double value) {
   if (std::isnan(*largest) || std::isnan(value))
     *largest = kNaN;
@@ -143,11 +143,11 @@ double penetration(const Problem& problem, const States& states) {
       for (std::size_t j = 0; j < states.size(); ++j)
         if (i != j) add_pair(j, i);
     if (body.shape != Shape::kSphere) continue;
-    if (!states[i].position.allFinite()) return kNaN;  // has no place in an order
+    if (!states[i].position.allFinite()) return kNaN;  // NaN cannot be sorted
     spheres.push_back(i);
     radius = std::max(radius, body.size.x());
   }
-  // of spheres, those that are near enough along x
+  // Spheres are sorted along x, so that only near pairs are tested.
   const auto x = [&](std::size_t i) { return states[i].position.x(); };
   std::sort(spheres.begin(), spheres.end(),
             [&](std::size_t i, std::size_t j) { return x(i) < x(j); });
@@ -184,14 +184,14 @@ Errors errors(const Problem& problem, const Motion& motion, const Trajectory& re
     return !problem.bodies[index(i)].inertia.isZero(0.0);
   });
 
-  // scales: of energy the largest kinetic one, of the reference where there is one
+  // Scale of energy: the largest kinetic energy, of the reference where there is one.
   double kinetic = 0.0, linear = 0.0, angular = 0.0;
   for (const States& states : is_known ? reference : motion.states) {
     kinetic = std::max(kinetic, kinetic_energy(problem, states));
     linear = std::max(linear, linear_momentum(problem, states).norm());
     angular = std::max(angular, angular_momentum(problem, states).norm());
   }
-  // what rests has its weight over the size of the scene for a scale
+  // For a scene at rest the scale is its weight times its size.
   double weight = 0.0;
   for (const Body& body : problem.bodies)
     if (!body.is_static) weight += body.mass * problem.gravity.norm();

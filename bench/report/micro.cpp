@@ -1,5 +1,5 @@
-// Micro figures by Google Benchmark: time per row, link of a factorisation, body and contact. The
-// scenes are the report's.
+// Micro benchmarks by Google Benchmark: time per row, link of a factorisation, body and contact, in
+// scenes of the report.
 
 #include <benchmark/benchmark.h>
 
@@ -14,7 +14,8 @@ void count_items(benchmark::State& state, std::int64_t per_iteration) {
   state.SetItemsProcessed(state.iterations() * per_iteration);
 }
 
-/// Ticks of 1 ms of a scene of the kind, whose size is the argument; each has so many items.
+/// Takes ticks of 1 ms of a scene of this kind; the argument is its size, `items` the items per
+/// element.
 void ticks(benchmark::State& state, const std::string& kind, const std::string& variant,
            std::int64_t items = 1) {
   constexpr double kTick = 1e-3;
@@ -25,15 +26,15 @@ void ticks(benchmark::State& state, const std::string& kind, const std::string& 
   count_items(state, state.range(0) * items);
 }
 
-/// A sweep of sequential impulses over one row, with its share of the rest of the step.
+/// Times a sweep of sequential impulses over one row, with its share of the rest of the step.
 void row_sweep(benchmark::State& state) { ticks(state, "links", "sequential_impulses_10", 10); }
 BENCHMARK(row_sweep)->Arg(10)->Arg(1000);
 
-/// One stage of order 8 for one link: twelve stages a step.
+/// Times one stage of order 8 for one link: twelve stages a step.
 void link_stage(benchmark::State& state) { ticks(state, "links", "runge_kutta_order_8", 12); }
 BENCHMARK(link_stage)->Arg(10)->Arg(1000);
 
-/// Factors and solves a tridiagonal matrix, as a chain has it; items are its rows.
+/// Factors and solves a tridiagonal matrix, as in a chain; items are its rows.
 void factorisation_of_a_chain(benchmark::State& state) {
   const int n = static_cast<int>(state.range(0));
   List<std::pair<int, int>> entries;
@@ -55,11 +56,11 @@ void factorisation_of_a_chain(benchmark::State& state) {
 }
 BENCHMARK(factorisation_of_a_chain)->Arg(10)->Arg(1000);
 
-/// A step of a body that turns freely.
+/// Times a step of a freely rotating body.
 void free_body(benchmark::State& state) { ticks(state, "bodies", "runge_kutta_order_8"); }
 BENCHMARK(free_body)->Arg(1)->Arg(1000);
 
-/// A step of a ball at rest on a plane, one contact with friction.
+/// Times a step of a ball at rest on a plane: one contact with friction.
 void contact(benchmark::State& state) { ticks(state, "contacts", "auto"); }
 BENCHMARK(contact)->Arg(1)->Arg(1000);
 

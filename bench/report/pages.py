@@ -27,9 +27,8 @@ SCALING_COLUMNS = {
     'bytes': 'resident memory that building the scene and its first ticks took',
     'instructions': 'of a tick, counted by valgrind; nan: not counted'}
 def published_lines(runs, problems, budget):
-    """Each peer's time beside the earlier one, over the median of that, and why where far off, or
-    where only one of the two comparisons has a time. What cannot be within the budget here says
-    nothing."""
+    """Returns each peer's time beside that of an earlier comparison, over the median ratio, with reasons
+    for large deviations and for times in only one of both. Peers outside the budget here are skipped."""
     found = []
     for problem, columns in published.TIMES.items():
         if problem not in runs:
@@ -95,7 +94,7 @@ HONESTY = [
 
 
 def many_lines(rows):
-    """Of each scene of many bodies, the quickest first."""
+    """Returns lines for each scene of many bodies, fastest first."""
     lines = []
     for problem, contestants in sorted(figures.runs_of(rows).items()):
         done = [(name, run) for name, (run,) in contestants.items() if run.outcome != 'unsupported']
@@ -114,8 +113,8 @@ MANY_TEXT = ('One tick of 1/240 s after the other with the tolerances that each 
 
 
 def slope_lines(sizes):
-    """Of each kind and contestant: exponents of time, instructions and memory, and what one more
-    costs where there are most."""
+    """Returns for each kind and contestant the exponents of time, instructions and memory, and the cost of
+    one more element at the largest size."""
     found = {measure: figures.growth(sizes, measure) for measure in ('time', 'instructions', 'bytes')}
     lines = []
     for kind, contestant in sorted(found['time'], key=lambda key: (
@@ -167,7 +166,7 @@ def write_columns(output):
 
 
 def spread_of(runs):
-    """How far rounds lie apart, which one round cannot tell."""
+    """Returns the spread between rounds, which a single round cannot show."""
     median, worst = figures.spread(runs)
     if math.isnan(median):
         return ', too few to tell how far they lie apart'
@@ -176,7 +175,7 @@ def spread_of(runs):
 
 
 def conditions_of(facts, runs, variants, own_errors, grid, many, sizes):
-    """What was measured, on what, and for how long."""
+    """Returns the conditions of the measurement: programs, machine and duration."""
     versions = sorted({f'{variant.engine} {variant.version}' for variant in variants})
     return [f'{key}: {facts[key]}' for key in ('processor', 'system', 'compiler', 'commit')] + [
         'engines: ' + ', '.join(versions),
@@ -201,7 +200,7 @@ def micro_body(micro):
 
 
 def write(output, rows, sizes, problems, variants, own_errors, facts):
-    """`rows` are those of the diagrams, the grid and the scenes of many bodies."""
+    """Writes the report. `rows` are those of the diagrams, the grid and the scenes of many bodies."""
     runs = figures.runs_of(rows['diagrams'])
     contestants = sorted({name for found in runs.values() for name in found},
                          key=lambda name: (not figures.is_ours(name), name))

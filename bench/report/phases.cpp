@@ -9,7 +9,7 @@ namespace {
 
 using engine::problems::integrate;
 
-/// The share of a step after which the phase ends.
+/// Returns the share of a step after which the phase ends, by bisection.
 Real share_until(const Phase& phase, const Reals& y, Real step) {
   Real low = 0, high = 1;
   for (int i = 0; i < 80; ++i) {
@@ -19,7 +19,7 @@ Real share_until(const Phase& phase, const Reals& y, Real step) {
   return high;
 }
 
-/// Goes on by `duration`, through as many phases as there are within it.
+/// Advances by `duration`, through all phases within it.
 void advance(Real duration, Real longest, Phase* phase, Reals* y) {
   constexpr int kMostPhases = 1000;
   for (int i = 0; i < kMostPhases;) {

@@ -22,7 +22,7 @@ std::map<std::string, SizedMaker>& kinds() {
   return map;
 }
 
-/// nullptr where the name is not that of a kind and a count.
+/// Returns a problem named KIND_COUNT; nullptr for other names.
 const Problem* sized_problem(const std::string& name) {
   static std::map<std::string, Problem> made;
   const std::size_t end = name.rfind('_');

@@ -1,8 +1,8 @@
-"""What the peers reached in an earlier comparison on another machine: µs of run time per simulated
+"""Results of the peers in an earlier comparison on another machine: µs of run time per simulated
 second to a position error of 1e-2, 1e-4, 1e-6 (heavy_chain: of the load). None: not reached.
 
-Its versions were ODE 0.16, Bullet 3.24, MuJoCo 3.12, Simbody 3.7 and DART of then; MuJoCo's column
-for tendons is set beside the better of Euler and RK4 here. The report prints where the ratios between
+Its versions were ODE 0.16, Bullet 3.24, MuJoCo 3.12, Simbody 3.7 and an unknown DART; MuJoCo's column
+for tendons is compared with the better of Euler and RK4. The report prints where the ratios between
 peers differ.
 """
 TARGETS = (1e-2, 1e-4, 1e-6)
@@ -41,7 +41,7 @@ TIMES = {
 
 
 def column(contestant):
-    """Of the table above for a contestant of today; None: it has none."""
+    """Returns the column of the table above for a contestant; None without one."""
     engine, variant = contestant.split()[:2]
     if engine in ('ode', 'dart'):
         return engine
@@ -54,7 +54,7 @@ def column(contestant):
     return None
 
 
-# what is known of why, of each peer; the earlier comparison tried no tick above 1/30 s
+# Known reasons of differences, by peer; the earlier comparison tried no tick above 1/30 s.
 REASONS = {
     'mujoco tendon': 'MuJoCo 2.2.2 here, 3.12 there; how stiff tendons are set decides the error',
     'mujoco joint': 'MuJoCo 2.2.2 here, 3.12 there',
@@ -67,7 +67,7 @@ EXACT = 'the loosest accuracy that was tried here, 0.1, is a hundred times as ex
 
 
 def reason(problem, column, target, then, now):
-    """Of a figure that differs, or that only one comparison has (None)."""
+    """Returns the reason why a figure differs, or is missing in one comparison (None)."""
     if now is None:
         return 'not reached here within the budget'
     if then is None:

@@ -156,7 +156,7 @@ std::function<Trajectory(int)> rigid_motion(const Problem& problem, bool is_free
   const Eigen::Vector3d gravity = problem.gravity;
   return [=](int refinement) {
     const Real mass = static_cast<Real>(body.mass);
-    const Vector arm = is_free ? Vector::Zero() : Vector(-pivot.cast<Real>());  // to the centre
+    const Vector arm = is_free ? Vector::Zero() : Vector(-pivot.cast<Real>());  // pivot to centre
     const Vector g = gravity.cast<Real>();
     Eigen::Matrix<Real, 3, 3> I = body.inertia.cast<Real>().asDiagonal();
     I += mass * (arm.squaredNorm() * Eigen::Matrix<Real, 3, 3>::Identity() - arm * arm.transpose());
@@ -230,7 +230,7 @@ engine::reference::Scene axes_of(const Problem& problem, bool with_couplings) {
                    body.start.angular_velocity};
     scene.bodies.push_back(added);
   }
-  std::vector<engine::JointId> ids(problem.joints.size());  // numbers from 1, in their order
+  std::vector<engine::JointId> ids(problem.joints.size());  // ids from 1, in the order of joints
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const JointKind kind = problem.joints[j].kind;
     if (!has_axes(kind) && kind != JointKind::kFreeLength) continue;

@@ -26,13 +26,14 @@ import studies
 
 SOURCES = pathlib.Path(__file__).parent
 STUDIES = {part: studies.load(part) for part in studies.PARTS}
-COUNTED = 'constraint_sim auto'  # whose instructions are counted
+COUNTED = 'constraint_sim auto'  # contestant whose instructions are counted
 PARTS = studies.PARTS
-# what a shorter report leaves out of the studies
+# Parts of the studies that a shorter report leaves out.
 QUICK = {
     'problems': ('pendulum', 'double_pendulum', 'chain_10', 'chain_100', 'free_box',
                  'tumbling_pendulum', 'four_bar_10_loaded', 'heavy_chain_1e3', 'sliding_ball'),
-    # one number of sweeps of each iterative solver, and what is nowhere the best of its engine
+    # one number of sweeps of each iterative solver, without variants that are nowhere the best of their
+    # engine
     'leave_out': re.compile(r'_(10|200)$|^ode (step|quickstep_50)$|^mujoco (tendon_rk4|joint_euler)$'),
     'grid_ticks': (0.1, 1 / 60), 'grid_stride': 3, 'many': (), 'counts': (10, 100),
     'budget': 0.04, 'grid_budget': 0.02, 'many_budget': 0.0, 'sizes_budget': 0.015, 'most': 1000,
@@ -45,14 +46,14 @@ TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
         'grid_ticks': (0.1, 1 / 30), 'grid_stride': 1, 'many': ('pendula_1000',), 'counts': (10, 30),
         'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 5.0, 'most': 100}
-# groups of problems in a report of their own, by its option; contacts are in the large report, too
+# Groups of problems with a report of their own, by its option; contacts are in the large report too.
 DIAGRAMS = {**FULL, 'grid_ticks': (), 'many': (), 'counts': ()}
 REPORTS = {'mechanisms': ('mechanism',), 'events': ('event', 'contact')}
 APART = ('mechanism', 'event')
-# of contacts what is no heap that has no reference
+# Problems of contact except heaps without a reference.
 EVENTS_OF_CONTACT = ('bouncing', 'cradle', 'sliding_ball', 'block_sticks', 'block_slides', 'rolling',
                      'balls_666_elastic')
-BY_EVENTS = 'constraint_sim event_driven'  # as `auto` where there are no contacts
+BY_EVENTS = 'constraint_sim event_driven'  # equals `auto` where there are no contacts
 TINY_GRID = ('pendulum_doubled', 'spring_1e+12', 'mass_nan', 'chain_load_1e+03')
 
 
@@ -88,14 +89,14 @@ def kind_of(options):
 
 
 def is_in_report(problem, kind):
-    """Of a graded problem; `kind` of the report."""
+    """Returns whether a graded problem belongs to the report of this kind."""
     if kind == 'events' and problem.group == 'contact':
         return problem.name in EVENTS_OF_CONTACT
     return problem.group in REPORTS[kind] if kind in REPORTS else problem.group not in APART
 
 
 def machine():
-    """What the figures were measured on."""
+    """Returns the description of the machine."""
     compiler = subprocess.run(['c++', '--version'], text=True, stdout=subprocess.PIPE,
                               check=True).stdout.splitlines()[0]
     system = platform.freedesktop_os_release()['PRETTY_NAME'] \
@@ -111,7 +112,7 @@ def values_of(variant, most):
 
 
 def is_continued(path, run, versions):
-    """Whether the run that the file tells of is this one. Engines it did not know may be new."""
+    """Returns whether the run described in the file is this one. Engines may have been added since."""
     if not path.exists():
         return False
     state = json.loads(path.read_text())
@@ -121,14 +122,14 @@ def is_continued(path, run, versions):
 
 
 class Measurements:
-    """The tables of a run, in its folder. What is there already is not measured again."""
+    """Tables of a run, in its folder. Existing results are not measured again."""
 
     def __init__(self, options, size, work):
         self.options, self.size, self.work = options, size, work
         all_variants = cells.variants(options.programs)
         self.variants = [variant for variant in all_variants if not (
             size['leave_out'] and size['leave_out'].search(cells.label(variant)))]
-        # engines are compared there with what is quickest, also where that is nowhere exact enough
+        # sizes compare the fastest variants of engines, also where these are nowhere accurate enough
         self.sized_variants = self.variants if options.tiny else all_variants
         self.ours = self.variants[0].program
         self.problems = cells.problems(self.ours)
@@ -156,7 +157,7 @@ class Measurements:
                 (self.size['problems'] is None or p.name in self.size['problems'])]
 
     def asks_for(self, variant):
-        """Contacts from event to event are compared in their own report."""
+        """Returns whether a variant is in this report: event-driven contacts have their own one."""
         return self.kind == 'events' or cells.label(variant) != BY_EVENTS
 
     def in_grid(self):
@@ -168,7 +169,7 @@ class Measurements:
         return self.options.rounds or STUDIES[part].rounds
 
     def batches(self):
-        """Of all parts that are wanted."""
+        """Yields the batches of all requested parts."""
         size = self.size
         found = {
             'diagrams': [cells.Batch(1, name, variant, values_of(variant, size['most']), False)
@@ -232,7 +233,7 @@ class Measurements:
             self.count_instructions()
 
     def interleaved(self, part, stages, progress, budget, **settings):
-        """All rounds; what ended badly in one stage is left out of those that follow."""
+        """Runs all rounds; batches that failed in one stage are left out of later ones."""
         table, lost = self.tables[part], set()
         for batches in stages:
             cells.run_all(f'{part}, round 1', [
@@ -247,11 +248,11 @@ class Measurements:
 
     @staticmethod
     def line_of(batch):
-        """Kind of scene and contestant, whatever the size."""
+        """Returns the kind of scene and the contestant, for any size."""
         return batch.problem.rsplit('_', 1)[0], cells.label(batch.variant)
 
     def count_instructions(self):
-        """Of a step of ours, by valgrind where it is there."""
+        """Counts the instructions of a step of this engine, where valgrind is available."""
         path = self.work / 'instructions.json'
         counted = json.loads(path.read_text()) if path.exists() else {}
         names = [f'{kind}_{count}' for count in self.size['counts']
@@ -267,7 +268,7 @@ class Measurements:
         path.write_text(json.dumps(counted))
 
     def rows(self, part):
-        """Without those of problems and variants that are no more."""
+        """Returns rows without removed problems and variants."""
         known = {cells.label(variant) for variant in self.sized_variants}
         return [row for row in self.tables[part].rows()
                 if row['contestant'].replace(' perturbed', '') in known and

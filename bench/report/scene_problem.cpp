@@ -19,7 +19,7 @@ bool has_shape(const engine::Body& body) {
   return !body.no_collision && !std::holds_alternative<engine::Point>(body.shape);
 }
 
-/// Whether two bodies could touch: only then shapes matter, and their friction.
+/// Returns whether two bodies could touch; shapes and friction matter only then.
 bool can_touch(const World& world) {
   int shaped = 0, dynamic = 0;
   for (const BodyId id : world.body_ids()) {
@@ -57,7 +57,7 @@ Body made_from(const engine::Body& body, bool with_shape) {
   return made;
 }
 
-/// Friction and restitution are alike on all bodies of a problem.
+/// Checks that friction and restitution are equal on all bodies, as a problem requires.
 void check_surfaces(const World& world) {
   const engine::Body* first = nullptr;
   for (const BodyId id : world.body_ids()) {
@@ -77,7 +77,7 @@ std::optional<JointKind> kind_with_axes(engine::JointKind kind) {
   return std::nullopt;
 }
 
-/// Nothing acts along it.
+/// Returns whether a law has no effect.
 bool is_free(const engine::CoordinateLaw& law) {
   return !law.motor && law.stiffness == 0.0 && law.damping == 0.0 && law.friction == 0.0 &&
          std::isinf(law.lower) && std::isinf(law.upper);
@@ -126,7 +126,7 @@ void add_forces(const World& world, const std::map<BodyId, int>& index, Problem*
   }
 }
 
-/// Nothing leaves the x-z plane through the first body.
+/// Returns whether the motion stays in the x-z plane through the first body.
 bool is_planar(const Problem& problem) {
   if (problem.gravity.y() != 0.0 || problem.bodies.empty()) return false;
   const double y = problem.bodies.front().start.position.y();

@@ -6,8 +6,8 @@
 
 namespace constraint_sim::report {
 
-/// A scene file as a problem that every engine can build, without a reference. Throws Unsupported
-/// naming what a problem cannot express, and engine::SceneError.
+/// Reads a scene file as a problem that every engine can build, without a reference. Throws
+/// Unsupported naming the unsupported element, and engine::SceneError.
 Problem problem_from_scene(const std::string& path, double duration, double sample);
 
 }  // namespace constraint_sim::report

@@ -1,5 +1,5 @@
 """The grids of the report: studies/*.yaml, in the words of docs/sweeps.md. Their scenes are problems
-of bench/report/problems, `graded` and `extreme` those with and without a diagram; their methods are
+of bench/report/problems, `graded` and `extreme` are those with and without a diagram; their methods are
 contestants, which may be restricted to some scenes."""
 import collections
 import pathlib
@@ -12,7 +12,7 @@ from constraint_sim.sweep import expressions
 FOLDER = pathlib.Path(__file__).parent / 'studies'
 
 Study = collections.namedtuple('Study', 'scenes counts methods time_steps rounds time_limit')
-Method = collections.namedtuple('Method', 'name scenes')  # None: all of them
+Method = collections.namedtuple('Method', 'name scenes')  # None: all scenes
 KEYS = {'scenes', 'parameters', 'methods', 'time_steps', 'rounds', 'time_limit'}
 PARTS = ('diagrams', 'grid', 'many', 'sizes')
 
@@ -35,7 +35,7 @@ def load(part, folder=FOLDER):
 
 
 def runs(study, scene, contestant):
-    """Whether the study has this contestant on this scene, or kind of scene."""
+    """Returns whether the study runs this contestant on this scene, or kind of scene."""
     return study.methods is None or any(
         contestant == each.name and (each.scenes is None or scene in each.scenes)
         for each in study.methods)

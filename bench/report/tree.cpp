@@ -12,7 +12,7 @@ const Body& body_of(const Problem& problem, int i) {
 
 bool is_point(const Problem& problem, int i) { return body_of(problem, i).inertia.isZero(0.0); }
 
-/// The child `b` of joint `joint` whose other end is `a`.
+/// Returns the link that hangs on this joint; `is_turned`: its child is body A.
 Link hang(const Problem& problem, const Joint& joint, bool is_turned) {
   const int parent = is_turned ? joint.b : joint.a;
   const int child = is_turned ? joint.a : joint.b;
@@ -59,7 +59,7 @@ std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops,
   }
   std::vector<Link> tree;
   std::vector<bool> is_placed(problem.bodies.size(), false), is_used(problem.joints.size(), false);
-  for (std::size_t k = 0; k < problem.joints.size(); ++k)  // holds nothing
+  for (std::size_t k = 0; k < problem.joints.size(); ++k)  // springs and free lengths hold nothing
     is_used[k] = problem.joints[k].kind == JointKind::kFreeLength ||
                  problem.joints[k].kind == JointKind::kSpring;
   const auto placed = [&](int i) { return i == kWorld || is_placed[static_cast<std::size_t>(i)]; };
@@ -81,7 +81,7 @@ std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops,
       has_grown = true;
     }
     if (has_grown) continue;
-    // what is left begins with a body that is free
+    // The remaining bodies start with a free one.
     while (free < is_placed.size() && is_placed[free]) ++free;
     if (free == is_placed.size()) break;
     place({static_cast<int>(free), kWorld, false, Vector3d::Zero(), Vector3d::Zero()});

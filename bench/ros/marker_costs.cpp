@@ -1,7 +1,7 @@
-// What markers cost in a scene: rounds of messages as the node has them, in functions whose
-// instructions marker_costs.py counts. The markers are found, and serialised as the node does it,
-// for a listener; and a visualization_msgs/MarkerArray of the same content is serialised as roscpp
-// does it. Prints how many markers that was, and how many bytes either way.
+// Costs of markers in a scene: rounds of messages as in the node, in functions whose instructions
+// marker_costs.py counts. Markers are updated and serialized as by the node for a subscriber; a
+// visualization_msgs/MarkerArray with this content is serialized by roscpp. Prints the number of
+// markers, and of bytes either way.
 //
 //   constraint_sim_marker_costs SCENE ROUNDS
 
@@ -20,7 +20,7 @@
 namespace constraint_sim {
 namespace {
 
-constexpr double kRate = 50.0;  // rounds a simulated second, as publish_rate
+constexpr double kRate = 50.0;  // rounds per simulated second, as publish_rate
 
 visualization_msgs::MarkerArray array_of(const MarkerMessage& message) {
   visualization_msgs::MarkerArray array;
@@ -28,7 +28,7 @@ visualization_msgs::MarkerArray array_of(const MarkerMessage& message) {
   return array;
 }
 
-// Apart, so that their instructions are told apart.
+// Separate functions, so that their instructions are counted separately.
 [[gnu::noinline]] const MarkerMessage& find_markers(const engine::World& world,
                                                     const ros::Time& stamp, ForceScale* forces,
                                                     Markers* markers) {

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""What markers cost while somebody listens, beside the serialisation of the same message by roscpp.
+"""Compares the cost of markers with a subscriber to the serialization of that message by roscpp.
 
-Counts with valgrind the instructions of 100 rounds of messages, two simulated seconds: what it takes to find
-the markers, to serialise them as the node does, and what roscpp takes to serialise a
-visualization_msgs/MarkerArray that has the same ones. Counts do not depend on what else the machine does.
+Counts with valgrind the instructions of 100 rounds of messages, two simulated seconds: to update
+the markers, to serialize them as the node does, and for roscpp to serialize a
+visualization_msgs/MarkerArray with these markers. Counts do not depend on other work of the machine.
 
     marker_costs.py PATH/TO/constraint_sim_marker_costs [SCENE.yaml ...]           all shipped scenes where none is named
     marker_costs.py --check PATH/TO/constraint_sim_marker_costs [SCENE.yaml ...]   fails where the node takes more
@@ -24,9 +24,9 @@ MOST = 2.0
 
 
 def measured(program, scene):
-    """Instructions by function, with what it calls, and the numbers that the program prints."""
+    """Returns instructions by function, callees included, and the numbers that the program prints."""
     with tempfile.NamedTemporaryFile() as profile:
-        # symbols of libraries are looked up before, not in the functions that are counted
+        # symbols of libraries are resolved before, not within the counted functions
         output = subprocess.run(['valgrind', '--tool=callgrind', '--callgrind-out-file=' + profile.name, program,
                                  scene, str(ROUNDS)], check=True, capture_output=True, text=True,
                                 env=dict(os.environ, LD_BIND_NOW='1')).stdout

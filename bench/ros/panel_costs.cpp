@@ -1,8 +1,8 @@
-// What the panel of rviz costs with thousands of rows, in rviz's own thread [ms], the median of 21:
-// the tree that gets its rows, the tree with new states in all rows, drawn, and the list of motors
-// in what save_scene answers. Needs no display.
+// Costs of the panel of rviz with thousands of rows, in rviz's own thread [ms], as median of 21:
+// filling the tree, drawing it with new states in all rows, and finding motors in the text from
+// save_scene. Needs no display.
 //
-//   constraint_sim_panel_costs [BODIES ...]    1000 3000 10000 where none is named
+//   constraint_sim_panel_costs [BODIES ...]    1000 3000 10000 by default
 
 #include <QApplication>
 #include <QTreeView>
@@ -85,7 +85,7 @@ void measure(std::size_t count) {
     QApplication::processEvents();
     tree.viewport()->repaint();
   };
-  // two messages by turns, which somebody else reads
+  // two alternating messages, owned elsewhere
   const BodyStatesConstPtr bodies[] = {bodies_of(count, 0.0), bodies_of(count, 0.5)};
   const ConstraintStatesConstPtr joints[] = {constraints_of(2 * count, 1.0),
                                              constraints_of(2 * count, 2.0)};

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Ten clients that edit, ask and reload at the same time, and what becomes of node and calls.
+"""Runs ten clients that edit, query and reload at the same time, and checks the node and all calls.
 
 Starts a master and a node of its own on a running scene. Each client is a process with a body of its
-own: it adds the body, sets its state, reads the state back, pushes it, changes its friction, removes it,
-and asks for the world and for the scene; the first client loads another scene every two seconds. A call
-is lost where no answer comes, or where the answer is not that of the call: what an accepted edit set is
-not there though no scene was loaded in between. Topics are listened to meanwhile.
+own: it adds the body, sets its state, reads it back, applies a force, changes its friction, removes it,
+and queries the world and the scene; the first client loads another scene every two seconds. A call
+is lost without a response, or where the response contradicts the call: the value of an accepted edit is
+missing although no scene was loaded in between. Topics are subscribed meanwhile.
 
-Prints the calls, those that were lost, how long answers took, the node's memory and the ticks that it
-left out. Exits with 1 where a call was lost, the node ended, or of 1000 answers one took 0.5 s or more.
+Prints the calls, lost calls, response times, the node's memory and the ticks that it
+dropped. Exits with 1 where a call was lost, the node ended, or one of 1000 responses took 0.5 s or more.
 
     bench/ros/ten_clients.py --minutes 10
     bench/ros/ten_clients.py --minutes 60      a soak: memory over an hour
@@ -30,14 +30,14 @@ from node_throughput import free_port, running, wait_until  # noqa: E402
 
 NODE = "/constraint_sim"
 SCENES = ("bridge", "pendulum", "winch", "newtons_cradle")
-RELOAD = 2.0       # [s] between scenes
-CALL_LIMIT = 60.0  # [s] after which a call counts as lost
-BOUND = 0.5        # [s] below which 999 of 1000 answers come
-SAMPLES = 10       # of memory that are printed
+RELOAD = 2.0       # between scenes [s]
+CALL_LIMIT = 60.0  # after which a call counts as lost [s]
+BOUND = 0.5        # bound for 999 of 1000 response times [s]
+SAMPLES = 10       # printed samples of memory
 
 
 def client(index, rate, end, loads, results):
-    """Calls at a steady rate until `end` [s of the steady clock]; puts what it saw into results."""
+    """Calls at a steady rate until `end` [s of the steady clock]; puts its observations into results."""
     import rospy
     import rosservice
     from constraint_sim.msg import Body, BodyState
@@ -49,7 +49,7 @@ def client(index, rate, end, loads, results):
     seconds, refused, lost = [], 0, []
 
     def call(service, **fields):
-        """The answer; None where there is none."""
+        """Returns the response; None without one."""
         nonlocal refused
         if service not in proxies:
             proxies[service] = rospy.ServiceProxy(
@@ -57,7 +57,7 @@ def client(index, rate, end, loads, results):
         start = time.monotonic()
         try:
             answer = proxies[service](**fields)
-        except Exception as error:  # whatever is no answer
+        except Exception as error:  # any failure means no response
             lost.append("%s: %s" % (service, error))
             return None
         seconds.append(time.monotonic() - start)
@@ -108,7 +108,8 @@ def client(index, rate, end, loads, results):
 
 
 def listen(results, done):
-    """Listens to topics as rviz does; puts how many messages came, and what statistics said of ticks."""
+    """Subscribes to topics as rviz does; puts the numbers of messages, and ticks by the statistics, into
+    results."""
     import rospy
     from constraint_sim.msg import Statistics
 
@@ -128,7 +129,7 @@ def listen(results, done):
 
 
 def memory_of(pid):
-    """Resident memory [MiB]."""
+    """Returns the resident memory [MiB]."""
     with open("/proc/%d/status" % pid) as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmRSS:")) / 1024
 

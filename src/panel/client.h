@@ -16,43 +16,44 @@
 
 namespace constraint_sim::panel {
 
-/// Which calls wait for each other. A pause must overtake steps, and a query a long load.
+/// Queues of calls. Calls wait only for those of their own queue: a pause must overtake steps, and
+/// a query a long load.
 enum class Queue { kPauses, kSteps, kEdits, kQueries };
 constexpr std::size_t kQueues = 4;
 
-/// What became of a call.
+/// Result of a call.
 struct Outcome {
-  std::string what;  ///< the service, and what it was asked for
+  std::string what;  ///< service and argument of the call
   bool success = false;
-  std::string message;  ///< of the node, or why there was no answer
+  std::string message;  ///< the node's message, or the reason why there was no response
   bool is_poll = false;
-  std::function<void()> then;  ///< on success: what the caller does with the answer
+  std::function<void()> then;  ///< on success: passes the response to the caller
 };
 
-/// Of calls that the user did not ask for: their outcome goes to no list of messages, a newer one
-/// replaces one that waits, and they are given up after this time [s].
+/// Time after which polls, calls that the user did not request, are given up [s]. The outcome of a
+/// poll is not listed as a message, and a newer poll replaces a waiting one.
 constexpr double kPollTimeout = 5.0;
 
-/// A simulator as the panel sees it. Nothing here waits: calls are made on threads of their own,
-/// and what comes of them is fetched by take_outcomes(). Not for several threads.
+/// Connection of the panel to a simulator. Nothing here blocks: calls run on threads of their own,
+/// and take_outcomes() returns their results. For one thread only.
 class Client {
  public:
-  /// Gives up all calls of the node before, and talks to this one. A name is resolved as ROS does:
-  /// `/constraint_sim` can be remapped.
+  /// Gives up all calls to the previous node, and connects to this one. The name is resolved by
+  /// ROS: `/constraint_sim` can be remapped.
   void connect(const std::string& node);
   const std::string& node() const { return node_; }
 
   void want(const Topics::Wanted& wanted) { topics_->want(wanted); }
   Topics::News take_news() { return topics_->take(); }
   std::vector<Outcome> take_outcomes();
-  /// The call that waits the longest.
+  /// Returns the call that has waited longest.
   std::optional<Lane::Waiting> waiting() const;
 
   template <class Service>
   using Then = std::function<void(const typename Service::Response&)>;
 
-  /// Calls NODE/`service`; messages name the call `service argument`. Calls with the same `key`
-  /// replace each other while they wait.
+  /// Calls NODE/`service`; messages name the call `service argument`. A newer call replaces a
+  /// waiting one with the same `key`.
   template <class Service>
   void call(Queue queue, const std::string& service, const std::string& argument,
             const typename Service::Request& request, Then<Service> then = nullptr,
@@ -61,10 +62,10 @@ class Client {
     post<Service>(queue, service, {what, false, "", false, nullptr}, request, then, key);
   }
 
-  /// Reads the node's private parameter.
+  /// Reads a private parameter of the node.
   void read_parameter(const std::string& name, std::function<void(double)> then);
 
-  /// The same as a poll.
+  /// Calls a service as a poll.
   template <class Service>
   void poll(const std::string& service, const typename Service::Request& request,
             Then<Service> then) {
@@ -73,7 +74,7 @@ class Client {
   }
 
  private:
-  /// The lanes write here, also while they end.
+  /// Outcomes from the lanes, which write here also while they end.
   struct Outbox {
     std::mutex mutex;
     std::vector<Outcome> outcomes;

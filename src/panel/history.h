@@ -5,13 +5,13 @@
 
 namespace constraint_sim::panel {
 
-/// Values over the last kSpan of wall time.
+/// Values during the last kSpan of wall time.
 class History {
  public:
   static constexpr double kSpan = 60.0;  ///< [s]
 
   struct Point {
-    double time;                 ///< wall [s]
+    double time;                 ///< wall time [s]
     std::vector<double> values;  ///< one for each line
   };
 

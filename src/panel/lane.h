@@ -14,24 +14,24 @@
 
 namespace constraint_sim::panel {
 
-/// Calls that are made one after the other, on a thread of their own.
+/// A queue of calls made one after the other on a thread of its own.
 class Lane {
  public:
   using Call = std::function<void(const Cancellation&)>;
 
-  /// What a lane is busy with.
+  /// The present call of a lane.
   struct Waiting {
     std::string what;
     double seconds;  ///< since the call began
   };
 
   Lane();
-  /// Gives up the call that waits, and forgets the others.
+  /// Gives up the present call, and drops the others.
   ~Lane();
   Lane(const Lane&) = delete;
   Lane& operator=(const Lane&) = delete;
 
-  /// Puts a call at the end. With a `key`, in place of one that has not begun and has the same key.
+  /// Appends a call. A call with a `key` replaces a waiting one with the same key.
   void post(const std::string& what, Call call, const std::string& key = "");
   std::optional<Waiting> waiting() const;
 
@@ -45,7 +45,7 @@ class Lane {
 
   mutable std::mutex mutex_;
   std::condition_variable wake_up_;
-  std::deque<Task> tasks_;  // the first one may have begun
+  std::deque<Task> tasks_;  // the first one may be running
   bool stopping_ = false;
   bool has_begun_ = false;
   std::chrono::steady_clock::time_point begin_;

@@ -14,7 +14,7 @@
 namespace constraint_sim::panel {
 namespace {
 
-constexpr int kTicks = 1000;  // of a slider, to either side
+constexpr int kTicks = 1000;  // positions of a slider on either side of 0
 
 bool same_names(const ConstraintStates& a, const ConstraintStates& b) {
   return std::equal(a.constraints.begin(), a.constraints.end(), b.constraints.begin(),
@@ -35,7 +35,7 @@ void MotorList::follow(const ConstraintStatesConstPtr& constraints) {
   refresh();
 }
 
-// what a motor is set to no topic tells
+// Reads the motors' settings from the saved scene: no topic has them.
 void MotorList::refresh() {
   client_.poll<SaveScene>("save_scene", SaveSceneRequest(), [this](const auto& response) {
     try {
@@ -46,7 +46,7 @@ void MotorList::refresh() {
   });
 }
 
-// Rows stay while the motors are the same: one of them may be under the mouse.
+// Shows the motors. Rows are kept while the motors are the same: one may be under the mouse.
 void MotorList::show_motors(const std::vector<Motor>& motors) {
   const bool are_same =
       std::equal(motors.begin(), motors.end(), motors_.begin(), motors_.end(), same_motor);
@@ -86,7 +86,7 @@ void MotorList::build_rows() {
   if (motors_.size() == kMost)
     grid->addWidget(new QLabel(QStringLiteral("the first %1").arg(kMost), rows_), kMost + 1, 0);
   grid->setRowStretch(static_cast<int>(kMost) + 2, 1);
-  setWidget(rows_);  // and deletes the rows before
+  setWidget(rows_);  // deletes the previous rows
 }
 
 void MotorList::move_slider(QSlider* slider, double value) const {
@@ -122,7 +122,7 @@ void MotorList::add_row(int row, const Motor& motor) {
   grid->addWidget(number, row, 2);
 }
 
-// not set_motor_bias, whose max_force would have to be sent as well
+// Sets a motor. Uses set_constraint_properties, since set_motor_bias would need max_force too.
 void MotorList::drive(const Motor& motor, double value) {
   SetConstraintPropertiesRequest request;
   request.name = motor.constraint;

@@ -13,16 +13,16 @@
 
 namespace constraint_sim::panel {
 
-/// A slider and a number for each motor of the world.
+/// A slider and a number field for each motor of the world.
 class MotorList : public QScrollArea {
  public:
-  static constexpr std::size_t kMost = 50;  ///< motors with a slider, the first ones
+  static constexpr std::size_t kMost = 50;  ///< number of motors with a slider, the first ones
 
   MotorList(Client& client, QWidget* parent);
 
-  /// Asks the node which motors there are.
+  /// Requests the list of motors from the node.
   void refresh();
-  /// Asks again where the world has other constraints than before.
+  /// Requests the list again where the world's constraints have changed.
   void follow(const ConstraintStatesConstPtr& constraints);
 
  private:
@@ -38,7 +38,7 @@ class MotorList : public QScrollArea {
   QDoubleSpinBox* range_ = nullptr;
   double range_value_ = 1.0;
   std::vector<Motor> motors_;
-  std::vector<QSlider*> sliders_;  // of each motor
+  std::vector<QSlider*> sliders_;  // one for each motor
   std::vector<QDoubleSpinBox*> numbers_;
   ConstraintStatesConstPtr known_;
 };

@@ -13,7 +13,7 @@ Motor read_motor(const std::string& constraint, const YAML::Node& motor) {
   return {constraint, "bias", motor["bias"].as<double>(0.0)};
 }
 
-// a joint of several coordinates has a list of them
+// Returns the motor of a constraint; joints with several coordinates have a list of coordinates.
 YAML::Node first_motor(const YAML::Node& constraint) {
   if (constraint["motor"]) return constraint["motor"];
   const YAML::Node coordinates = constraint["coordinates"];
@@ -22,7 +22,7 @@ YAML::Node first_motor(const YAML::Node& constraint) {
   return YAML::Node(YAML::NodeType::Undefined);
 }
 
-// What stands below a key, indented.
+// Returns the indented lines below a key.
 std::string lines_of(const std::string& key, const std::string& scene) {
   const std::string title = '\n' + key + ":\n";
   const std::size_t found = scene.find(title);
@@ -36,14 +36,14 @@ std::string lines_of(const std::string& key, const std::string& scene) {
 
 }  // namespace
 
-// Only the text of constraints with a motor is parsed, for rviz stands meanwhile: what that takes
-// of thousands is printed by constraint_sim_panel_costs.
+// Parses only constraints with a motor, since rviz is blocked meanwhile. constraint_sim_panel_costs
+// prints the time for thousands of constraints.
 std::vector<Motor> motors_in(const std::string& scene, std::size_t most) {
   std::vector<Motor> motors;
   const std::string text = lines_of("constraints", scene);
   const std::size_t dash = text.find_first_not_of(' ');
   if (dash == std::string::npos || text[dash] != '-') return motors;
-  const std::string begin = '\n' + text.substr(0, dash + 1);  // of each constraint
+  const std::string begin = '\n' + text.substr(0, dash + 1);  // start of each constraint
   for (std::size_t at = 0; at < text.size() && motors.size() < most;) {
     const std::size_t next = std::min(text.find(begin, at), text.size() - 1) + 1;
     const std::string item = text.substr(at, next - at);

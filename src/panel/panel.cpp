@@ -16,9 +16,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kTick = 100;         // [ms] between two looks at what came
-constexpr double kQuestion = 1.0;  // [s] between two questions for the state
-constexpr double kPatience = 1.0;  // [s] after which a call that waits is shown
+constexpr int kTick = 100;         // period of updates [ms]
+constexpr double kQuestion = 1.0;  // period of requests for the state [s]
+constexpr double kPatience = 1.0;  // time after which a waiting call is shown [s]
 constexpr int kMostMessages = 200;
 constexpr int kStateLines = 3;
 
@@ -37,7 +37,7 @@ Panel::Panel(QWidget* parent)
   connect(node_, &QLineEdit::returnPressed, [this] { connect_to_node(); });
   state_ = new QLabel(this);
   state_->setWordWrap(true);
-  // as high whatever it says, or buttons would move away under the pointer
+  // The height is fixed, so that buttons do not move under the pointer.
   state_->setAlignment(Qt::AlignLeft | Qt::AlignTop);
   state_->setFixedHeight(kStateLines * state_->fontMetrics().lineSpacing());
   run_ = new RunControls(client_, this);
@@ -76,7 +76,7 @@ void Panel::build_tabs() {
   plots->addWidget(time_plot_);
   tree_ = named(new QTreeView(tabs_), "World tree", "Bodies and constraints");
   tree_->setModel(&model_);
-  tree_->setUniformRowHeights(true);  // thousands of rows
+  tree_->setUniformRowHeights(true);  // fast for thousands of rows
   for (int column = 0; column < WorldModel::kColumns; ++column)
     tree_->setColumnWidth(column, column == WorldModel::kState ? 130 : 72);
   tree_->expandAll();
@@ -87,7 +87,7 @@ void Panel::build_tabs() {
   tabs_->setMinimumHeight(180);
 }
 
-// from here on the configuration has been read, or there is none
+// Starts the panel; the configuration, if any, has been read.
 void Panel::onInitialize() {
   if (isVisible()) showEvent(nullptr);
 }
@@ -157,7 +157,7 @@ void Panel::tick() {
   show_state();
 }
 
-// a tab that is not in front needs nothing
+// Subscribes to the topics of the front tab only.
 void Panel::want_topics() {
   Topics::Wanted wanted;
   const QWidget* const front = tabs_->currentWidget();
@@ -221,7 +221,7 @@ void Panel::ask_for_state() {
 
 void Panel::on_contact() {
   is_in_contact_ = true;
-  // what was set since the node started only the node knows
+  // The node alone knows settings that were changed since its start.
   client_.read_parameter("real_time_factor",
                          [this](double factor) { run_->show_real_time_factor(factor); });
   scene_->refresh();
@@ -250,7 +250,7 @@ void Panel::show_state() {
                 .arg(static_cast<int>(waiting->seconds));
   if (state_->text() == text) return;
   state_->setText(text);
-  state_->setToolTip(text);  // whole, where it is longer than its lines
+  state_->setToolTip(text);  // the whole text, which may exceed the visible lines
 }
 
 void Panel::say(bool success, const QString& message) {

@@ -23,8 +23,8 @@
 
 namespace constraint_sim::panel {
 
-/// A simulator in rviz: what it does, what it costs, and what it is told. While the panel is hidden
-/// it subscribes to nothing and calls nothing.
+/// Panel of rviz that shows state and costs of a simulator and controls it. A hidden panel has no
+/// subscriptions and makes no calls.
 class Panel : public rviz::Panel {
  public:
   explicit Panel(QWidget* parent = nullptr);
@@ -50,10 +50,10 @@ class Panel : public rviz::Panel {
   void say(bool success, const QString& message);
 
   Client client_;
-  QString node_name_;  // as the user wrote it
+  QString node_name_;  // name typed by the user
   bool is_connected_ = false;
   bool is_in_contact_ = false;
-  std::string no_contact_;  // why
+  std::string no_contact_;  // reason why the node is not reached
   GetWorldPropertiesResponse properties_;
   double measured_factor_ = 0.0;
   SceneView view_;

@@ -16,7 +16,7 @@ Plot::Plot(const QString& title, double least, std::vector<Line> lines, QWidget*
 
 double Plot::logarithm(double value) const { return std::log10(std::max(value, least_)); }
 
-// whole decades, two at least
+// Returns the range in whole decades, at least two.
 Plot::Range Plot::range() const {
   double low = std::log10(least_) + 2.0, high = std::log10(least_);
   bool is_first = true;

@@ -9,7 +9,7 @@
 
 namespace constraint_sim::panel {
 
-/// Lines over time, with decades on the vertical axis.
+/// A plot of lines over time, with decades on the vertical axis.
 class Plot : public QWidget {
  public:
   struct Line {
@@ -36,7 +36,7 @@ class Plot : public QWidget {
   void draw_legend(QPainter* painter, const QRectF& area) const;
 
   QString title_;
-  double least_;  // values below are drawn as this
+  double least_;  // smaller values are drawn at this value
   std::vector<Line> lines_;
   History history_;
 };

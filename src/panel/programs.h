@@ -4,8 +4,8 @@
 
 namespace constraint_sim::panel {
 
-/// The path of a program of the package. It lies beside the library of the panel, in devel and in
-/// install space: rosrun would search the package for it, and may ask which one is meant.
+/// Returns the path of a program of the package. It lies beside the panel's library in devel and
+/// install spaces; rosrun would search the package and may ask which one to run.
 std::string program(const std::string& name);
 
 }  // namespace constraint_sim::panel

@@ -10,14 +10,14 @@
 
 namespace constraint_sim::panel {
 
-/// A bag that is recorded by a process of its own.
+/// Controls for recording a bag, which a separate process writes.
 class RecordControls : public QWidget {
  public:
   using Say = std::function<void(bool success, const QString& message)>;
 
   RecordControls(Client& client, Say say, QWidget* parent);
 
-  /// Looks whether the process has ended.
+  /// Checks whether the process has ended.
   void tick();
   QString bag() const { return bag_->text(); }
   void set_bag(const QString& prefix) { bag_->setText(prefix); }

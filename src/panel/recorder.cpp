@@ -21,7 +21,8 @@
 namespace constraint_sim::panel {
 namespace {
 
-// The child must not keep rviz's connections open: nodes would go on sending to them.
+// Returns the highest file descriptor to close in the child, which must not keep rviz's connections
+// open: nodes would go on sending to them.
 int highest_descriptor() {
   int highest = 255;
   if (DIR* const folder = ::opendir("/proc/self/fd")) {
@@ -29,12 +30,13 @@ int highest_descriptor() {
       highest = std::max(highest, std::atoi(entry->d_name));
     ::closedir(folder);
   }
-  return highest + 64;  // those that other threads open meanwhile
+  return highest + 64;  // margin for descriptors that other threads open meanwhile
 }
 
-// Between fork and exec only calls that are safe after a fork of several threads.
+// Runs between fork and exec, so only with calls that are safe after a fork of a process with
+// threads.
 [[noreturn]] void run_child(char* const* command, int output, int highest, pid_t parent) {
-  ::setpgid(0, 0);  // ctrl-C in the terminal of rviz is not meant for it
+  ::setpgid(0, 0);  // ctrl-C in the terminal of rviz must not reach the child
   ::prctl(PR_SET_PDEATHSIG, SIGINT);
   if (::getppid() != parent) ::_exit(1);
   sigset_t none;
@@ -82,8 +84,8 @@ void Recorder::start(const std::string& node, const std::string& path) {
 void Recorder::stop() {
   if (!is_running()) return;
   was_stopped_ = true;
-  ::kill(-process_, SIGINT);  // the group, with what the process may have started
-  ::kill(process_, SIGINT);   // before it has a group
+  ::kill(-process_, SIGINT);  // the process group, with further processes
+  ::kill(process_, SIGINT);   // effective before the group exists
 }
 
 std::unique_ptr<Recorder::Ending> Recorder::take_ending() {

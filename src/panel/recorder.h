@@ -8,21 +8,21 @@
 
 namespace constraint_sim::panel {
 
-/// Records the topics of a simulator into a bag by a process of its own (`simulator_bag`, which
-/// runs `rosbag record`). Nothing here waits for the process. It ends, with a whole bag, when the
-/// recorder or the process of the recorder does.
+/// Records the topics of a simulator into a bag by a separate process (`simulator_bag`, which runs
+/// `rosbag record`). Functions do not wait for the process. The process ends, with a complete bag,
+/// together with the recorder or its process.
 class Recorder {
  public:
   ~Recorder();
 
-  /// Begins a bag at `path`; throws std::runtime_error with the reason where that cannot be.
+  /// Begins a bag at `path`; throws std::runtime_error with the reason of a failure.
   void start(const std::string& node, const std::string& path);
   /// Asks the process to close the bag.
   void stop();
   bool is_running() const { return process_ > 0; }
   const std::string& path() const { return path_; }
 
-  /// What became of a process that has ended since the last call.
+  /// Result of a process that has ended since the last call.
   struct Ending {
     bool success;
     std::string message;
@@ -39,10 +39,11 @@ class Recorder {
   bool was_stopped_ = false;
   std::string path_;
   std::unique_ptr<std::FILE, CloseFile>
-      output_;  // without a name; a full pipe would stop the process
+      output_;  // unnamed file; a full pipe would block the process
 };
 
-/// `prefix` with the present local time and .bag after it, as `rosbag record -o` does; absolute.
+/// Returns `prefix` with the present local time and .bag appended, as in `rosbag record -o`;
+/// absolute.
 std::string bag_path(const std::string& prefix);
 
 }  // namespace constraint_sim::panel

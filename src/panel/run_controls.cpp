@@ -56,7 +56,7 @@ void RunControls::show_real_time_factor(double factor) {
   if (!real_time_factor_->hasFocus()) real_time_factor_->setValue(factor);
 }
 
-// editingFinished comes with the return key and with the loss of the focus
+// Sends the factor if it changed: editingFinished also comes when the focus is lost.
 void RunControls::set_real_time_factor() {
   const double factor = real_time_factor_->value();
   if (factor == last_factor_) return;

@@ -8,12 +8,12 @@
 
 namespace constraint_sim::panel {
 
-/// Play, pause, steps, resets and the real-time factor.
+/// Buttons for play, pause, steps and resets, and the real-time factor.
 class RunControls : public QWidget {
  public:
   RunControls(Client& client, QWidget* parent);
 
-  /// Shows the real-time factor that the node has.
+  /// Shows the node's real-time factor.
   void show_real_time_factor(double factor);
 
  private:

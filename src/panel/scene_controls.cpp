@@ -40,7 +40,7 @@ void SceneControls::set(const QString& scene, const QString& file) {
 
 void SceneControls::refresh() {
   client_.poll<ListScenes>("list_scenes", ListScenesRequest(), [this](const auto& response) {
-    // the list may come while somebody types
+    // The list may arrive while the user types.
     const QLineEdit& edit = *scenes_->lineEdit();
     const QString text = edit.text();
     const int cursor = edit.cursorPosition(), begin = edit.selectionStart();
@@ -53,7 +53,7 @@ void SceneControls::refresh() {
                              Qt::ToolTipRole);
     }
     scenes_->setEditText(text);
-    const bool is_cursor_first = cursor == begin;  // as completion leaves it
+    const bool is_cursor_first = cursor == begin;  // true after inline completion
     scenes_->lineEdit()->setCursorPosition(cursor);
     if (length > 0 && is_cursor_first) scenes_->lineEdit()->setSelection(begin + length, -length);
     if (length > 0 && !is_cursor_first) scenes_->lineEdit()->setSelection(begin, length);
@@ -69,7 +69,8 @@ void SceneControls::load() {
 void SceneControls::save() {
   SaveSceneRequest request;
   request.path = file_->text().toStdString();
-  if (request.path.empty()) request.path = ".";  // the node refuses it by name; empty only answers
+  if (request.path.empty())
+    request.path = ".";  // an empty path only returns the text; the node rejects `.` with a message
   client_.call<SaveScene>(Queue::kQueries, "save_scene", request.path, request);
 }
 

@@ -8,12 +8,12 @@
 
 namespace constraint_sim::panel {
 
-/// Scenes to load, and a file to save to.
+/// Controls to load a scene, and to save one to a file.
 class SceneControls : public QWidget {
  public:
   SceneControls(Client& client, QWidget* parent);
 
-  /// Asks the node for its list of scenes.
+  /// Requests the list of scenes from the node.
   void refresh();
   QString scene() const { return scenes_->currentText(); }
   QString file() const { return file_->text(); }

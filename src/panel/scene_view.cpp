@@ -14,7 +14,7 @@
 namespace constraint_sim::panel {
 namespace {
 
-// What has the size of the scene, as rviz_config sets it.
+// Sets the size of displays of this kind to that of the scene, as rviz_config computes it.
 void resize(const rviz::Config& displays, const QString& kind, const QString& size,
             rviz::DisplayGroup* group) {
   for (int i = 0; i < displays.listLength(); ++i) {

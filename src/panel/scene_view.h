@@ -12,20 +12,19 @@ class DisplayContext;
 
 namespace constraint_sim::panel {
 
-/// The view of rviz on a scene that is loaded while it runs: the one that `rviz_config --node`
-/// finds, with grid and frames of its size. That runs in a process of its own, for it simulates
-/// some seconds of the scene. Only an orbit view of the fixed frame is set: one that follows a
-/// body stays.
+/// Fits rviz's view to a loaded scene, with grid and frames of its size, by `rviz_config --node`. A
+/// separate process runs it, since it simulates some seconds of the scene. Only an orbit view in
+/// the fixed frame is changed: one that follows a body stays.
 class SceneView {
  public:
-  /// `say` is told where the view stays, and why; and whether that is a failure.
+  /// `say` gets the reason why the view stays, and whether it is a failure.
   explicit SceneView(std::function<void(bool success, const QString&)> say)
       : say_(std::move(say)) {}
   ~SceneView() { give_up(); }
   SceneView(const SceneView&) = delete;
   SceneView& operator=(const SceneView&) = delete;
 
-  /// Of the scene of this node, instead of one that is still looked for.
+  /// Fits the view to the scene of this node, in place of a fit in progress.
   void frame(const std::string& node, rviz::DisplayContext* context);
 
  private:

@@ -1,4 +1,4 @@
-// A service call of TCPROS: connect, header, header, request, answer
+// Service calls by TCPROS: connect, header, header, request, response
 // (http://wiki.ros.org/ROS/TCPROS, "Service calls").
 #include "panel/service_call.h"
 
@@ -24,7 +24,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// no answer of this package is longer
+// Largest accepted response [bytes]; no service of this package sends more.
 constexpr std::uint32_t kMostBytes = std::uint32_t{1} << 30;
 
 void append(const std::string& field, Bytes* header) {
@@ -41,7 +41,7 @@ Bytes with_length(const Bytes& content) {
   return bytes;
 }
 
-/// A connection whose reads and writes end with the cancellation and the deadline.
+/// A connection whose reads and writes end on cancellation and at the deadline.
 class Connection {
  public:
   Connection(const Cancellation& cancellation, double timeout)
@@ -144,7 +144,7 @@ std::uint32_t Connection::read_length() {
   return length;
 }
 
-// blocks only where the master does, as all of rviz then
+// Connects to the service. Blocks only while the master does, as all of rviz would.
 void connect_to(const std::string& service, Connection* connection) {
   XmlRpc::XmlRpcValue arguments, result, payload;
   arguments[0] = ros::this_node::getName();

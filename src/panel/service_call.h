@@ -10,13 +10,13 @@
 
 namespace constraint_sim::panel {
 
-/// A service call without an answer, and the reason.
+/// Reason why a service call got no response.
 class CallError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// Ends the calls that wait, from any thread and for good.
+/// Cancels waiting calls, from any thread and permanently.
 class Cancellation {
  public:
   Cancellation();
@@ -25,7 +25,7 @@ class Cancellation {
   Cancellation& operator=(const Cancellation&) = delete;
 
   void cancel();
-  /// A file descriptor that is readable from cancel() on.
+  /// Returns a file descriptor that becomes readable with cancel().
   int descriptor() const { return descriptor_; }
 
  private:
@@ -34,13 +34,13 @@ class Cancellation {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// Sends a serialized request to a service and returns the serialized response. The connection is
-/// one of its own: a call of roscpp cannot be ended while the node is silent, which would hang who
-/// closes the panel. `timeout` [s]; 0: none. Throws CallError, also where it is cancelled.
+/// Sends a serialized request to a service and returns the serialized response. Uses its own
+/// connection: a call of roscpp cannot be cancelled while the node is silent, which would block
+/// closing the panel. `timeout` [s]; 0: none. Throws CallError, also on cancellation.
 Bytes exchange(const std::string& service, const std::string& md5, const Bytes& request,
                const Cancellation& cancellation, double timeout);
 
-/// The same with messages.
+/// Calls a service with messages.
 template <class Service>
 typename Service::Response call_service(const std::string& service,
                                         const typename Service::Request& request,

@@ -59,7 +59,7 @@ void SnapshotControls::keep(bool is_poll) {
     client_.call<SaveSnapshot>(Queue::kQueries, "save_snapshot", "", request, then);
 }
 
-// the one that was chosen stays chosen, and the newest stays the newest
+// Shows the list. A chosen snapshot stays chosen; with the newest chosen, the new newest is.
 void SnapshotControls::show_list(const ListSnapshotsResponse& list) {
   const int last = static_cast<int>(list_.names.size()) - 1,
             newest = static_cast<int>(list.names.size()) - 1;
@@ -88,7 +88,7 @@ void SnapshotControls::show_chosen() {
 void SnapshotControls::rewind() {
   const auto i = static_cast<std::size_t>(slider_->value());
   RestoreSnapshotRequest request;
-  // without one the node refuses the empty name, and says so
+  // The node rejects the empty name with a message.
   if (i < list_.names.size()) request.name = list_.names[i];
   client_.call<RestoreSnapshot>(Queue::kEdits, "restore_snapshot", request.name, request);
 }

@@ -12,14 +12,14 @@
 
 namespace constraint_sim::panel {
 
-/// Goes back to a snapshot of the ring, and fills the ring.
+/// Restores snapshots of the ring, and takes them regularly.
 class SnapshotControls : public QWidget {
  public:
   SnapshotControls(Client& client, QWidget* parent);
 
-  /// Asks the node for its snapshots.
+  /// Requests the list of snapshots from the node.
   void refresh();
-  /// Keeps a snapshot where one is due.
+  /// Takes a snapshot when one is due.
   void tick(bool is_running);
   double interval() const { return interval_->value(); }
   void set_interval(double seconds) { interval_->setValue(seconds); }
@@ -34,7 +34,7 @@ class SnapshotControls : public QWidget {
   QSlider* slider_;
   QLabel* chosen_;
   QDoubleSpinBox* interval_;
-  ListSnapshotsResponse list_;  // the oldest first
+  ListSnapshotsResponse list_;  // oldest first
   std::chrono::steady_clock::time_point last_kept_;
 };
 

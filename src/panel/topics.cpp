@@ -6,9 +6,9 @@
 namespace constraint_sim::panel {
 namespace {
 
-// between two readings; the tree and the plots are drawn no more often
+// Period of reading; tree and plots need no higher rate.
 constexpr auto kInterval = std::chrono::milliseconds(100);
-// statistics come ten times a second: of ten seconds in which nobody takes them
+// Largest number of unread statistics: ten seconds at ten a second.
 constexpr std::size_t kMostStatistics = 100;
 
 }  // namespace
@@ -83,7 +83,7 @@ void Topics::on_statistics(const StatisticsConstPtr& message) {
   if (news_.statistics.size() < kMostStatistics) news_.statistics.push_back(message);
 }
 
-// The topic is latched: what comes first is the scene as it is.
+// Notes a new scene. The topic is latched: the first message is the present scene.
 void Topics::on_scene(const std_msgs::StringConstPtr&) {
   const std::lock_guard<std::mutex> lock(mutex_);
   news_.is_scene_new = news_.is_scene_new || has_scene_;

@@ -16,8 +16,8 @@
 
 namespace constraint_sim::panel {
 
-/// Messages of one node. Subscribing and reading happen on a thread of its own; of states only the
-/// latest message of each interval is read, so that a large world at a high rate costs little.
+/// Messages of one node, on a thread of its own. Only the latest state of each interval is read, so
+/// a large world at a high rate costs little.
 class Topics {
  public:
   struct Wanted {
@@ -26,12 +26,12 @@ class Topics {
     bool statistics = false;
     bool scenes = false;
   };
-  /// What came since the last one was taken; null, empty or false: nothing.
+  /// News since the last take(); null, empty or false: none.
   struct News {
     BodyStatesConstPtr bodies;
     ConstraintStatesConstPtr constraints;
     std::vector<StatisticsConstPtr> statistics;
-    bool is_scene_new = false;  ///< another one was loaded than at first
+    bool is_scene_new = false;  ///< another scene was loaded
   };
 
   explicit Topics(const std::string& node);
@@ -39,7 +39,7 @@ class Topics {
   Topics(const Topics&) = delete;
   Topics& operator=(const Topics&) = delete;
 
-  /// What is to be subscribed to from now on.
+  /// Sets the topics to subscribe to.
   void want(const Wanted& wanted);
   News take();
 
@@ -51,18 +51,18 @@ class Topics {
   void on_statistics(const StatisticsConstPtr& message);
   void on_scene(const std_msgs::StringConstPtr& message);
 
-  std::mutex mutex_;  // of the next four
+  std::mutex mutex_;  // protects the next four members
   std::condition_variable wake_up_;
   bool stopping_ = false;
   Wanted wanted_;
   News news_;
 
-  // of the thread
+  // used by the thread only
   std::string node_;
   ros::CallbackQueue queue_;
   ros::NodeHandle handle_;
   ros::Subscriber bodies_, constraints_, statistics_, scenes_;
-  bool has_scene_ = false;  // since it subscribes
+  bool has_scene_ = false;  // a scene was received
   std::thread thread_;
 };
 

@@ -7,7 +7,7 @@
 
 namespace constraint_sim::panel {
 
-/// A button that calls `clicked`. Its text, without the ampersand of its key, is also its name for
+/// Makes a button that calls `clicked`. Its text, without the ampersand, is also its name for
 /// screen readers and tests.
 inline QPushButton* make_button(const QString& text, const QString& tip, QWidget* parent,
                                 const std::function<void()>& clicked) {
@@ -18,7 +18,7 @@ inline QPushButton* make_button(const QString& text, const QString& tip, QWidget
   return button;
 }
 
-/// Gives a widget without a text of its own a name and a tip, and returns it.
+/// Names a widget that has no text, sets its tip, and returns it.
 template <class Widget>
 Widget* named(Widget* widget, const QString& name, const QString& tip) {
   widget->setAccessibleName(name);

@@ -6,7 +6,7 @@
 namespace constraint_sim::panel {
 namespace {
 
-// beyond which a constraint is shown in red, as the labels in rviz tell it [m or rad]
+// Error beyond which a constraint is red, equal to kToldError of the labels in rviz [m or rad].
 constexpr double kLargeError = 1e-4;
 
 QString number(double value) { return QString::number(value, 'g', 4); }
@@ -26,8 +26,8 @@ int WorldModel::rows(int branch) const {
   return constraints_ ? static_cast<int>(constraints_->constraints.size()) : 0;
 }
 
-// Rows come and go at the end, and all others change: the view keeps its branches open and its
-// place.
+// Changes the messages. Rows are added and removed at the end, and all others change, so that the
+// view keeps open branches and its position.
 template <class Change>
 void WorldModel::update(int branch, int count, Change change) {
   const QModelIndex parent = createIndex(branch, 0, kBranch);

@@ -7,7 +7,7 @@
 
 namespace constraint_sim::panel {
 
-/// Bodies and constraints as a tree of two branches. It reads the messages themselves: a row costs
+/// Bodies and constraints as a tree of two branches. Reads the messages directly: a row costs
 /// nothing until it is drawn.
 class WorldModel : public QAbstractItemModel {
  public:
@@ -27,7 +27,7 @@ class WorldModel : public QAbstractItemModel {
 
  private:
   enum Branch { kBodies, kConstraints, kBranches };
-  // what internalId() is: of branches kBranch, of their rows the branch
+  // Value of internalId(): kBranch for branches, the branch's number for rows.
   static constexpr quintptr kBranch = kBranches;
 
   int rows(int branch) const;

@@ -18,10 +18,10 @@ bool is_bool(py::handle value) {
          std::string(py::str(value.get_type().attr("__name__"))).rfind("bool", 0) == 0;
 }
 
-// Elements of the longest sequence that any function takes, and one more.
+// Length of the longest sequence that any function takes, plus one.
 constexpr std::size_t kMostElements = 17;
 
-/// Elements of an iterable, or the first kMostElements; nothing where it is none.
+/// Returns the first kMostElements elements of an iterable; none for other objects.
 std::optional<std::vector<py::object>> elements_of(py::handle value) {
   const auto iterator = py::reinterpret_steal<py::object>(PyObject_GetIter(value.ptr()));
   std::vector<py::object> elements;
@@ -39,7 +39,7 @@ std::optional<std::vector<py::object>> elements_of(py::handle value) {
 
 py::object frozen_value(py::handle value, int depth);
 
-/// A number of a class that is none of Python's own; a null handle where it is no number.
+/// Returns a number of a class that is not built into Python; a null handle for other objects.
 py::object frozen_number(py::handle value) {
   if (PyNumber_Check(value.ptr()) == 0) return {};
   PyObject* const number = PyIndex_Check(value.ptr()) != 0 ? PyNumber_Index(value.ptr()) : nullptr;
@@ -52,7 +52,7 @@ py::object frozen_number(py::handle value) {
 }
 
 py::dict frozen_dict(const py::dict& arguments, int depth) {
-  // a list of them first: code of Python's may change a dict while it is gone through
+  // Copies the items to a list first: Python code may change a dict during iteration.
   const auto items = py::reinterpret_steal<py::list>(PyDict_Items(arguments.ptr()));
   py::dict copy;
   for (const py::handle item : items) {
@@ -153,7 +153,7 @@ void Keywords::read_numbers(const char* key, Vector* target) {
   if (!value) return;
   const std::string expected = std::to_string(target->size()) + " numbers";
   if (PyUnicode_Check(value.ptr()) != 0) refuse(key, expected, value);
-  // elements are held, whatever the conversion of one of them does to the sequence
+  // The elements are referenced here, since converting one may change the sequence.
   const auto elements = elements_of(value);
   if (!elements || elements->size() != static_cast<std::size_t>(target->size()))
     refuse(key, expected, value);

@@ -12,13 +12,14 @@ namespace constraint_sim::python {
 
 namespace py = pybind11;
 
-/// Number in a Python object; bool and str are none. Throws std::invalid_argument naming `field`.
+/// Returns the number in a Python object; bool and str are rejected. Throws std::invalid_argument
+/// naming `field`.
 double number(const std::string& field, py::handle value);
 
-/// A copy of keyword arguments that is read without running any code of Python's: sequences become
-/// tuples, dicts new dicts, and numbers of other classes floats and ints. To be made before a world
-/// is looked at, since an argument's `__float__` can change the argument, or let another thread
-/// step the world. A value that is no argument of any function stays as it is; reading it throws.
+/// Copies keyword arguments so that reading them runs no Python code: sequences become tuples,
+/// dicts new dicts, other numbers floats and ints. Copy before accessing a world, since an
+/// argument's `__float__` may change the argument, or let another thread step the world. Values of
+/// unsupported types stay; reading them throws.
 py::dict frozen(const py::dict& arguments);
 
 /// Keyword arguments of one Python function. `read` converts the argument named `key` into
@@ -29,15 +30,15 @@ class Keywords {
   Keywords(std::string function, py::dict arguments);
 
   void read(const char* key, double* target);
-  void read(const char* key, std::optional<double>* target);  ///< None is nothing
+  void read(const char* key, std::optional<double>* target);  ///< None resets the value
   void read(const char* key, int* target);
   void read(const char* key, bool* target);
   void read(const char* key, std::string* target);
   void read(const char* key, Eigen::Vector3d* target);
   void read(const char* key, Eigen::Quaterniond* target);  ///< x, y, z, w
-  /// Argument of a type that `read` does not know; a null handle when it is absent.
+  /// Returns an argument of a type that `read` does not support; a null handle when it is absent.
   py::object find(const char* key);
-  /// Throws TypeError when there is an argument that nobody has asked for.
+  /// Throws TypeError for an argument that was not read.
   void expect_no_more() const;
 
  private:

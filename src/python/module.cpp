@@ -1,4 +1,4 @@
-// The Python module constraint_sim.engine. Its stubs, with all types:
+// The Python module constraint_sim.engine. Its stubs, with all types, are
 // python/constraint_sim/engine.pyi.
 
 #include <pybind11/numpy.h>
@@ -41,13 +41,14 @@ void define_scenes(py::module* module) {
         return std::make_unique<SharedWorld>(
             engine::load_scene_file(path, defaults_from(defaults)));
       },
-      py::arg("path"), "load_scene_file(path, **defaults)\n\nThe same from a file.");
+      py::arg("path"),
+      "load_scene_file(path, **defaults)\n\nWorld of a scene in a file, as load_scene.");
 }
 
 }  // namespace
 
-// Python lets `__new__` of a base class make an object only where the class has the same function
-// for it.
+// Disables `__new__`. Python lets `__new__` of a base class make an object only where the class has
+// the same function.
 void make_by_call_alone(py::handle type) {
   reinterpret_cast<PyTypeObject*>(type.ptr())->tp_new = make_instance;
 }
@@ -58,7 +59,7 @@ PYBIND11_MODULE(engine, module) {
   namespace py = pybind11;
   using namespace constraint_sim::python;
   py::options options;
-  options.disable_function_signatures();  // the docstrings have them, with units
+  options.disable_function_signatures();  // docstrings contain signatures with units
   module.doc() =
       "The engine of constraint_sim: worlds of rigid bodies, stepped without ROS.\n\n"
       "All quantities are in SI units, vectors in world axes, quaternions as x y z w. "
@@ -70,7 +71,7 @@ PYBIND11_MODULE(engine, module) {
   module.attr("METHODS") = py::tuple(methods);
   py::register_exception<constraint_sim::engine::SceneError>(module, "SceneError",
                                                              PyExc_ValueError);
-  // Asks numpy for its functions, once: two threads that did so later would wait for each other.
+  // Loads numpy's functions once: two threads that load them later would block each other.
   py::dtype::of<double>();
   define_shapes(&module);
   define_reports(&module);

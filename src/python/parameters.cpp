@@ -10,7 +10,7 @@
 namespace constraint_sim::python {
 namespace {
 
-// ---- one line a parameter: `visit(key, field)` for each, to read and to write alike
+// ---- parameters, one line each: `visit(key, field)` serves reading and writing
 
 template <class State, class Visit>
 void visit_state(State& state, Visit visit) {
@@ -41,7 +41,7 @@ void visit_motor(Motor& motor, Visit visit) {
   visit("timeout", motor.timeout);
 }
 
-/// Of a coordinate, with what it has beside visit_motor().
+/// Visits the motor of a coordinate.
 template <class Motor, class Visit>
 void visit_coordinate_motor(Motor& motor, Visit visit) {
   visit_motor(motor, visit);
@@ -68,7 +68,7 @@ void visit_law(Law& law, Visit visit) {
   visit("zero", law.zero);
 }
 
-/// What can change while the joint acts, beside visit_distance() and visit_law().
+/// Visits the settings of an existing joint, except those of visit_distance() and visit_law().
 template <class Joint, class Visit>
 void visit_settings(Joint& joint, Visit visit) {
   visit("baumgarte", joint.baumgarte);
@@ -122,7 +122,7 @@ auto writer(py::dict* dict) {
   return [dict](const char* key, const auto& field) { (*dict)[key] = to_python(field); };
 }
 
-/// Value that has the name `text` in this list; throws std::invalid_argument naming `field`.
+/// Returns the value named `text` in this list; throws std::invalid_argument naming `field`.
 template <class Value, std::size_t count>
 Value named(const std::string& field, const std::string& text,
             const std::array<std::pair<const char*, Value>, count>& list) {
@@ -296,7 +296,7 @@ py::dict as_dict(const std::string& field, const py::object& value) {
   return value.cast<py::dict>();
 }
 
-/// A law without its motor, and whether it says anything.
+/// Reads a law without its motor; returns whether any keyword was given.
 bool read_law(Keywords* reading, engine::CoordinateLaw* law) {
   bool is_given = false;
   visit_law(*law, [&](const char* key, auto& field) {
@@ -316,7 +316,7 @@ py::dict law_dict(const engine::CoordinateLaw& law) {
   return dict;
 }
 
-/// Laws of the first coordinate, or of all in a list.
+/// Reads the laws of the first coordinate, or of all in a list.
 void read_laws(Keywords* reading, engine::Joint* joint) {
   const bool is_flat = read_law(reading, joint->coordinates.data());
   const py::object list = reading->find("coordinates");
@@ -342,7 +342,7 @@ void read_laws(Keywords* reading, engine::Joint* joint) {
 
 namespace {
 
-/// What a gear, a pulley or a screw has beside the keywords of all.
+/// Reads the further keywords of gears, pulleys and screws.
 void read_coupling(Keywords* reading, const engine::World& world, engine::Joint* joint) {
   reading->read("value", &joint->coupling.value);
   if (engine::has_pitch(joint->kind)) reading->read("pitch", &joint->pitch);

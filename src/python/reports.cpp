@@ -57,18 +57,19 @@ void define_step_report(py::module* module) {
       .def_readonly("projected_energy", &Report::projected_energy,
                     "kinetic energy lost where velocities were projected onto the joints [J]")
       .def_readonly("correction_work", &Report::correction_work,
-                    "of closing errors where impulses carry islands: weight times the distance "
-                    "moved for that [J]")
-      .def_readonly("driven_work", &Report::driven_work,
-                    "of wrenches, motors and kinematic bodies where impulses carry islands [J]")
+                    "work of closing errors where impulses advance islands: weight times the "
+                    "distance moved [J]")
+      .def_readonly(
+          "driven_work", &Report::driven_work,
+          "work of wrenches, motors and kinematic bodies where impulses advance islands [J]")
       .def_readonly("solver_residual", &Report::solver_residual,
                     "largest |J V - target| that the sweeps left [m/s]")
       .def_readonly("failed", &Report::failed, "the world kept the state before the step")
       .def_property_readonly(
           "failure", [](const Report& report) { return engine::to_string(report.failure); },
-          "why the step failed, in plain words; empty where it did not")
+          "reason why the step failed; empty where it did not")
       .def_readonly("failed_body", &Report::failed_body_name,
-                    "body whose motion it was, or None where it was not that of one")
+                    "body whose motion failed, or None where the failure is not of a single body")
       .def_readonly("stopped", &Report::stopped,
                     "a stop flag ended the step early: the world kept the state before it; C++ "
                     "alone can set one")
@@ -77,11 +78,13 @@ void define_step_report(py::module* module) {
       .def_readonly("changes", &Report::changes, "changes of method")
       .def_readonly("handed_over", &Report::handed_over,
                     "islands whose contacts go from events to impulses")
-      .def_readonly("substeps", &Report::substeps, "of all islands")
+      .def_readonly("substeps", &Report::substeps, "substeps of all islands")
       .def_readonly("rejected", &Report::rejected, "rejected substeps")
-      .def_readonly("iterations", &Report::iterations, "sweeps over the rows, and Newton's")
-      .def_readonly("events", &Report::events, "at which a one-sided row began or ceased to act")
-      .def_readonly("hits", &Report::hits, "of fast bodies, at their times within the step")
+      .def_readonly("iterations", &Report::iterations,
+                    "sweeps over the rows, and Newton iterations")
+      .def_readonly("events", &Report::events,
+                    "events at which a one-sided row began or ceased to act")
+      .def_readonly("hits", &Report::hits, "hits of fast bodies, at their times within the step")
       .def_readonly("rows", &Report::rows, "scalar equations solved")
       .def_readonly("contacts", &Report::contacts, "contact points of islands that are awake")
       .def_readonly("candidate_pairs", &Report::candidate_pairs, "pairs after the broadphase")
@@ -97,31 +100,33 @@ void define_run_report(py::module* module) {
       .def_readonly("steps", &RunReport::steps, "steps taken")
       .def_readonly("failed", &RunReport::failed,
                     "a step failed: the run ended with the state before it")
-      .def_readonly("failure", &RunReport::failure,
-                    "why, in plain words; empty where no step failed")
+      .def_readonly("failure", &RunReport::failure, "reason; empty where no step failed")
       .def_readonly("failed_body", &RunReport::failed_body,
-                    "body whose motion it was, or None where it was not that of one")
+                    "body whose motion failed, or None where the failure is not of a single body")
       .def_readonly("timed_out", &RunReport::timed_out, "time_limit was reached before the end")
       .def_readonly("wall_time", &RunReport::wall_time, "run time of the steps alone [s]")
-      .def_readonly("max_constraint_error", &RunReport::max_constraint_error, "over all steps [m]")
+      .def_readonly("max_constraint_error", &RunReport::max_constraint_error,
+                    "largest over all steps [m]")
       .def_readonly("max_closing_error", &RunReport::max_closing_error,
-                    "the same of StepReport.closing_error [m]")
-      .def_readonly("max_penetration", &RunReport::max_penetration, "over all steps [m]")
+                    "largest StepReport.closing_error [m]")
+      .def_readonly("max_penetration", &RunReport::max_penetration, "largest over all steps [m]")
       .def_property_readonly(
           "accumulated_local_error",
           [](const RunReport& report) { return known(report.accumulated_local_error); },
           "sum of the steps' estimates [m]; None where a step had none")
       .def_readonly("energy_initial", &RunReport::energy_initial, "before the first step [J]")
       .def_readonly("energy_final", &RunReport::energy_final, "after the last step [J]")
-      .def_readonly("energy_drift", &RunReport::energy_drift, "of the last step [1]")
+      .def_readonly("energy_drift", &RunReport::energy_drift,
+                    "StepReport.energy_drift of the last step [1]")
       .def_readonly("correction_work", &RunReport::correction_work,
-                    "of closing errors where impulses carry islands, sum over all steps [J]")
-      .def_readonly("driven_work", &RunReport::driven_work,
-                    "of wrenches, motors and kinematic bodies where impulses carry islands, sum "
-                    "over all steps [J]")
+                    "work of closing errors where impulses advance islands, sum over all steps [J]")
+      .def_readonly(
+          "driven_work", &RunReport::driven_work,
+          "work of wrenches, motors and kinematic bodies where impulses advance islands, sum "
+          "over all steps [J]")
       .def_readonly("solver_residual", &RunReport::solver_residual,
                     "largest |J V - target| that the sweeps left, over all steps [m/s]")
-      .def_readonly("methods", &RunReport::methods, "that advanced an island")
+      .def_readonly("methods", &RunReport::methods, "methods that advanced an island")
       .def_readonly("unresolved_bodies", &RunReport::unresolved_bodies,
                     "names of bodies that moved faster than a step resolves")
       .def_readonly("unclosed_joints", &RunReport::unclosed_joints,
@@ -138,8 +143,10 @@ void define_run_report(py::module* module) {
       .def_readonly("contacts", &RunReport::contacts, "sum over all steps")
       .def_readonly("torn_joints", &RunReport::torn_joints, "joints that broke")
       .def_readonly("changes", &RunReport::changes, "changes of method")
-      .def_readonly("dependent_rows", &RunReport::dependent_rows, "most at once")
-      .def_readonly("times", &RunReport::times, "of the samples [s], shape (samples,); or None")
+      .def_readonly("dependent_rows", &RunReport::dependent_rows,
+                    "redundant equations, at most at once")
+      .def_readonly("times", &RunReport::times,
+                    "times of the samples [s], shape (samples,); or None")
       .def_readonly("states", &RunReport::states,
                     "samples of all bodies, shape (samples, bodies, 13) as World.states; or None")
       .def("__repr__", [](const RunReport& report) {

@@ -15,7 +15,7 @@ double seconds(SteadyClock::duration duration) {
   return std::chrono::duration<double>(duration).count();
 }
 
-/// Among `ids`, what `id` names; nothing where it is not there any more.
+/// Returns the name of `id` if it is among `ids`.
 template <class Ids, class Id, class NameOf>
 std::optional<std::string> name_among(const Ids& ids, const Id& id, NameOf name_of) {
   if (std::find(ids.begin(), ids.end(), id) == ids.end()) return std::nullopt;
@@ -59,7 +59,7 @@ void add_failure(const NamedReport& step, RunReport* report) {
   report->failed_body = step.failed_body_name;
 }
 
-/// Array that owns these numbers.
+/// Returns an array that owns the numbers.
 py::array owned(std::vector<double> numbers, std::vector<py::ssize_t> shape) {
   auto* kept = new std::vector<double>(std::move(numbers));
   const py::capsule owner(kept, [](void* data) { delete static_cast<std::vector<double>*>(data); });
@@ -126,8 +126,8 @@ void SharedWorld::write_states(const engine::World& world, const std::vector<eng
   }
 }
 
-/// Nothing where no array is held, or another thread steps the world, which will update them then;
-/// a new buffer where bodies came or went.
+/// Updates the arrays, unless none is held, or another thread is stepping and will update them.
+/// Starts a new buffer where bodies were added or removed.
 void SharedWorld::update_arrays() {
   if (buffer_ == nullptr || is_stepping_) return;
   if (buffer_.use_count() == 1) {
@@ -185,7 +185,7 @@ void SharedWorld::run_released(std::uint64_t steps, std::uint64_t every, double 
     const engine::StepReport& step = world_.step();
     const auto end = SteadyClock::now();
     report->wall_time += seconds(end - start);
-    if (step.failed) {  // what it tells is of motion that was taken back
+    if (step.failed) {  // the report describes motion that was undone
       add_failure(NamedReport(world_), report);
       return;
     }
@@ -209,7 +209,7 @@ RunReport SharedWorld::run(double duration, std::uint64_t every, double time_lim
   Samples samples;
   if (buffer_ == nullptr) ids_ = world_.body_ids();
   report.energy_initial = world_.energy();
-  struct Update {  // also after Ctrl-C
+  struct Update {  // runs after Ctrl-C too
     SharedWorld* world;
     ~Update() { world->update_arrays(); }
   } update{this};

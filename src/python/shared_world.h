@@ -17,66 +17,66 @@ namespace constraint_sim::python {
 
 namespace py = pybind11;
 
-/// Numbers of one body in the arrays: position, orientation x y z w, linear and angular velocity.
+/// Numbers per body in the arrays: position, orientation x y z w, linear and angular velocity.
 constexpr py::ssize_t kStateSize = 13;
 
-/// Ticks in a duration [s], rounded to the nearest as the runner does. Throws for one that is
-/// negative or too long.
+/// Returns the ticks in a duration [s], rounded to nearest as in the runner. Throws for a negative
+/// or too long duration.
 std::uint64_t steps_in(double duration, double time_step);
 
-/// Report of a step with the names of what it points at, as long as the world has it.
+/// Report of a step with the names of bodies and joints it refers to, if they still exist.
 struct NamedReport : engine::StepReport {
   explicit NamedReport(const engine::World& world);
   std::optional<std::string> worst_joint_name, closing_joint_name, failed_body_name,
       overlap_body_name, creep_body_name;
 };
 
-/// Outcome of World.run: worst values over all its steps, and sums.
+/// Result of World.run: worst values and sums over all steps.
 struct RunReport {
   std::uint64_t steps = 0;
-  bool failed = false;  ///< a step failed: the world kept the state before it
-  std::string failure;  ///< why, in plain words
+  bool failed = false;  ///< a step failed; the world kept the state before the step
+  std::string failure;  ///< reason, in words
   std::optional<std::string> failed_body;
   bool timed_out = false;  ///< `time_limit` was reached before the end
-  double wall_time = 0.0;  ///< of the steps alone [s]
+  double wall_time = 0.0;  ///< time spent in steps [s]
   double max_constraint_error = 0.0, max_closing_error = 0.0, max_penetration = 0.0;  ///< [m]
   double accumulated_local_error = 0.0;                                               ///< [m]
   double energy_initial = 0.0, energy_final = 0.0;                                    ///< [J]
-  double energy_drift = 0.0;                                          ///< after the last step [1]
-  double correction_work = 0.0, driven_work = 0.0;                    ///< sums [J]
-  double solver_residual = 0.0;                                       ///< over all steps [m/s]
-  double energy_rise = 0.0;                                           ///< largest of all steps [J]
-  double overlap = 0.0, creep = 0.0;                                  ///< largest of all steps [m]
+  double energy_drift = 0.0;                        ///< after the last step, dimensionless
+  double correction_work = 0.0, driven_work = 0.0;  ///< sums [J]
+  double solver_residual = 0.0;                     ///< largest of all steps [m/s]
+  double energy_rise = 0.0;                         ///< largest of all steps [J]
+  double overlap = 0.0, creep = 0.0;                ///< largest of all steps [m]
   std::set<std::string> methods, unresolved_bodies, unclosed_joints;  ///< by name
   std::uint64_t substeps = 0, rejected = 0, iterations = 0, rows = 0, contacts = 0;
   std::uint64_t torn_joints = 0, changes = 0;
-  std::uint32_t dependent_rows = 0;                    ///< most at once
-  py::object times = py::none(), states = py::none();  ///< arrays, where samples were asked for
+  std::uint32_t dependent_rows = 0;                    ///< largest of all steps
+  py::object times = py::none(), states = py::none();  ///< arrays, where samples were requested
 };
 
-/// World of the engine with what Python needs beside it: the array behind its states, and the mark
-/// that another thread is stepping it. All members are used under the GIL only.
+/// A world with the data for Python: the buffer behind its state arrays, and a mark while a thread
+/// steps it. Members are accessed under the GIL only.
 class SharedWorld {
  public:
   explicit SharedWorld(engine::World world) : world_(std::move(world)) {}
 
-  /// The world to read. Throws std::runtime_error while another thread steps it.
+  /// Returns the world for reading. Throws std::runtime_error while another thread steps it.
   const engine::World& read() const;
-  /// `action(world)`, with the arrays of Python brought up to date afterwards.
+  /// Returns `action(world)`, and updates Python's arrays afterwards.
   template <class Action>
   auto edit(Action action);
 
-  /// Columns [first, first + count) of all bodies, a read-only view into the buffer.
+  /// Returns columns [first, first + count) of all bodies, as a read-only view into the buffer.
   py::array columns(py::ssize_t first, py::ssize_t count);
   NamedReport step();
-  /// Samples: the start and every `every` ticks; 0: none.
+  /// Runs for a duration [s]. Samples are taken at the start and every `every` ticks; 0: none.
   RunReport run(double duration, std::uint64_t every, double time_limit);
 
  private:
   /// Rows of kStateSize numbers; lives as long as the world or an array needs it.
   using Buffer = std::vector<double>;
 
-  /// Releases the GIL and marks the world as in use, for as long as it lives.
+  /// Releases the GIL and marks the world as stepping, while the object lives.
   class Stepping;
   struct Samples {
     std::vector<double> times, states;
@@ -91,12 +91,11 @@ class SharedWorld {
 
   engine::World world_;
   bool is_stepping_ = false;
-  std::shared_ptr<Buffer> buffer_;   ///< null until an array is asked for
-  std::vector<engine::BodyId> ids_;  ///< of the rows of the buffer
+  std::shared_ptr<Buffer> buffer_;   ///< null until an array is requested
+  std::vector<engine::BodyId> ids_;  ///< ids of the buffer's rows
 };
 
-/// Restores the arrays' contents also when `action` throws: an engine's edit changes all or
-/// nothing.
+/// Updates the arrays also when `action` throws: an edit of the engine changes all or nothing.
 template <class Action>
 auto SharedWorld::edit(Action action) {
   check_idle();

@@ -48,7 +48,7 @@ py::dict bodies_dict(const engine::VerifyReport& report) {
   return bodies;
 }
 
-/// Without the GIL, on a world that nobody else has.
+/// Verifies a world that no other thread uses, without the GIL.
 engine::VerifyReport verify_released(const engine::World& world, double duration,
                                      engine::VerifyOptions options) {
   options.ticks = steps_in(duration, world.options().time_step);
@@ -85,7 +85,7 @@ void define_verify(WorldClass* world) {
       },
       py::arg("duration"),
       "verify(duration [s], *, perturbation=1e-10 [m], least=1e-6 [m], margin=100)\n\nRuns copies "
-      "of the world for so much simulated time: as it is, with half the time step, by another "
+      "of the world for this simulated time: as it is, with half the time step, by another "
       "method, and from a perturbed state; compares the differences of each body with its error "
       "estimate times the growth of the perturbation (docs/verify.md). The world stays as it is.");
 }
@@ -98,10 +98,10 @@ void define_verify(py::module* module) {
       .def_readonly("perturbation", &Report::perturbation, "of the twin [m]")
       .def_property_readonly(
           "method", [](const Report& report) { return engine::name(report.method); },
-          "method that the options ask for")
+          "method requested by the options")
       .def_property_readonly(
           "other_method", [](const Report& report) { return engine::name(report.other_method); },
-          "method that the other run was asked for")
+          "method requested for the other run")
       .def_property_readonly("bodies", &bodies_dict,
                              "dict by name of the dynamic bodies: dicts of time [s], estimate [m], "
                              "growth, global_error [m], half_step [m], other_method [m], "
@@ -110,7 +110,7 @@ void define_verify(py::module* module) {
       .def_property_readonly(
           "exceeds", [](const Report& report) { return report.exceeds(); },
           "whether a difference of any body exceeds what its estimate and growth allow")
-      .def_readonly("failure", &Report::failure, "why the runs ended early; empty: they did not")
+      .def_readonly("failure", &Report::failure, "reason why the runs ended early; empty otherwise")
       .def("__str__", [](const Report& report) { return engine::to_table(report); });
   module->def(
       "verify",

@@ -17,8 +17,8 @@
 namespace constraint_sim::python {
 namespace {
 
-// Python's memory management may let another thread run wherever an object of Python's is made:
-// what a reference into a world leads to is copied before.
+// Making a Python object may let another thread run, so data behind references into a world are
+// copied first.
 
 // ---- lists of dicts
 
@@ -124,7 +124,7 @@ void define_states(Class* world) {
       },
       py::arg("name"),
       "set_state(name, *, position [m], orientation x y z w, linear_velocity [m/s], "
-      "angular_velocity [rad/s])\n\nSets what is named and keeps the rest.");
+      "angular_velocity [rad/s])\n\nSets the given parts and keeps the others.");
   world->def_property_readonly(
       "body_names",
       [](const SharedWorld& self) {
@@ -133,7 +133,7 @@ void define_states(Class* world) {
           names.append(self.read().body(id).name);
         return names;
       },
-      "In the order of adding, which is that of the rows of the arrays.");
+      "Names in the order of adding, which is the order of rows of the arrays.");
   world->def(
       "index",
       [](const SharedWorld& self, const std::string& name) {
@@ -157,9 +157,10 @@ void define_arrays(Class* world) {
   define("states", 0, kStateSize,
          "Positions, orientations, linear and angular velocities, shape (bodies, 13).");
   define("positions", 0, 3, "Centres of mass, world [m], shape (bodies, 3).");
-  define("orientations", 3, 4, "Body to world, x y z w, shape (bodies, 4).");
-  define("linear_velocities", 7, 3, "Of the centres of mass, world [m/s], shape (bodies, 3).");
-  define("angular_velocities", 10, 3, "World axes [rad/s], shape (bodies, 3).");
+  define("orientations", 3, 4, "Orientations, body to world, x y z w, shape (bodies, 4).");
+  define("linear_velocities", 7, 3,
+         "Velocities of the centres of mass, world [m/s], shape (bodies, 3).");
+  define("angular_velocities", 10, 3, "Angular velocities, world axes [rad/s], shape (bodies, 3).");
 }
 
 void define_wrenches(Class* world) {
@@ -213,10 +214,10 @@ void define_motion(Class* world) {
                         time_limit);
       },
       py::arg("duration"),
-      "run(duration [s], *, every=0, time_limit=inf [s])\n\nAdvances the world by so much "
+      "run(duration [s], *, every=0, time_limit=inf [s])\n\nAdvances the world by this "
       "simulated time, to the nearest tick, without the GIL; ends early when a step fails or the "
-      "run time exceeds time_limit. With `every` the RunReport has samples: the start and every so "
-      "many ticks.");
+      "run time exceeds time_limit. With `every` the RunReport has samples: the start and each "
+      "`every`-th tick.");
 }
 
 void define_time(Class* world) {

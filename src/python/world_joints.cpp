@@ -1,4 +1,4 @@
-// What the class World says and takes of joints.
+// Joint functions of the class World.
 
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -44,7 +44,7 @@ py::dict joint_state_dict(const engine::Joint& joint, const engine::JointState& 
   return dict;
 }
 
-/// Of one coordinate where the joint has any, else of its length.
+/// Sets the motor of a coordinate where the joint has coordinates, else the motor of its length.
 void set_motor(engine::World* world, const std::string& name, const py::dict& keywords) {
   const engine::JointId id = world->find_joint(name);
   if (engine::coordinates(world->joint(id).kind) == 0) {
@@ -185,8 +185,8 @@ void define_joint_settings(Class* world) {
       "damping, "
       "motor; of types with free coordinates coordinate=0, and of that one lower, upper, "
       "limit_restitution, friction, damping, stiffness, rest, frequency, damping_ratio, position, "
-      "motor={...} or None)\n\nSets what is named and keeps the rest; returns opening(): what the "
-      "joint is then off by closes.");
+      "motor={...} or None)\n\nSets the given settings and keeps the others; returns opening(): "
+      "an error that the joint then has is closed.");
   world->def(
       "set_broken",
       [](SharedWorld& self, const std::string& name, bool is_broken) {
@@ -204,8 +204,8 @@ void define_joint_settings(Class* world) {
         });
       },
       py::arg("name"), py::arg("enabled"),
-      "Disables a joint, which then does not act, or enables it again, and returns opening(): what "
-      "it is then off by closes.");
+      "Disables a joint, which then does not act, or enables it again, and returns opening(): an "
+      "error that it then has is closed.");
 }
 
 }  // namespace

@@ -4,8 +4,8 @@
 
 namespace constraint_sim {
 
-/// Runs `work` and fills in what every answer has. Errors, bad input foremost, are answered and not
-/// thrown, so that roscpp passes the response on.
+/// Runs `work` and fills in the fields common to all responses. An exception, mostly from bad
+/// input, becomes `success: False` with its text, so that roscpp still delivers the response.
 template <class Response, class Work>
 bool answer(Response& response, Work work) {
   try {

@@ -16,7 +16,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-// [s]. Throws std::invalid_argument for a time that is further away than a ros::Duration can be.
+// Returns the time from now until `stamp` [s]. Throws std::invalid_argument where it exceeds the
+// range of ros::Duration.
 double seconds_until(const ros::Time& stamp) {
   try {
     return (stamp - ros::Time::now()).toSec();
@@ -53,7 +54,7 @@ void set_twist(engine::BodyId id, const Vector3d& linear, const Vector3d& angula
   driver->set_state(id, state);
 }
 
-// for one tick
+// Applies a force [N] and torque [N m], in the world's frame, for one tick.
 void push(engine::BodyId id, const Vector3d& force, const Vector3d& torque, Driver* driver) {
   const World& world = driver->world();
   if (force.isZero(0.0) && torque.isZero(0.0)) return;
@@ -66,7 +67,7 @@ void push(engine::BodyId id, const Vector3d& force, const Vector3d& torque, Driv
   driver->add_wrench(wrench);
 }
 
-// at most `most` in size, 0: as it is
+// Clamps `value` to ±most; most = 0 means no bound.
 double bounded(double value, double most) {
   return most > 0.0 ? std::clamp(value, -most, most) : value;
 }
@@ -80,7 +81,7 @@ CommandChanges::CommandChanges(const Parameters& parameters, const Robots& robot
       cmd_vel_("cmd_vel"),
       wrench_("wrench") {}
 
-// ---- on the stepping thread
+// ---- stepping thread
 
 void CommandChanges::before_step(Driver* driver) {
   joint_trajectory_([&] {
@@ -107,7 +108,8 @@ void CommandChanges::end(const std::string& by) {
   tell_of("wrench", names_of(&wrenches_));
 }
 
-// Ends a drive whose body has another kind than at the command, as after load_scene.
+// Applies every drive, and drops those whose body is gone or has changed its type, as after
+// load_scene.
 void CommandChanges::drive(Driver* driver, Guard* guard, Drives* drives,
                            void (*act)(engine::BodyId, const Eigen::Vector3d&,
                                        const Eigen::Vector3d&, Driver*)) {
@@ -124,7 +126,8 @@ void CommandChanges::drive(Driver* driver, Guard* guard, Drives* drives,
   }
 }
 
-// By what motor there is: a position, a force, or a rate.
+// Sets the position, the force or the rate of the motor, by the kind of motor that the constraint
+// has.
 void CommandChanges::command(Driver* driver, const std::string& constraint, double value) {
   const World& world = driver->world();
   engine::check_finite("data", value);
@@ -155,7 +158,7 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
                                 ", asked for " + std::to_string(asked));
 }
 
-// ---- on the threads of edits: each returns what the stepping thread is to do
+// ---- subscriber threads: each function returns a change for the stepping thread
 
 CommandChanges::Change CommandChanges::by_trajectory(
     const trajectory_msgs::JointTrajectory& message) {

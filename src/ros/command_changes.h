@@ -24,27 +24,27 @@ class CommandChanges {
 
   CommandChanges(const Parameters& parameters, const Robots& robots);
 
-  // ---- any thread. Each returns the change for the stepping thread to make. Message and change
-  // throw std::invalid_argument for what cannot be.
+  // ---- any thread. Each function returns the change for the stepping thread to make. Both throw
+  // std::invalid_argument for invalid messages.
   Change by_trajectory(const trajectory_msgs::JointTrajectory& message);
   Change by_command(const std::string& constraint, double value);
   Change by_twist(const std::string& body, const geometry_msgs::Twist& message);
   Change by_wrench(const std::string& body, const geometry_msgs::WrenchStamped& message);
 
-  // ---- the stepping thread
-  /// Before each tick.
+  // ---- stepping thread
+  /// Applies all drives; call before each tick.
   void before_step(Driver* driver);
-  /// Ends all that drives, in the name of `by`, and logs the names of what did.
+  /// Ends all drives and logs their names; `by` names the cause.
   void end(const std::string& by);
 
  private:
-  /// A twist or wrench that acts on a body until the next message, in the body's axes or the
-  /// world's.
+  /// A twist or wrench that acts on a body until the next message, in the body's or the world's
+  /// axes.
   struct Drive {
     Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();
     bool in_body_axes = true;
   };
-  using Drives = std::map<std::string, Drive>;  // by names of bodies
+  using Drives = std::map<std::string, Drive>;  // by body name
 
   void drive(Driver* driver, Guard* guard, Drives* drives,
              void (*act)(engine::BodyId, const Eigen::Vector3d&, const Eigen::Vector3d&, Driver*));
@@ -52,7 +52,7 @@ class CommandChanges {
 
   Parameters parameters_;
   const Robots& robots_;
-  // used on the stepping thread alone
+  // accessed on the stepping thread only
   Trajectories trajectories_;
   Drives twists_, wrenches_;
   Guard joint_trajectory_, cmd_vel_, wrench_;

@@ -15,14 +15,15 @@
 
 namespace constraint_sim {
 
-/// The topics that drive: joint_trajectory, and by parameter lists command/<constraint>,
-/// cmd_vel/<body> and wrench/<body>. A message that cannot be is dropped behind a Guard.
+/// Subscribers of the command topics: joint_trajectory, and as parameters list them
+/// command/<constraint>, cmd_vel/<body> and wrench/<body>. Invalid messages are dropped behind a
+/// Guard.
 class Commands {
  public:
   Commands(Stepper& stepper, EditLog& edit_log, const Parameters& parameters, const Robots& robots,
            ros::NodeHandle handle);
 
-  // As the functions of CommandChanges.
+  // Forwarded to CommandChanges.
   void before_step(Driver* driver) { changes_.before_step(driver); }
   void end(const std::string& by) { changes_.end(by); }
 

@@ -33,7 +33,7 @@ Eigen::Vector3d anchor_in_world(const engine::World& world, engine::BodyId body,
   return state.position + state.orientation * anchor;
 }
 
-// what a type has no use for must be left out, or somebody believes that it works
+// Rejects fields that the type does not use: a user would believe that they act.
 void check_left_out(const Constraint& msg, std::initializer_list<const char*> used) {
   const std::pair<const char*, double> settings[] = {
       {"length", std::max(msg.length, 0.0)},   {"min_length", msg.min_length},
@@ -59,7 +59,7 @@ void check_keys(const Constraint& msg) {
     if (!seen.insert(key).second) refuse("keys", "'" + key + "' is there twice");
 }
 
-// the settings that only some types need, of those without coordinates
+// Reads the keys of constraint types without coordinates.
 void read_keys(const Constraint& msg, engine::Joint& joint) {
   auto* distance = engine::if_distance(joint);
   for (std::size_t i = 0; i < msg.keys.size(); ++i) {
@@ -83,14 +83,14 @@ void read_keys(const Constraint& msg, engine::Joint& joint) {
   }
 }
 
-// as msg.length: left out, or zero and below, is the present distance
+// Returns the length in the message; nullopt, the present distance, for zero and below.
 std::optional<double> length_of(const Constraint& msg) {
   if (!std::isfinite(msg.length))
     refuse("length", "must be a finite number, got " + std::to_string(msg.length));
   return msg.length > 0.0 ? std::optional<double>(msg.length) : std::nullopt;
 }
 
-// a distance joint, or what is a shorthand for one
+// Builds a distance joint from `distance` or its shorthands `rope`, `strut` and `spring`.
 engine::DistanceJoint distance_joint(const Constraint& msg, double present_distance) {
   engine::DistanceJoint distance;
   if (msg.type == "distance") {
@@ -117,7 +117,8 @@ engine::DistanceJoint distance_joint(const Constraint& msg, double present_dista
   return distance;
 }
 
-// axes of zero are left out: z of body A, and of body B what it is as the bodies lie
+// Reads the axes. A zero axis_a means z of body A; a zero axis_b means that axis B coincides with
+// axis A in the present poses.
 void read_axes(const Constraint& msg, engine::Joint* joint) {
   if (!engine::has_frames(joint->kind)) return check_left_out(msg, {});
   if (engine::coordinates(joint->kind) > 0)
@@ -229,7 +230,7 @@ engine::JointId find_joint(const engine::World& world, const std::string& field,
 
 namespace {
 
-// of a gear or a pulley, whose fields for bodies name constraints
+// Reads a gear or pulley: its fields for bodies name constraints.
 engine::Joint coupling_between(const Constraint& msg, const engine::World& world) {
   engine::Joint joint;
   joint.name = msg.name;
@@ -246,7 +247,7 @@ engine::Joint coupling_between(const Constraint& msg, const engine::World& world
   return joint;
 }
 
-// the kind, of which `distance` with the key `free` is one of its own
+// Returns the joint kind. `distance` with the key `free` is a kind of its own.
 engine::JointKind kind_of(const Constraint& msg) {
   const auto free = std::find(msg.keys.begin(), msg.keys.end(), "free");
   const bool is_free = msg.type == "distance" && free != msg.keys.end();
@@ -256,7 +257,8 @@ engine::JointKind kind_of(const Constraint& msg) {
       .value_or(engine::Joint{}.kind);
 }
 
-// of another package: its type stands after a colon, and all keys are parameters of it
+// Reads a constraint of a plugin: its type stands after a colon, and all keys are parameters of the
+// plugin.
 void read_custom(const Constraint& msg, engine::Joint* joint) {
   const std::size_t colon = msg.type.find(':');
   if (colon != std::string::npos) joint->custom.type = msg.type.substr(colon + 1);
@@ -264,7 +266,7 @@ void read_custom(const Constraint& msg, engine::Joint* joint) {
     joint->custom.parameters.push_back({msg.keys[i], msg.values[i]});
 }
 
-/// With the name and ends that both messages for constraints have.
+/// Returns a joint with the name and the ends, which both constraint messages have.
 template <class Message>
 engine::Joint joint_between(const Message& message, const engine::World& world) {
   engine::Joint joint;
@@ -325,7 +327,7 @@ engine::Wrench from_msg(const ApplyBodyWrenchRequest& request, const engine::Wor
   wrench.body = find_own_body(world, "body_name", request.body_name);
   const engine::BodyState& frame =
       world.state(find_body(world, "reference_frame", request.reference_frame));
-  // before they are turned, which would hide the value
+  // Non-finite numbers are rejected first: the rotation below would hide which component was wrong.
   const Eigen::Vector3d point = finite_vector("reference_point", from_msg(request.reference_point));
   wrench.force = frame.orientation * finite_vector("force", from_msg(request.wrench.force));
   wrench.torque = frame.orientation * finite_vector("torque", from_msg(request.wrench.torque));

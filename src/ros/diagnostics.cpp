@@ -58,7 +58,7 @@ double Diagnostics::passed(const World& world, const Stepper& stepper,
     listening_ = listens;
     start_interval(stepper, now);
   }
-  // a pause within the interval would look like a clock that is not kept up with
+  // A pause restarts the interval: within one it would look like a slow clock.
   if (stepper.is_paused() != was_paused_) start_interval(stepper, now);
   if (!listening_) return kPeriod;
   const double passed = now - started_;
@@ -94,7 +94,7 @@ Diagnostics::Status Diagnostics::clock(const Stepper& stepper, double passed) co
   const std::uint64_t dropped = stepper.dropped_ticks() - dropped_before_;
   const bool stands = stepper.is_paused() || stepper.has_failed();
   status.message = stands ? "stands" : asked > 0.0 ? "keeps up" : "as fast as it can";
-  // a clock that is followed may itself be slow or stand
+  // The followed clock may itself be slow or stand still, so it sets no pace.
   const bool has_pace = asked > 0.0 && !parameters_.follows_clock();
   if (!stands && has_pace && factor < parameters_.diagnostics_real_time_factor * asked)
     warn(&status, "real-time factor " + shown(factor) + ", " + shown(asked) + " is asked for");
@@ -136,7 +136,7 @@ Diagnostics::Status Diagnostics::physics(const World& world, const Stepper& step
   status.message = "goes on";
   if (!stepper.has_failed())
     for (const engine::StepWarning& warning : engine::step_warnings(world))
-      if (warning.kind != engine::StepWarning::Kind::kUnclosed)  // of constraints()
+      if (warning.kind != engine::StepWarning::Kind::kUnclosed)  // reported by constraints()
         warn(&status, engine::to_string(warning));
   if (stepper.has_failed()) {
     status.level = Status::ERROR;

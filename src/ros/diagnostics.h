@@ -13,16 +13,15 @@
 
 namespace constraint_sim {
 
-/// Three statuses on /diagnostics once a second: whether the simulator keeps up with its clock,
-/// whether its constraints hold, and whether its physics can go on; a fourth where bodies follow
-/// frames, whether these come. On the stepping thread, and
-/// nothing while nobody listens.
+/// Publishes statuses on /diagnostics once a second: whether the simulator keeps up with its clock,
+/// whether constraints hold, whether the physics can go on, and, where bodies follow frames,
+/// whether transforms arrive. Runs on the stepping thread, and does nothing without subscribers.
 class Diagnostics {
  public:
   Diagnostics(const Parameters& parameters, ros::NodeHandle& handle, const std::string& node);
 
   void stepped(const World& world, double seconds);
-  /// Answers after how many seconds it has something to do again.
+  /// Publishes when due; returns the time until the next call [s].
   double passed(const World& world, const Stepper& stepper, const FrameFollower& follower);
 
  private:
@@ -40,7 +39,7 @@ class Diagnostics {
   ros::Publisher topic_;
   bool listening_ = false;
   TickStatistics ticks_;
-  double started_ = 0.0;  // of the steady clock [s]
+  double started_ = 0.0;  // steady clock [s]
   std::uint64_t dropped_before_ = 0;
   bool was_paused_ = false;
 };

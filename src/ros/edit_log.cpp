@@ -74,8 +74,8 @@ void EditLog::publish(const char* service, std::vector<std::uint8_t> request, co
   bound_waiting(ros::serialization::serializationLength(record));
 }
 
-// roscpp bounds what waits for a listener by the number of messages alone, and does not tell how
-// much that is: at most the last kMostRecords.
+// Disconnects a subscriber whose queue exceeds kMostBytes. roscpp bounds queues by the number of
+// messages only and does not report their size, so the last kMostRecords are taken as queued.
 void EditLog::bound_waiting(std::size_t bytes) {
   sizes_.push_back(bytes);
   bytes_ += bytes;

@@ -20,24 +20,23 @@
 
 namespace constraint_sim {
 
-/// The topic edit_log: every edit that took effect with the hash of the world after it, while
-/// somebody listens; a recorded one can be replayed. It begins for each listener with the world as
-/// it is. An edit that nobody has recorded is recorded as the world that it led to. What a listener
-/// that does not read keeps waiting is bounded: beyond kMostBytes it is disconnected and begins
-/// anew. On the stepping thread.
+/// The topic edit_log: every edit that took effect, with the hash of the world after it, while
+/// there is a subscriber. A recorded log can be replayed. It begins for each subscriber with the
+/// present world. An edit that no call recorded is recorded as the resulting world. Beyond
+/// kMostBytes in its queue a subscriber is disconnected and begins anew. Stepping thread only.
 class EditLog {
  public:
-  /// Steps after which the hash of the world is told even where nobody edits it.
+  /// Steps after which the hash is published even without an edit.
   static constexpr std::uint64_t kCheckEvery = 100;
 
-  /// Records that may wait for a listener: one that is dropped shows in the numbers.
+  /// Length of the queue of a subscriber. A dropped record shows as a gap in the numbers.
   static constexpr std::uint32_t kMostRecords = 100000;
-  /// [bytes] of so many of the last records.
+  /// Size of the last records beyond which subscribers are disconnected [bytes].
   static constexpr std::size_t kMostBytes = std::size_t{256} << 20;
 
   explicit EditLog(const ros::NodeHandle& private_handle);
 
-  /// Within the edit of the stepper that did what the request asks for, at its end.
+  /// Records a request at the end of the stepper's edit that carried it out.
   template <class Request>
   void record(const Stepper& stepper, const char* service, const Request& request,
               const World& world) {
@@ -51,19 +50,19 @@ class EditLog {
     }
     accounted_for_ = stepper.edits() + 1;
   }
-  /// Before an edit that counts steps anew: how many there were.
+  /// Records the number of steps before an edit that resets it.
   void check(const Stepper& stepper, const World& world) {
     if (is_accounted_for(stepper)) publish("", {}, world);
   }
-  /// The same as record() of an edit that replaced the world.
+  /// Records the whole world after an edit that replaced it.
   void record_replaced(const Stepper& stepper, const World& world) {
     record_world(world);
     accounted_for_ = stepper.edits() + 1;
   }
 
-  /// Does what drives bodies and joints before a step, and records the changes that it makes.
+  /// Calls `drive` before a step, and records the changes that it makes.
   void drive(World* world, const std::function<void(Driver*)>& drive);
-  /// The same within an edit of the stepper; where nothing is changed, the hash is recorded.
+  /// Calls `drive` within an edit of the stepper. Records the hash where nothing changed.
   void record_driven(const Stepper& stepper, World* world,
                      const std::function<void(Driver*)>& drive);
 
@@ -83,10 +82,10 @@ class EditLog {
 
   ros::NodeHandle handle_;
   ros::Publisher topic_;
-  std::deque<std::size_t> sizes_;      // [bytes] of the last records
-  std::size_t bytes_ = 0;              // of all of these
-  std::atomic<bool> newcomer_{false};  // somebody has just subscribed
-  std::uint64_t accounted_for_ = 0;    // edits of the stepper
+  std::deque<std::size_t> sizes_;      // sizes of the last records [bytes]
+  std::size_t bytes_ = 0;              // sum of sizes_
+  std::atomic<bool> newcomer_{false};  // a new subscriber has connected
+  std::uint64_t accounted_for_ = 0;    // number of the stepper's edits recorded so far
   std::uint64_t number_ = 0;
 };
 

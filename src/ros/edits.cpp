@@ -23,7 +23,7 @@
 namespace constraint_sim {
 namespace {
 
-// Adds a joint; what its answer says of an error that it has.
+// Adds a joint. Reports its initial error, and the text about the error if there is one.
 engine::JointId add_joint(World& world, const engine::Joint& joint, double* initial_error,
                           std::string* status_message) {
   const engine::JointId id = world.add_joint(joint);
@@ -32,9 +32,9 @@ engine::JointId add_joint(World& world, const engine::Joint& joint, double* init
   return id;
 }
 
-// Bias, limit and timeout of a motor, of the first coordinate where there are several; amplitude,
-// frequency and phase stay what they are. One that goes to a position, or with a force, no longer
-// does.
+// Sets bias, force limit and timeout of a motor, on the first coordinate of a joint that has
+// coordinates. Amplitude, frequency and phase stay. A motor that controls position or force becomes
+// a rate motor.
 template <class Bias>
 void set_bias(World& world, const Bias& bias) {
   const engine::JointId id = find_joint(world, "constraint", bias.constraint);
@@ -55,8 +55,8 @@ void set_state(World& world, const BodyState& message, const std::string& refere
   world.set_state(body, from_relative(world.state(frame), state));
 }
 
-// Does `act` with each element; what it throws says which one it was. Stops within a long list
-// where the world is asked to.
+// Calls `act` with each element and adds the index to the text of exceptions. Throws NotNow when
+// the world is asked to stop.
 template <class Element, class Act>
 void for_each(const World& world, const char* field, const std::vector<Element>& list, Act act) {
   for (std::size_t i = 0; i < list.size(); ++i) {
@@ -71,7 +71,7 @@ void for_each(const World& world, const char* field, const std::vector<Element>&
   }
 }
 
-// Sets a setting of a body by its key; false where there is none of that name.
+// Sets a property of a body by its key; returns false for an unknown key.
 bool set_property(const std::string& key, double value, engine::Body* body) {
   const std::map<std::string, double*> numbers{{"mass", &body->mass},
                                                {"inertia_x", &body->inertia.x()},
@@ -90,8 +90,8 @@ bool set_property(const std::string& key, double value, engine::Body* body) {
   return true;
 }
 
-constexpr std::size_t kMostEdits = 100000;     // in one request
-constexpr std::size_t kMostWrenches = 100000;  // that act or wait
+constexpr std::size_t kMostEdits = 100000;     // edits per request
+constexpr std::size_t kMostWrenches = 100000;  // active and pending
 
 template <class Request>
 void check_pairs(const Request& request) {
@@ -184,7 +184,8 @@ void change(World& world, const SetBodyStateRequest& request, SetBodyStateRespon
   set_state(world, request.state, request.reference_frame);
 }
 
-// in a copy, which then takes the place of the world
+// Edits a copy, which replaces the world at the end: the request takes effect as a whole or not at
+// all.
 void change(World& world, const ApplyEditsRequest& request, ApplyEditsResponse* response) {
   if (size(request) > kMostEdits)
     throw std::invalid_argument("at most " + std::to_string(kMostEdits) +
@@ -203,7 +204,8 @@ void change(World& world, const ApplyEditsRequest& request, ApplyEditsResponse* 
   });
   try {
     response->removed_constraints = changed.remove(joints, bodies);
-  } catch (const std::invalid_argument& error) {  // the bodies are there, each once
+  } catch (const std::invalid_argument&
+               error) {  // the bodies were found above, so the error is of a constraint
     throw std::invalid_argument(std::string("remove_constraints: ") + error.what());
   }
   for_each(world, "bodies", request.bodies,
@@ -277,7 +279,7 @@ void reset_simulation(World& world) {
 
 namespace {
 
-// Streams of ros::serialization: to count, to write and to read.
+// Streams of ros::serialization visit the changes to measure, write and read them.
 
 template <class Stream, class Value>
 void visit_drive(Stream& stream, std::optional<Value>& value) {
@@ -331,7 +333,8 @@ void visit_drive(Stream& stream, std::vector<Change>& changes) {
   auto count = static_cast<std::uint32_t>(changes.size());
   stream.next(count);
   for (std::uint32_t i = 0; i < count; ++i) {
-    if (i == changes.size()) changes.emplace_back();  // one by one: a damaged count is not believed
+    if (i == changes.size())
+      changes.emplace_back();  // grows by single entries, since a damaged count may be huge
     visit_drive(stream, changes[i]);
   }
 }

@@ -26,11 +26,11 @@
 
 namespace constraint_sim {
 
-// What services do to a world: one function each, and one list of all. Advertising, the edit log
-// and its replay go by that list.
+// The edits that services make: one function each, and one list of all. Advertising, the edit log
+// and its replay use the list.
 
-/// Calls visit(name, static_cast<Service*>(nullptr)) for each service whose request is an edit of
-/// the world and nothing else.
+/// Calls visit(name, static_cast<Service*>(nullptr)) for each service whose request only edits the
+/// world.
 template <class Visit>
 void visit_edits(Visit visit) {
   visit("add_body", static_cast<AddBody*>(nullptr));
@@ -48,9 +48,9 @@ void visit_edits(Visit visit) {
   visit("set_options", static_cast<SetOptions*>(nullptr));
 }
 
-// Each fills in what its answer has beyond the common fields. Throws std::invalid_argument for what
-// cannot be, and has then changed nothing. A long one throws NotNow once the world is asked to
-// stop.
+// Each function fills in the response beyond the common fields. It throws std::invalid_argument for
+// an invalid request and has then changed nothing. A long edit throws NotNow once the world is
+// asked to stop.
 using engine::World;
 void change(World& world, const AddBodyRequest& request, AddBodyResponse* response);
 void change(World& world, const RemoveBodyRequest& request, RemoveBodyResponse* response);
@@ -71,25 +71,26 @@ void change(World& world, const SetBodyPropertiesRequest& request,
             SetBodyPropertiesResponse* response);
 void change(World& world, const SetOptionsRequest& request, SetOptionsResponse* response);
 
-/// The request of set_motor_bias that a message of the topic motor_bias stands for.
+/// Returns the request of set_motor_bias that a message on the topic motor_bias stands for.
 SetMotorBiasRequest request_of(const MotorBias& message);
 
-/// The number of edits in one request.
+/// Returns the number of edits in one request.
 std::size_t size(const ApplyEditsRequest& request);
 
 void reset_world(World& world);
 void reset_simulation(World& world);
 
-/// Does again what a record of edit_log says; throws std::invalid_argument for a service that is
-/// not here, or a request that is not one of it.
+/// Applies a record of edit_log. Throws std::invalid_argument for an unknown service or a malformed
+/// request.
 void apply_recorded(World& world, const std::string& service,
                     const std::vector<std::uint8_t>& request);
 
-/// The service of a record of changes by what drives bodies and joints, with bytes_of() them.
+/// Service name of records that hold changes by trajectories, commands, twists and wrenches, as
+/// written by bytes_of().
 inline constexpr const char* kDriveRecord = "drive";
 std::vector<std::uint8_t> bytes_of(const DriveChanges& changes);
 
-/// What set_options() sets beside the world.
+/// Settings of set_options() that belong to the node, not to the world.
 struct Pacing {
   std::optional<double> real_time_factor, publish_rate;
 };

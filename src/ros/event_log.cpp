@@ -12,16 +12,16 @@
 namespace constraint_sim {
 namespace {
 
-constexpr double kClockIsMissing = 2.0;  // [s] of the wall
-// [s] of the wall between lines while ticks are dropped, or while the clock jumps
+constexpr double kClockIsMissing = 2.0;  // wall time [s]
+// Wall time between log lines while ticks are dropped, or while the clock jumps [s].
 constexpr double kDroppedAgain = 10.0;
-constexpr double kJumpShows = 1.0;           // [s] of the wall until ticks of a jump are dropped
-constexpr std::size_t kMostNamesInLine = 5;  // in one line
-// Simulated time for which bodies move faster than a tick shows before the log says so: a motor
-// that is switched on does that for some ticks [s].
+constexpr double kJumpShows = 1.0;           // wall time until a jump shows in dropped ticks [s]
+constexpr std::size_t kMostNamesInLine = 5;  // names per line
+// Simulated time that a body may move too fast for the tick without a log line [s]: a motor that is
+// switched on does so for a few ticks.
 constexpr double kUnresolvedFor = 0.1;
 
-/// The first names of a list, and how many more there are.
+/// Returns the first kMostNamesInLine names, and the number of the others.
 std::string listed(const std::vector<std::string>& names) {
   std::string text;
   for (std::size_t i = 0; i < names.size() && i < kMostNamesInLine; ++i)
@@ -69,7 +69,7 @@ std::string handing_over(const World& world) {
          "' and what it touches go from event_driven to sequential_impulses: " + why;
 }
 
-/// The first body of the first island whose contacts are by events again.
+/// Returns the first body of the first island whose contacts became event-driven again.
 std::optional<engine::BodyId> taken_back(const World& world) {
   for (const engine::Event& event : world.events())
     if (event.kind == engine::EventKind::kTakenBack) return event.body_a;
@@ -79,18 +79,18 @@ std::optional<engine::BodyId> taken_back(const World& world) {
 bool is_beyond_range(const engine::StepReport& report) {
   return !std::isfinite(report.energy + report.energy_drift + report.max_constraint_error +
                         report.max_penetration) ||
-         std::isinf(report.local_error);  // NaN says that there is no estimate
+         std::isinf(report.local_error);  // NaN means no estimate
 }
 
-/// Something that a step reports and that a user should know of.
+/// A condition of the step report that is logged when it begins and when it ends.
 struct Reported {
   bool (*holds)(const engine::StepReport&);
-  std::string (*begins)(const World&);  ///< what is said then
+  std::string (*begins)(const World&);  ///< text of the warning
   const char* ends;
-  double patience = 0.0;  ///< simulated time for which it has to hold before it is said [s]
+  double patience = 0.0;  ///< simulated time for which it has to hold before it is logged [s]
 };
 
-// a report that is new in StepReport is one row here
+// Each reported condition is one row.
 const Reported kReported[] = {
     {[](const engine::StepReport& report) { return report.unresolved_bodies > 0; }, unresolved,
      "the tick shows the motion of all bodies again", kUnresolvedFor},
@@ -126,7 +126,7 @@ EventLog::EventLog(const Parameters& parameters)
 
 void EventLog::stepped(const World& world) {
   const engine::StepReport& report = world.report();
-  if (report.failed) return;  // it reports nothing else
+  if (report.failed) return;  // a failed step fills in no other field
   for (std::size_t i = 0; i < reported_.size(); ++i) {
     const bool is_now = kReported[i].holds(report);
     held_for_[i] = is_now ? held_for_[i] + world.options().time_step : 0.0;
@@ -219,7 +219,7 @@ void EventLog::heard_clock(double before, double now) {
   jumps.after = now;
 }
 
-// A clock that comes in large steps jumps all the time.
+// Logs at most once in kDroppedAgain: a clock that advances in large steps jumps all the time.
 void EventLog::tell_of_jumps(double now) {
   const std::lock_guard<std::mutex> lock(jumps_mutex_);
   if (std::exchange(forward_.noticed, forward_.count) != forward_.count)

@@ -14,12 +14,12 @@
 
 namespace constraint_sim {
 
-/// What the node says by itself: a line when something begins and one when it is over, never one a
-/// tick. What the engine reports is a row of kReported in event_log.cpp. On the stepping thread,
-/// but for heard_clock().
+/// Log lines of the node: one when a condition begins and one when it ends, never one a tick. A
+/// condition that the engine reports is a row of kReported in event_log.cpp. Stepping thread only,
+/// except heard_clock().
 class EventLog {
  public:
-  /// [s] by which a clock goes on at once, beyond which it has jumped
+  /// Largest step of /clock that does not count as a jump [s].
   static constexpr double kClockJump = 1.0;
 
   explicit EventLog(const Parameters& parameters);
@@ -27,15 +27,16 @@ class EventLog {
   void stepped(const World& world);
   void edited(const World& world);
   void passed(const World& world, const Stepper& stepper);
-  /// /clock has come, and said these before and now [s]; 0: nothing before. On any thread.
+  /// Notes a message on /clock; times of the clock in the last message and this one [s], `before` =
+  /// 0: no message before. Any thread.
   void heard_clock(double before, double now);
 
  private:
   /// Jumps of /clock in one direction.
   struct Jumps {
     std::uint64_t count = 0, noticed = 0, told = 0;
-    double before = 0.0, after = 0.0;  ///< times of the clock at the last jump [s]
-    double told_at = -1e9;             ///< [s]
+    double before = 0.0, after = 0.0;  ///< clock before and after the last jump [s]
+    double told_at = -1e9;             ///< steady clock [s]
   };
 
   void report_broken(const World& world);
@@ -46,19 +47,19 @@ class EventLog {
   void tell_of_jumps(double now);
 
   Parameters parameters_;
-  std::vector<Condition> reported_;  // one for each of kReported
-  std::vector<double> held_for_;     // simulated time for which each has held [s]
-  std::set<std::uint32_t> broken_;   // ids of joints that are known to be
-  Condition returning_;              // of contacts from impulses
+  std::vector<Condition> reported_;  // one for each row of kReported
+  std::vector<double> held_for_;     // simulated time for which each condition has held [s]
+  std::set<std::uint32_t> broken_;   // ids of joints known to be broken
+  Condition returning_;              // contacts that are event-driven again after impulses
   bool has_failed_ = false;
   Condition dropping_;
   std::uint64_t dropped_ticks_ = 0;
-  double told_of_dropped_ = 0.0;  // [s]
+  double told_of_dropped_ = 0.0;  // steady clock [s]
   Condition without_clock_;
-  std::atomic<double> last_clock_;  // [s]
+  std::atomic<double> last_clock_;  // steady clock [s]
   std::mutex jumps_mutex_;          // protects forward_ and back_
   Jumps forward_, back_;
-  // ticks that are dropped until then, once, are those of a jump of /clock [s]
+  // Steady time until which dropped ticks are attributed, once, to a jump of /clock [s].
   double excused_until_ = 0.0;
 };
 

@@ -54,7 +54,7 @@ EventTopic::EventTopic(ros::NodeHandle& private_handle, const Publishers& publis
     : publishers_(publishers), topic_(private_handle.advertise<Event>("events", 1000)) {}
 
 void EventTopic::stepped(const World& world) {
-  if (world.report().failed) return;  // passed() tells
+  if (world.report().failed) return;  // passed() reports the failure
   if (topic_.getNumSubscribers() == 0) {
     has_looked_ = false;
     return;
@@ -69,7 +69,7 @@ void EventTopic::edited(const World& world) {
   if (!has_looked_) return;
   joints_.clear();
   for (const engine::JointId id : world.joint_ids()) joints_[id.value] = look_at(world, id);
-  // bodies that are gone do not part
+  // A removed body ends no contact: no event is published for it.
   std::set<std::uint32_t> bodies = {engine::kWorldBody.value};
   for (const engine::BodyId id : world.body_ids()) bodies.insert(id.value);
   for (auto contact = contacts_.begin(); contact != contacts_.end();) {
@@ -97,7 +97,7 @@ EventTopic::JointSeen EventTopic::look_at(const World& world, engine::JointId id
   return {state.broken, state.saturated, is_rope && !state.broken && !is_slack(joint, state)};
 }
 
-// with the moment within the tick
+// Publishes events that the engine lists, with the moment within the tick.
 void EventTopic::tell_of_listed(const World& world) {
   listed_joints_.clear();
   listed_pairs_.clear();

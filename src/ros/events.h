@@ -16,15 +16,15 @@
 
 namespace constraint_sim {
 
-/// The topic `events`: what the engine lists with its moment, and of islands that are carried tick
-/// by tick what changed from one to the next. On the stepping thread, and nothing while nobody
-/// listens.
+/// The topic `events`: events that the engine lists with their moment, and for islands without
+/// listed events the changes from one tick to the next. Stepping thread only; does nothing without
+/// subscribers.
 class EventTopic {
  public:
   EventTopic(ros::NodeHandle& private_handle, const Publishers& publishers);
 
   void stepped(const World& world);
-  /// What an edit changes is no event.
+  /// Takes the present state as known, so that an edit makes no event.
   void edited(const World& world);
   void passed(const World& world, const Stepper& stepper);
 
@@ -34,7 +34,7 @@ class EventTopic {
   };
   struct ContactSeen {
     std::string name_a, name_b;
-    double force = 0.0;  ///< of all points [N]
+    double force = 0.0;  ///< sum over all points [N]
   };
   using BodyPair = std::pair<std::uint32_t, std::uint32_t>;  // ids, the lower one first
   using Contacts = std::map<BodyPair, ContactSeen>;
@@ -51,10 +51,10 @@ class EventTopic {
 
   const Publishers& publishers_;
   ros::Publisher topic_;
-  bool has_looked_ = false;  // what was seen is that of the tick before
+  bool has_looked_ = false;  // joints_ and contacts_ hold the previous tick
   std::map<std::uint32_t, JointSeen> joints_;
   Contacts contacts_;
-  std::set<std::uint32_t> listed_joints_;  // by the engine in this tick
+  std::set<std::uint32_t> listed_joints_;  // joints in events of this tick
   std::set<BodyPair> listed_pairs_;
   bool has_failed_ = false;
 };

@@ -19,12 +19,12 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kStale = 0.5;    // [s] without a transform that is new enough
-constexpr double kJitter = 0.02;  // [s] that ticks may begin early or late
-constexpr double kSlew = 0.5;     // of a tick, by which time is made up for in each
-constexpr double kLost = 0.5;     // [s] after which it is not made up for, as after a pause
+constexpr double kStale = 0.5;    // time without a transform that is new enough [s]
+constexpr double kJitter = 0.02;  // deviation of the start of a tick that is not compensated [s]
+constexpr double kSlew = 0.5;  // largest share of a tick by which stamps are corrected in each tick
+constexpr double kLost = 0.5;  // deviation beyond which stamps restart, as after a pause [s]
 
-// The rotation that takes one orientation to the other, as a vector of its angle [rad].
+// Returns the rotation vector [rad] that turns `from` into `to`.
 Vector3d rotation_to(const Quaterniond& from, const Quaterniond& to) {
   Quaterniond turn = to * from.conjugate();
   if (turn.w() < 0.0) turn.coeffs() = -turn.coeffs();
@@ -67,15 +67,16 @@ void FrameFollower::before_step(Driver* driver, double real_time_factor) {
   }
 }
 
-// The stamp of the transforms that go with the end of the tick [s]: by the wall evenly, though
-// ticks begin when the machine gets to them.
+// Returns the stamp of the transforms for the end of the tick [s]. In wall time stamps advance
+// evenly, although the machine starts ticks unevenly.
 double FrameFollower::stamp_after_tick(const engine::World& world, double real_time_factor) {
   const double end = world.time() + world.options().time_step;
   if (parameters_.stamps_simulated_time()) {
     const double jump = world.time() - std::exchange(last_end_, end);
     if (std::abs(jump) <= kLost) return end;
     begin_anew();
-    for (Followed& followed : followed_) followed.last_heard = -1.0;  // stamps have another origin
+    for (Followed& followed : followed_)
+      followed.last_heard = -1.0;  // the stamps now have another origin
     return end;
   }
   const double now = ros::WallTime::now().toSec();
@@ -91,7 +92,7 @@ double FrameFollower::stamp_after_tick(const engine::World& world, double real_t
   return anchor_ + end / real_time_factor;
 }
 
-// Bodies are placed where their frames are, and do not rush there within a tick.
+// Makes the next transform place each body, which would otherwise rush there within one tick.
 void FrameFollower::begin_anew() {
   for (Followed& followed : followed_) followed.is_following = false;
 }
@@ -106,7 +107,7 @@ void FrameFollower::follow(Driver* driver, double stamp, Followed* followed) {
     found = frames_.look_up(parameters_.world_frame, followed->frame, ros::Time(stamp));
   const bool known = found.has_value();
   notice(known, stamp, followed);
-  // to the last one there is, where it stops
+  // Without a newer transform the body goes to the last known one and stops there.
   if (!known && followed->is_following)
     found = frames_.look_up(parameters_.world_frame, followed->frame, ros::Time(0));
   engine::BodyState state = world.state(id);
@@ -118,7 +119,7 @@ void FrameFollower::follow(Driver* driver, double stamp, Followed* followed) {
     orientation = from_msg(found->rotation).normalized();
   }
   const bool is_placed = known && !followed->is_following;
-  if (is_placed) {  // as by set_body_state
+  if (is_placed) {  // placed without a velocity, as by set_body_state
     state.position = position;
     state.orientation = orientation;
   }
@@ -134,7 +135,7 @@ void FrameFollower::follow(Driver* driver, double stamp, Followed* followed) {
 void FrameFollower::notice(bool is_known, double stamp, Followed* followed) {
   if (is_known || followed->last_heard < 0.0) followed->last_heard = stamp;
   const bool is_stale = stamp > followed->last_heard + kStale;
-  if (is_stale) followed->is_following = false;  // placed where the frame is when it comes again
+  if (is_stale) followed->is_following = false;  // the next transform places the body
   switch (followed->without_frame.update(is_stale, steady_now())) {
     case Condition::Change::kBegan:
       ROS_WARN("follow: no transform of '%s' to '%s' for %g s: '%s' stands until one comes",

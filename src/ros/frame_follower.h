@@ -13,27 +13,28 @@
 
 namespace constraint_sim {
 
-/// Kinematic bodies that follow frames of tf, as the parameter `follow` says: each tick ends where
-/// the frame was `follow_delay` ago, and goes there at one velocity, so that joints on the body are
-/// held as on any body that moves. Between transforms tf interpolates. A frame that is not there,
-/// no longer comes or is no longer connected is reported, and the body stands.
+/// Makes kinematic bodies follow frames of tf, as the parameter `follow` says. Each tick ends at
+/// the pose that the frame had `follow_delay` ago, and gets there at constant velocity, so joints
+/// on the body see a consistent motion. tf interpolates between transforms. A body stands still,
+/// and a warning is logged, while its frame is missing, late or not connected to the world's frame.
 class FrameFollower {
  public:
   FrameFollower(const Parameters& parameters, const ros::NodeHandle& handle);
 
-  /// Before each tick, on the stepping thread; the factor is the one that is asked for.
+  /// Sets velocities; call before each tick on the stepping thread. `real_time_factor` is the
+  /// requested one.
   void before_step(Driver* driver, double real_time_factor);
-  /// The bodies that stand since their frames are not heard of. On any thread.
+  /// Returns the bodies that stand still because transforms are missing. Any thread.
   std::vector<std::string> stale() const;
   bool follows_any() const { return !followed_.empty(); }
 
  private:
   struct Followed {
     std::string body, frame;
-    bool is_following = false;  ///< the body is where the frame is, or was last
-    bool is_refused = false;    ///< it has been said that this body cannot follow
+    bool is_following = false;  ///< the body is, or was last, at the pose of the frame
+    bool is_refused = false;    ///< the error that this body cannot follow has been logged
     bool is_stale = false;
-    double last_heard = -1.0;  ///< [s] of the stamps, of the last tick with a transform; < 0: none
+    double last_heard = -1.0;  ///< stamp of the last tick with a transform [s]; < 0: none
     Condition without_frame;
   };
 
@@ -45,8 +46,8 @@ class FrameFollower {
   Parameters parameters_;
   std::vector<Followed> followed_;
   Frames frames_;
-  double anchor_ = 0.0;    // wall time less that of the world over the real-time factor [s]
-  double last_end_ = 0.0;  // simulated, of the last tick [s]
+  double anchor_ = 0.0;    // wall time minus simulated time over real-time factor [s]
+  double last_end_ = 0.0;  // simulated time at the end of the last tick [s]
   mutable std::mutex mutex_;
   std::vector<std::string> stale_;
 };

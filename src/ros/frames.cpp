@@ -8,7 +8,7 @@
 namespace constraint_sim {
 namespace {
 
-constexpr double kKept = 10.0;  // [s] of transforms
+constexpr double kKept = 10.0;  // time for which transforms are kept [s]
 
 }  // namespace
 
@@ -31,8 +31,9 @@ ros::Subscriber Frames::listen(const std::string& topic, bool is_static) {
       });
 }
 
-// Transforms with stamps at the end of ros::Time do not reach the buffer: it adds what it keeps to
-// stamps, which throws for the last seconds and for each transform of that frame from then on.
+// Stores transforms in the buffer. Stamps near the end of ros::Time are skipped: the buffer adds
+// its cache time to stamps, which overflows and would then throw for each further transform of that
+// frame.
 void Frames::take(const tf2_msgs::TFMessage& message, bool is_static, Guard* guard) {
   if (!is_static) {
     const ros::Time now = ros::Time::now();

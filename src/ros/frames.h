@@ -15,15 +15,15 @@
 
 namespace constraint_sim {
 
-/// The frames of /tf and /tf_static from start() on, kept for 10 s. For any thread.
+/// Transforms of /tf and /tf_static, received since start() and kept for 10 s. Any thread.
 class Frames {
  public:
   explicit Frames(const ros::NodeHandle& handle);
 
-  /// Subscribes, unless it has. Transforms come some time later.
+  /// Subscribes on the first call. Transforms arrive some time later.
   void start();
-  /// The pose of `source` in `target`; stamp 0: the latest. None where the frames are not connected
-  /// at that time: not yet, no longer, or by a loop.
+  /// Returns the pose of `source` in `target`; stamp 0: the latest. None where the frames are not
+  /// connected at that time, or form a loop.
   std::optional<geometry_msgs::Transform> look_up(const std::string& target,
                                                   const std::string& source,
                                                   const ros::Time& stamp) const;
@@ -33,7 +33,7 @@ class Frames {
   void take(const tf2_msgs::TFMessage& message, bool is_static, Guard* guard);
 
   tf2::BufferCore buffer_;
-  ros::Time last_taken_;  // when /tf came last, to notice that time has gone back
+  ros::Time last_taken_;  // time of the last message on /tf, to notice that time has gone back
   ServiceQueue queue_{1};
   ros::NodeHandle handle_;
   std::once_flag started_;

@@ -20,13 +20,12 @@
 
 namespace constraint_sim {
 
-/// The border where one input enters the node: a topic, a service, a callback, a call of a plugin.
-/// An exception of any type that is thrown while the input is handled drops that input and becomes
-/// a warning in the log, at most one in a second of wall time, since simulated time may stand
-/// still. For any thread.
+/// The border where one input enters the node: a topic, a service, a callback or a call of a
+/// plugin. An exception of any type drops that input and becomes a warning in the log, at most one
+/// per second of wall time, since simulated time may stand still. Any thread.
 class Guard {
  public:
-  /// `input`: the name of the topic or the callback, with which each warning begins.
+  /// `input`: name of the topic or callback, with which each warning begins.
   explicit Guard(std::string input) : input_(std::move(input)) {}
 
   /// Calls `act`; returns whether it ended without an exception.
@@ -35,7 +34,7 @@ class Guard {
     try {
       act();
       return true;
-    } catch (const Cancelled&) {  // the node is going down
+    } catch (const Cancelled&) {  // the node is shutting down
     } catch (...) {
       warn(message_of_exception());
     }
@@ -53,7 +52,7 @@ class Guard {
 
  private:
   std::string input_;
-  std::atomic<double> warned_{-1e9};  // [s] of the steady clock
+  std::atomic<double> warned_{-1e9};  // steady clock [s]
 };
 
 using SharedGuard = std::shared_ptr<Guard>;
@@ -68,8 +67,8 @@ bool guarded(const std::string& input, Act&& act) noexcept {
   return Guard(input)(std::forward<Act>(act));
 }
 
-/// Queues `change` for the stepping thread without waiting for it. The guard holds there too; a
-/// change that throws must have changed nothing.
+/// Queues `change` for the stepping thread without waiting. The guard also holds when the change
+/// runs; a change that throws must have changed nothing.
 inline void guarded_post(Stepper& stepper, const SharedGuard& guard,
                          std::function<void(World&)> change) noexcept {
   (*guard)([&] {
@@ -78,8 +77,8 @@ inline void guarded_post(Stepper& stepper, const SharedGuard& guard,
   });
 }
 
-/// Subscribes to the topic that the guard is named after. Nothing else in src/ros subscribes.
-/// `handle_message` is called with a const Message&, which a BoundedStream has read.
+/// Subscribes to the topic that the guard is named after; the only subscription function of
+/// src/ros. `handle_message` receives a const Message& that a BoundedStream has read.
 template <class Message, class HandleMessage>
 ros::Subscriber guarded_subscribe(ros::NodeHandle& handle, const SharedGuard& guard,
                                   std::uint32_t queue, HandleMessage handle_message) {
@@ -91,8 +90,8 @@ ros::Subscriber guarded_subscribe(ros::NodeHandle& handle, const SharedGuard& gu
       }));
 }
 
-/// Advertises a service; nothing else in src/ros does. `serve` is called with the request and the
-/// response, and returns whether the call succeeded. Where `serve` throws, the call fails. A
+/// Advertises a service; the only advertising function of src/ros. `serve` receives request and
+/// response, and returns whether the call succeeded. The call also fails where `serve` throws. A
 /// BoundedStream reads the request.
 template <class Request, class Response, class Serve>
 ros::ServiceServer guarded_service(ros::NodeHandle& handle, const std::string& name, Serve serve) {
@@ -105,7 +104,7 @@ ros::ServiceServer guarded_service(ros::NodeHandle& handle, const std::string& n
                 }));
 }
 
-/// The same for a member function.
+/// Advertises a service that a member function serves.
 template <class Owner, class Request, class Response>
 ros::ServiceServer guarded_service(ros::NodeHandle& handle, const std::string& name,
                                    bool (Owner::*serve)(Request&, Response&), Owner* owner) {

@@ -26,14 +26,15 @@ using visualization_msgs::InteractiveMarkerControl;
 using visualization_msgs::InteractiveMarkerFeedback;
 using visualization_msgs::Marker;
 
-constexpr double kShowPeriod = 0.1;   // [s] between poses of markers
-constexpr double kDragPeriod = 0.05;  // [s] between approaches of the target
+constexpr double kShowPeriod = 0.1;   // time between updates of marker poses [s]
+constexpr double kDragPeriod = 0.05;  // time between updates of a drag's target [s]
 constexpr double kIdle = 1.0;         // [s]
 constexpr double kPush = 1.0;         // [m/s]
-constexpr float kVeil = 0.02F;        // opacity of what is clicked at, over the body itself
+constexpr float kVeil = 0.02F;        // opacity of the clickable marker over the body itself
 constexpr double kLargerThanBody = 1.02;
 
-// tf2 knows no leading slashes, and old viewers send them. None: the world's frame.
+// Returns a frame without its leading slash, which old viewers send and tf2 rejects. Empty names
+// are the world's frame.
 std::string named_frame(const std::string& name, const std::string& world_frame) {
   if (name.empty() || name == "/") return world_frame;
   return name[0] == '/' ? name.substr(1) : name;
@@ -126,7 +127,7 @@ void Hands::join(const std::string& body) {
        [marked, body](World& world) { constraint_sim::join(&world, marked, body); });
 }
 
-// What cannot be is said in the log: a viewer has no room for an answer.
+// Queues a change. Errors go to the log: a viewer cannot show a response.
 void Hands::post(const std::string& what, std::function<void(World&)> change) {
   Stepper* stepper = nullptr;
   {
@@ -139,8 +140,8 @@ void Hands::post(const std::string& what, std::function<void(World&)> change) {
 
 // ---- drags
 
-// A body that came with another scene under the name of one that is being dragged is not dragged:
-// a viewer that lags goes on telling of the drag of the old one.
+// Handles a drag. A lagging viewer may still report a drag after another scene was loaded; a body
+// of the new scene with the name of the dragged one is not dragged.
 void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
   const Eigen::Vector3d target = from_msg(feedback->pose.position);
   const std::string& body = feedback->marker_name;
@@ -160,7 +161,7 @@ void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
   const bool is_of_another = pressed != pressed_.end() && pressed->second.body != id;
   switch (feedback->event_type) {
     case InteractiveMarkerFeedback::MOUSE_DOWN:
-      pressed_[body] = {id, now};  // a click alone moves nothing
+      pressed_[body] = {id, now};  // a click without motion moves nothing
       break;
     case InteractiveMarkerFeedback::POSE_UPDATE:
       if (is_of_another) break;
@@ -184,7 +185,8 @@ void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
   }
 }
 
-// None where tf does not connect the frame to the world's, or not yet.
+// Returns the target in the world's frame. None while tf does not connect the drag's frame to the
+// world's.
 std::optional<Eigen::Vector3d> Hands::in_world(const Drag& drag) const {
   if (drag.frame == parameters_.world_frame) return drag.target;
   const auto pose = frames_.look_up(parameters_.world_frame, drag.frame, ros::Time(0));
@@ -203,7 +205,7 @@ double Hands::passed() {
   const double now = steady_now();
   struct Held {
     engine::BodyId body;
-    Eigen::Vector3d target;  // in the world's frame
+    Eigen::Vector3d target;  // in the world's frame [m]
   };
   std::map<std::string, Held> held;
   std::vector<std::string> released;
@@ -229,7 +231,7 @@ double Hands::passed() {
     post("release of " + body, [body](World& world) { let_go(&world, body); });
   for (const auto& [body, held_drag] : held)
     post("drag of " + body, [body = body, drag_of = held_drag](World& world) {
-      // a body that was removed, or came with another scene, is no longer dragged
+      // skip bodies that were removed, or replaced by another scene's
       if (world.has_body(body) && world.find_body(body) == drag_of.body)
         drag(&world, body, drag_of.target);
     });
@@ -308,7 +310,7 @@ void Hands::show_body(const World& world, engine::BodyId id) {
   control.markers.push_back(veil);
   InteractiveMarker marker;
   marker.header.frame_id = parameters_.world_frame;
-  marker.header.stamp = ros::Time(0);  // where it is said to be, whatever the time
+  marker.header.stamp = ros::Time(0);  // stamp 0: the pose holds at any time
   marker.name = body.name;
   marker.description = "";
   marker.pose = to_pose(world.state(id));

@@ -20,49 +20,50 @@
 
 namespace constraint_sim {
 
-/// Bodies that are dragged with the mouse in rviz, and have a menu: interactive markers below
-/// `hands`. A drag is a force (sim/grip.h) that ends with the mouse button, and where feedback
-/// stops for kPatience. Edits are queued as those of services are. Without a viewer there is no
-/// server and no marker. A pointer in another frame than the world's is where tf has that frame;
-/// one in a frame that tf does not connect to the world's moves nothing, and is a warning.
+/// Interactive markers below `hands`, by which bodies are dragged with the mouse in rviz and have a
+/// menu. A drag is a force (sim/grip.h) that ends with the mouse button, or after kPatience without
+/// feedback. Edits are queued like those of services. Without a viewer there is no server and no
+/// marker. tf transforms the pointer to the world's frame; a pointer in an unconnected frame moves
+/// nothing and is a warning.
 class Hands {
  public:
-  static constexpr double kPatience = 0.5;  ///< [s] without feedback
-  /// [s] without feedback after which a viewer that never said MOUSE_UP is gone
+  static constexpr double kPatience = 0.5;  ///< time without feedback that ends a drag [s]
+  /// Time without feedback after which a viewer is taken to have quit without MOUSE_UP [s].
   static constexpr double kGone = 10.0;
-  static constexpr std::size_t kMost = 200;  ///< dynamic bodies with a marker, the first ones
+  static constexpr std::size_t kMost =
+      200;  ///< number of dynamic bodies with a marker, the first ones
 
   Hands(const Parameters& parameters, const ros::NodeHandle& private_handle);
-  /// Queues edits there from now on, until stop().
+  /// Queues edits at `stepper` until stop().
   void start(Stepper* stepper);
-  /// The stepper must have stopped.
+  /// Requires that the stepper has stopped.
   void stop();
 
-  /// Whether a viewer is there. On any thread.
+  /// Returns whether a viewer is connected. Any thread.
   bool anybody_looks() const;
-  /// The body that viewers follow, or none. On any thread.
+  /// Returns the body that viewers follow, or an empty name. Any thread.
   std::string followed() const;
 
-  /// Shows bodies where they are. On the publishing thread.
+  /// Updates the markers. Publishing thread only.
   void show(const World& world);
 
-  // ---- on the stepping thread
-  /// Lets go of what nobody drags, as in a scene that was saved meanwhile.
+  // ---- stepping thread
+  /// Releases bodies that no viewer drags, as in a scene that was saved during a drag.
   void edited(const World& world);
-  /// Answers after how many seconds it has something to do again.
+  /// Moves drags on; returns the time until the next call [s].
   double passed();
 
  private:
   using Feedback = visualization_msgs::InteractiveMarkerFeedbackConstPtr;
   struct Press {
     engine::BodyId body;
-    double last_feedback;  ///< of the steady clock [s]
+    double last_feedback;  ///< steady clock [s]
   };
   struct Drag {
-    engine::BodyId body;  ///< another body may come under the same name
+    engine::BodyId body;  ///< tells another body of that name apart
     std::string frame;    ///< frame in which the target is given
     Eigen::Vector3d target;
-    double begin, last_feedback;  ///< of the steady clock [s]
+    double begin, last_feedback;  ///< steady clock [s]
     bool was_placed = false;      ///< the target has been found in the world's frame
   };
 
@@ -79,23 +80,23 @@ class Hands {
 
   Parameters parameters_;
   ros::NodeHandle private_handle_;
-  ros::Publisher update_topic_;  // of the server, here to count who looks
-  Frames frames_;                // from the first pointer in another frame on
+  ros::Publisher update_topic_;  // topic of server_, advertised here too, to count its subscribers
+  Frames frames_;                // started by the first pointer in another frame
   Guard feedback_guard_{"hands/feedback"};
 
-  mutable std::mutex mutex_;  // of all below
+  mutable std::mutex mutex_;  // protects the members down to last_drag_
   Stepper* stepper_ = nullptr;
-  std::map<std::string, Drag> drags_;     // by body
-  std::map<std::string, Press> pressed_;  // what the button went down on
+  std::map<std::string, Drag> drags_;     // by body name
+  std::map<std::string, Press> pressed_;  // bodies under a pressed mouse button, by name
   std::string marked_, followed_;
   double last_drag_ = 0.0;  // steady clock [s]
 
-  // of the publishing thread
+  // publishing thread only
   interactive_markers::MenuHandler menu_;
-  std::map<std::string, std::uint32_t> shown_;  // ids by name
+  std::map<std::string, std::uint32_t> shown_;  // body ids by name
   double last_shown_ = 0.0;                     // steady clock [s]
   bool told_of_most_ = false;
-  std::mutex server_mutex_;  // against stop()
+  std::mutex server_mutex_;  // protects the server from stop()
   bool stopped_ = false;
   std::unique_ptr<interactive_markers::InteractiveMarkerServer> server_;
 };

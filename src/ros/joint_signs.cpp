@@ -16,26 +16,27 @@ using Eigen::Vector3d;
 using engine::JointKind;
 using visualization_msgs::Marker;
 
-constexpr double kAxisLength = 0.3;     // [m] of the axis of a joint, at most
-constexpr double kWidthOfLength = 0.1;  // of a sign: its width, at most
-constexpr double kOut = 0.2;            // of the axis: what of it comes out of a body at each end
-constexpr double kRing = 0.7;           // of the axis: radius of a motor's ring, around the body
-constexpr double kAroundWheel = 1.2;    // of a wheel: the same
-constexpr double kSmallWheel = 0.5;     // of the axis: radius of a wheel that touches no other
-constexpr double kHeadOfRing = 1.2;     // of the ring: where its head ends
-constexpr double kSlant = 0.45;         // sine of the angle at which scenes are seen from above
-constexpr double kLevel = 0.1;          // sine of the slope of an axis that counts as level
-constexpr double kNearer = 0.1;         // of the axis: what counts as nearer
-constexpr double kWeld = 0.4;           // of the axis: half of the cube whose diagonals are a weld
-constexpr double kThread = 2.4;         // of the thickness: diameter of a screw's thread
+constexpr double kAxisLength = 0.3;     // largest length of a joint's axis [m]
+constexpr double kWidthOfLength = 0.1;  // largest width of a sign's lines over its length
+constexpr double kOut =
+    0.2;  // part of the axis that stands out of the body at each end, over the axis
+constexpr double kRing = 0.7;         // radius of a motor's ring around the body, over the axis
+constexpr double kAroundWheel = 1.2;  // radius of a motor's ring around a wheel, over the wheel
+constexpr double kSmallWheel = 0.5;   // radius of a wheel that touches no other, over the axis
+constexpr double kHeadOfRing = 1.2;   // end of the ring's arrow head, over the ring's radius
+constexpr double kSlant = 0.45;       // sine of the angle at which scenes are seen from above
+constexpr double kLevel = 0.1;        // sine of the slope of an axis that counts as level
+constexpr double kNearer = 0.1;       // difference that counts as nearer, over the axis
+constexpr double kWeld = 0.4;    // half edge of the cube whose diagonals show a weld, over the axis
+constexpr double kThread = 2.4;  // diameter of a screw's thread over the lines' width
 using engine::kPi;
 constexpr int kTeethOfSmaller = 12;
 constexpr int kMostTeeth = 60;
-constexpr double kMostWheel = 3.0;  // of the axis
+constexpr double kMostWheel = 3.0;  // largest radius of a wheel over the axis
 constexpr double kParallel = 0.99;  // cosine between the axes of wheels that touch
 
-// What is as long as a body, and comes out of a ball that it goes through [m]; 0 of a point or a
-// plane.
+// Returns the length of an axis through the shape [m]: as long as a box, and standing out of a
+// ball. 0 for points and planes.
 double length_of_axis_through(const engine::Shape& shape) {
   if (const auto* box = std::get_if<engine::Box>(&shape)) return box->size.maxCoeff();
   if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return 3.0 * sphere->radius;
@@ -55,13 +56,13 @@ bool is_on_sheet(JointKind kind) {
 
 bool has_rack(const JointSize& size) { return size.tooth > 0.0 && !(size.wheel > 0.0); }
 
-// How far the smaller body reaches along the axis, which the larger one does not hide.
+// Finds how far the smaller body reaches along the axis: the larger one does not hide the sign.
 void find_reach(const engine::World& world, const engine::Joint& joint, JointSize* size) {
   const Vector3d z = orientation_of(world, joint) * Vector3d::UnitZ();
   double least = -1.0;
   for (const auto& [id, anchor] :
        {std::pair{joint.body_b, joint.anchor_b}, std::pair{joint.body_a, joint.anchor_a}}) {
-    // what slides takes its sign with it
+    // a sliding body carries its sign along
     if (id == engine::kWorldBody || (least >= 0.0 && slides_along_axis(joint.kind))) continue;
     const engine::Body& body = world.body(id);
     const engine::BodyState& state = world.state(id);
@@ -74,7 +75,7 @@ void find_reach(const engine::World& world, const engine::Joint& joint, JointSiz
   }
 }
 
-// Of the smaller body above a place [m].
+// Returns how far the smaller body reaches above a place [m].
 double top_above(const engine::World& world, const engine::Joint& joint, const Vector3d& place,
                  const Vector3d& up) {
   double least = -1.0, top = 0.0;
@@ -90,7 +91,7 @@ double top_above(const engine::World& world, const engine::Joint& joint, const V
   return top;
 }
 
-// A wheel of this radius, or a rack where it is 0.
+// Makes a wheel of this radius [m].
 void set_teeth(double radius, double tooth, JointSize* size) {
   size->wheel = radius;
   size->touches = true;
@@ -114,12 +115,13 @@ Wheel wheel_of(const engine::World& world, engine::JointId id, JointSize* size) 
   return {joint, size, world.anchors(id).p_b, axis, joint.kind == JointKind::kHinge};
 }
 
-// Radii of two wheels whose angles go as the ratio and that touch; none where they cannot.
+// Returns the radii of two wheels that touch and whose angles follow the ratio; none where there
+// are no such wheels.
 std::optional<std::pair<double, double>> radii(const Wheel& a, const Wheel& b, double ratio) {
   if (std::abs(a.axis.dot(b.axis)) < kParallel) return std::nullopt;
   const Vector3d way = b.place - a.place;
   const double distance = (way - way.dot(a.axis) * a.axis).norm();
-  // one of them counts the angle of what carries both
+  // One angle counts the carrier's rotation where the wheels are on opposite sides.
   const double sense = (a.size->wheel_is_on_a != b.size->wheel_is_on_a ? -1.0 : 1.0) *
                        (a.axis.dot(b.axis) > 0.0 ? 1.0 : -1.0);
   const double sum = std::abs(1.0 + sense * ratio);
@@ -130,7 +132,8 @@ std::optional<std::pair<double, double>> radii(const Wheel& a, const Wheel& b, d
   return std::pair(one, other);
 }
 
-// A wheel of as many metres a radian as the rack goes, between whose teeth those of the rack are.
+// Makes a wheel whose radius `metres` is the rack's travel per radian, and the rack at its teeth.
+// Returns false where they cannot touch.
 bool find_rack(const engine::World& world, const Wheel& wheel, const Wheel& rack, double metres) {
   if (!(metres > 0.0) || metres > kMostWheel * wheel.size->axis) return false;
   const Vector3d way = wheel.place - rack.place;
@@ -144,8 +147,8 @@ bool find_rack(const engine::World& world, const Wheel& wheel, const Wheel& rack
   return true;
 }
 
-// The axle and a toothed wheel: in the middle of the body one that touches another one, and thus
-// reaches out of it; else small ones with a spoke on both sides.
+// Draws the axle and a toothed wheel. A wheel that touches another one is in the middle of the body
+// and stands out of it; any other is a small wheel with a spoke on both sides.
 void add_wheels(const JointSize& size, Lines* lines) {
   const double out = kOut * size.axis;
   add_line({0.0, 0.0, -size.before - out}, {0.0, 0.0, size.behind + out}, lines);
@@ -159,7 +162,7 @@ void add_wheels(const JointSize& size, Lines* lines) {
   }
 }
 
-// A rod with teeth towards the wheel, on what slides.
+// Draws a rod with teeth towards the wheel, on the sliding body.
 void draw_rack(const JointSize& size, const Vector3d& p_b, ShownMarker* marker) {
   marker->pose.position = point_at(p_b);
   marker->scale.x *= 0.5;
@@ -171,7 +174,7 @@ void draw_rack(const JointSize& size, const Vector3d& p_b, ShownMarker* marker) 
             size.tooth, &marker->points);
 }
 
-// From where to where it is seen to slide along z, with what comes out of it [m].
+// Returns the ends of the rail along z [m], with the parts that stand out of the body.
 std::pair<double, double> rail(const engine::Joint& joint, const JointSize& size, double q) {
   const auto& law = joint.coordinates[0];
   double low = std::min(q, 0.0), high = std::max(q, 0.0);
@@ -209,8 +212,8 @@ double radius_of_ring(const JointSize& size) {
   return std::max(kRing * size.axis, size.wheel_is_on_a ? 0.0 : kAroundWheel * size.wheel);
 }
 
-// Where along the axis a motor's ring is: out of the body, at its end that is nearer to the joint;
-// else at the upper one.
+// Returns the place of a motor's ring along the axis: outside the body, at the end nearer to the
+// joint, or else at the upper end.
 double height_of_ring(const engine::World& world, const engine::Joint& joint,
                       const JointSize& size) {
   const double upright = (orientation_of(world, joint) * Vector3d::UnitZ()).z();
@@ -248,7 +251,7 @@ bool find_wheels(const engine::World& world, const engine::Joint& gear, JointSiz
   const engine::Coupling& coupling = gear.coupling;
   const Wheel a = wheel_of(world, coupling.first, first);
   const Wheel b = wheel_of(world, coupling.second, second);
-  // of two joints on one carrier each wheel is the other body
+  // The wheel of a joint is on its body B, or on A where B is the common carrier.
   first->wheel_is_on_a = a.joint.body_b == b.joint.body_a || a.joint.body_b == b.joint.body_b;
   second->wheel_is_on_a = b.joint.body_b == a.joint.body_a || a.joint.body_b == b.joint.body_b;
   if (a.turns && b.turns)
@@ -258,7 +261,7 @@ bool find_wheels(const engine::World& world, const engine::Joint& gear, JointSiz
       set_teeth(found->second, tooth, second);
       return true;
     }
-  // q₁ + ratio q₂ in metres or radians
+  // A gear holds q₁ + ratio q₂ constant; with one slider the ratio is in rad/m or m/rad.
   if (a.turns && b.joint.kind == JointKind::kSlider &&
       find_rack(world, a, b, 1.0 / std::abs(coupling.ratio)))
     return true;
@@ -350,7 +353,7 @@ void draw_motor(const engine::World& world, const engine::Joint& joint, const Jo
     if (marker->is_drawn_for({sign * size.axis, z, radius_of_ring(size)})) return;
     return add_turning_arrow(radius_of_ring(size), z, positive, &marker->points);
   }
-  // out of the body that moves, which would hide it
+  // The arrow starts outside the moving body, which would hide it.
   const double start = positive ? size.behind : size.before;
   if (marker->is_drawn_for({sign * size.axis, start, -1.0})) return;
   add_arrow(sign * start * Vector3d::UnitZ(), sign * Vector3d::UnitZ(), size.axis, 0.3 * size.axis,
@@ -369,7 +372,7 @@ Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, con
                      const std::optional<ShownMotor>& motor, const Vector3d& p_a,
                      const Vector3d& p_b, const Vector3d& up) {
   const Vector3d place = slides_along_axis(joint.kind) ? p_b : p_a;
-  double top = 0.0;  // of the bodies' smaller one, which would hide it
+  double top = 0.0;  // top of the smaller body, which would hide the label
   if (engine::has_frames(joint.kind)) {
     const Vector3d z = orientation_of(world, joint) * Vector3d::UnitZ();
     if (motor && !motor->is_angle) {
@@ -378,7 +381,7 @@ Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, con
     }
     const double upright = z.dot(up);
     const double across_up = std::sqrt(std::max(1.0 - upright * upright, 0.0));
-    if (motor)  // above the ring, and above its farther part as it is seen
+    if (motor)  // above the ring, and above its far side as seen by the viewer
       return place + height_of_ring(world, joint, size) * z +
              radius_of_ring(size) * (kHeadOfRing * across_up + kSlant * std::abs(upright)) * up;
     if (is_on_sheet(joint.kind)) {

@@ -11,45 +11,46 @@
 
 namespace constraint_sim {
 
-/// How large the sign of a joint with an axis is; changes only with edits. Lengths in m.
+/// Size of the sign of a joint with an axis. Changes only with edits. Lengths in m.
 struct JointSize {
-  double axis = 0.0;  ///< as long as the smaller of its bodies, 0.3 m at most
-  /// Along the axis to both ends of the smaller body, seen from the joint.
+  double axis = 0.0;  ///< length of the smaller body, at most 0.3 m
+  /// Distances along the axis from the joint to both ends of the smaller body.
   double before = 0.0, behind = 0.0;
-  /// Of a gear: the wheel on B, or on A, or the rack.
+  /// Radius of a gear's wheel, on body B or on A; 0 for a rack.
   double wheel = 0.0;
   bool wheel_is_on_a = false;
-  bool touches = false;  ///< another wheel or a rack
+  bool touches = false;  ///< touches another wheel or a rack
   int teeth = 0;
-  double tooth = 0.0;  ///< from one to the next
-  Eigen::Vector3d rack =
-      Eigen::Vector3d::Zero();  ///< from the axis to the teeth, in A's frame of the joint
+  double tooth = 0.0;                              ///< distance between teeth
+  Eigen::Vector3d rack = Eigen::Vector3d::Zero();  ///< axis to teeth, in the joint's frame on A
 };
 JointSize size_of(const engine::World& world, const engine::Joint& joint);
-/// What a gear couples is drawn as two wheels that touch, or as a wheel on its rack, where their
-/// places and the ratio fit; else each as a small wheel. Whether they touch.
+/// Sizes the wheels of a gear: two wheels that touch, or a wheel on a rack, where their places and
+/// the ratio allow; else small wheels. Returns whether they touch.
 bool find_wheels(const engine::World& world, const engine::Joint& gear, JointSize* first,
                  JointSize* second);
 
-/// Along its axis or its plane: then its anchors are apart without an error.
+/// Returns whether the joint moves along its axis or plane, so that its anchors may be apart
+/// without an error.
 bool slides(engine::JointKind kind);
 Eigen::Quaterniond orientation_of(const engine::World& world, const engine::Joint& joint);
 
-/// The type of the marker that draw_joint() draws into.
+/// Returns the marker type that draw_joint() needs.
 std::int32_t type_of_sign(const engine::Joint& joint, const JointSize& size);
-/// What turns or slides, where and along what, between these anchors [m].
+/// Draws the turning or sliding part between the anchors [m].
 void draw_joint(const engine::World& world, const engine::Joint& joint, const JointSize& size,
                 const Eigen::Vector3d& p_a, const Eigen::Vector3d& p_b, double most_width,
                 ShownMarker* marker);
-/// The motor of a joint: about its axis at both ends, out of the bodies, or along it.
+/// Draws the motor of a joint: rings about the axis outside the bodies at both ends, or an arrow
+/// along the axis.
 void draw_motor(const engine::World& world, const engine::Joint& joint, const JointSize& size,
                 const ShownMotor& motor, const Eigen::Vector3d& p_a, const Eigen::Vector3d& p_b,
                 double most_width, ShownMarker* marker);
-/// The upper end of what slides along an axis [m]; of other joints the upper anchor.
+/// Returns the upper end of a sliding joint's rail [m]; for other joints the upper anchor.
 double top_of_rail(const engine::World& world, const engine::Joint& joint, const JointSize& size,
                    const Eigen::Vector3d& p_a, const Eigen::Vector3d& p_b);
-/// Where a label of that motor, or of the joint without one, is seen: the upper end of the axis, or
-/// the tip of the arrow [m].
+/// Returns the place of a label for the motor, or for the joint without one [m]: the upper end of
+/// the axis, or the tip of the arrow.
 Eigen::Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint,
                             const JointSize& size, const std::optional<ShownMotor>& motor,
                             const Eigen::Vector3d& p_a, const Eigen::Vector3d& p_b,

@@ -18,23 +18,25 @@ using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
 constexpr const char* kNames = "constraint_names";
-constexpr double kHeightOfSign = 0.3;          // letters beside arrows,
-constexpr double kMostHeightOfSign = 0.5;      // as large as this
-constexpr double kHeightOfScene = 0.015;       // for this share of the scene's diagonal
-constexpr double kHeightOfLegend = 0.02;       // of the scene's diagonal
-constexpr double kShares[] = {0.5, 0.7, 0.3};  // of a length, where labels of neighbours are
-constexpr double kOfLegs[] = {0.2, 0.4};       // the same of those that stand, from their feet
+constexpr double kHeightOfSign = 0.3;      // letter height over the length of arrows, at least
+constexpr double kMostHeightOfSign = 0.5;  // letter height over the length of arrows, at most
+constexpr double kHeightOfScene = 0.015;   // letter height over the diagonal of the scene
+constexpr double kHeightOfLegend =
+    0.02;  // letter height of the legend over the diagonal of the scene
+constexpr double kShares[] = {
+    0.5, 0.7, 0.3};  // places of labels along a line, varied so that neighbours do not overlap
+constexpr double kOfLegs[] = {0.2, 0.4};  // places of labels along standing lines, from their feet
 constexpr double kLineSpacing = 1.4;
-constexpr double kAhead = 0.3;       // [s]
-constexpr double kMostGrowth = 2.0;  // of letters, by the motion
-// heights of a letter
-constexpr double kAbove = 0.9;  // from a part to the middle of the text above it
-// widths of a space, which rviz draws as wide as an A
+constexpr double kAhead = 0.3;       // time for which the motion is extrapolated [s]
+constexpr double kMostGrowth = 2.0;  // largest growth of letters with the motion
+// Lengths in heights of a letter.
+constexpr double kAbove = 0.9;  // distance of a part from the middle of the text above
+// Lengths in widths of a space, which rviz draws as wide as an A.
 constexpr double kLetter = 0.8;
-constexpr double kBeside = 1.6;         // from a line to the text beside it
-constexpr double kWidthOfLetter = 0.7;  // of its height: that of a space
+constexpr double kBeside = 1.6;         // distance of a line from the text beside it
+constexpr double kWidthOfLetter = 0.7;  // width of a space over the height of a letter
 
-const std_msgs::ColorRGBA kOffColour = colour(1.0, 0.5, 0.45);  // letters are thin
+const std_msgs::ColorRGBA kOffColour = colour(1.0, 0.5, 0.45);  // light, since letters are thin
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
 std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
@@ -45,15 +47,15 @@ std::string shown(const char* format, double value) {
   return text;
 }
 
-// Without a sign where there is nothing to tell it of.
+// Formats a value with its sign, and zero without one.
 std::string signed_value(double value) { return shown(value == 0.0 ? "%.3g" : "%+.3g", value); }
 
 std::string newtons(double force) {
   return force < 1e3 ? shown("%.3g N", force) : shown("%.3g kN", 1e-3 * force);
 }
 
-// rviz centres texts about their place: as many spaces before it as it is wide put it beside a
-// line, on the right in every view; behind it on the left.
+// Pads a text with spaces so that it stands beside a line. rviz centres texts about their place, so
+// as many spaces as the text is wide, put before it, move it to the right in every view.
 std::string beside(const std::string& text, bool is_left = false) {
   const auto spaces = static_cast<double>(std::count(text.begin(), text.end(), ' '));
   const double width = kLetter * (static_cast<double>(text.size()) - spaces) + spaces;
@@ -65,7 +67,7 @@ bool is_fixed(const engine::World& world, engine::BodyId id) {
   return id == engine::kWorldBody || world.body(id).type == engine::BodyType::kStatic;
 }
 
-// Of a length between what moves and what does not: its end at the latter.
+// Returns the fixed end of a length between a fixed and a moving body.
 std::optional<Vector3d> fixed_end(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
   const bool is_a = is_fixed(world, joint.body_a);
@@ -73,7 +75,7 @@ std::optional<Vector3d> fixed_end(const engine::World& world, engine::JointId id
   return is_a ? world.anchors(id).p_a : world.anchors(id).p_b;
 }
 
-// Whether a line stands on that end rather than lies.
+// Returns whether a line stands on that end rather than lies.
 bool stands(const engine::World::Anchors& anchors, const Vector3d& end) {
   const double rise = anchors.p_a.z() + anchors.p_b.z() - 2.0 * end.z();
   return rise > 0.5 * (anchors.p_b - anchors.p_a).norm();
@@ -88,15 +90,16 @@ Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken
     return is_pulley ? 0.5 * (first.p_a + second.p_a) : 0.5 * (first.p_b + second.p_b);
   }
   const auto& anchors = world.anchors(id);
-  double share = kShares[id.value % 3];  // parallel ones are often added one by one
+  double share = kShares[id.value % 3];  // parallel lines are often added one after the other
   if (is_broken)
-    share = 0.5;                                    // in its gap
-  else if (const auto foot = fixed_end(world, id))  // which are farther apart than what they bear
+    share = 0.5;  // a broken line has its gap in the middle
+  else if (const auto foot =
+               fixed_end(world, id))  // feet of standing lines are farther apart than their tops
     share = *foot == anchors.p_a ? kOfLegs[id.value % 2] : 1.0 - kOfLegs[id.value % 2];
   return (1.0 - share) * anchors.p_a + share * anchors.p_b;
 }
 
-// Why a motor is saturated.
+// Returns the reason why a motor is saturated.
 std::string limit_of_motor(const engine::Joint& joint, const engine::JointState& state,
                            const ShownMotor& motor) {
   if (engine::if_distance(joint) != nullptr) {
@@ -115,7 +118,7 @@ std::string limit_of_motor(const engine::Joint& joint, const engine::JointState&
   return ", at its limit";
 }
 
-// Which limit holds a strut, and at which are coordinates; of a rope it is seen.
+// Returns the limits that hold a strut or coordinates; a taut rope shows by its line.
 std::vector<std::string> limits_reached(const engine::Joint& joint, const engine::JointState& state,
                                         Look look) {
   std::vector<std::string> reached;
@@ -140,7 +143,7 @@ std::vector<std::string> limits_reached(const engine::Joint& joint, const engine
   return reached;
 }
 
-// Of bodies and what joins them; extents have the spheres around bodies.
+// Returns the top of bodies and joints [m]; an extent would include the spheres around bodies.
 double top_of(const engine::World& world) {
   double top = -std::numeric_limits<double>::infinity();
   for (const engine::BodyId id : world.body_ids()) {
@@ -201,7 +204,7 @@ void Labels::forget() {
   broke_.reset();
 }
 
-// Markers show for a while what broke before the eyes of a viewer.
+// Notes when constraints broke, since markers show those for a while.
 void Labels::find_broken(const engine::World& world, double now) {
   now_ = now;
   const double since = broke_ ? now : -std::numeric_limits<double>::infinity();
@@ -218,8 +221,7 @@ bool Labels::shows_broken(engine::JointId id) const {
   return found != broke_->end() && std::abs(now_ - found->second) < kBrokenShown;
 }
 
-// A scene is looked at from where all of its motion is seen: the farther it goes, the larger its
-// letters.
+// Returns the growth of letters: a viewer stands far enough away to see all of the motion.
 double Labels::growth(const engine::World& world, const Extent& extent) {
   if (!seen_) seen_ = extent;
   seen_->low = seen_->low.cwiseMin(extent.low);
@@ -234,7 +236,7 @@ double Labels::growth(const engine::World& world, const Extent& extent) {
   return std::clamp(seen_->diagonal() / extent.diagonal(), 1.0, kMostGrowth);
 }
 
-// With its wheel, where a gear couples it.
+// Returns the size of the sign, with its wheel where a gear couples the joint.
 JointSize Labels::size_in_gear(const engine::World& world, engine::JointId id) const {
   const auto found = wheels_.find(id.value);
   return found != wheels_.end() ? found->second : size_of(world, world.joint(id));
@@ -254,7 +256,7 @@ void Labels::find_all_wheels(const engine::World& world) {
   }
 }
 
-// From top to bottom.
+// Returns the lines of a label from top to bottom.
 std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const ForceScale& forces,
                                            engine::JointId id) const {
   const engine::Joint& joint = world.joint(id);
@@ -278,7 +280,7 @@ std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const For
                            : signed_value(motor->rate) + (motor->is_angle ? " rad/s" : " m/s");
     if (look == Look::kJoint)
       told = world.body(joint.body_b).name + " " + told;
-    else  // no force, which arrows together would be taken for
+    else  // no force: it would be taken for that of the arrows
       told =
           (motor->rate < 0.0 ? "shortens " : "extends ") + shown("%.3g m/s", std::abs(motor->rate));
     if (state.saturated) told += limit_of_motor(joint, state, *motor);
@@ -289,12 +291,13 @@ std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const For
   if (const double error = shown_error(look, joint, state); error > kToldError)
     lines.push_back(
         {"errors", kOffColour, shown("off by %.2g m", error) + (state.closing ? ", closing" : "")});
-  lines.insert(lines.begin(), {kNames, colour(0.8, 0.9, 0.8), joint.name});  // may be left out
+  lines.insert(lines.begin(),
+               {kNames, colour(0.8, 0.9, 0.8), joint.name});  // the shipped configuration hides it
   return lines;
 }
 
-// Above the end of a length that does not move; else beside its line. Above the axis of a joint, or
-// the tip of its motor's arrow.
+// Places labels: above the standing end of a length, else beside its line; above the axis of a
+// joint, or above the tip of its motor's arrow.
 void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
                            engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
@@ -305,7 +308,8 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
   const auto motor = shown_motor(joint, world.joint_state(id));
   const bool is_broken = world.joint_state(id).broken;
   std::optional<Vector3d> end = fixed_end(world, id);
-  const bool is_level = world.options().gravity.isZero(0.0);  // and may be seen from above
+  const bool is_level =
+      world.options().gravity.isZero(0.0);  // without gravity a scene may be seen from above
   if (is_broken || is_level || (end && stands(world.anchors(id), *end))) end.reset();
   const bool is_beside = is_broken || (is_length(look) && !end);
   const bool is_left = id.value % 2 == 1;  // neighbours are on both sides
@@ -313,7 +317,7 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
   if (look == Look::kJoint)
     place = end_of_sign(world, joint, size_in_gear(world, id), motor, world.anchors(id).p_a,
                         world.anchors(id).p_b, Vector3d::UnitZ());
-  if (joint.kind == engine::JointKind::kGear)  // below both, whose own labels are above them
+  if (joint.kind == engine::JointKind::kGear)  // below both joints, whose own labels are above them
     for (const engine::JointId of : {joint.coupling.first, joint.coupling.second}) {
       const Vector3d low =
           end_of_sign(world, world.joint(of), size_in_gear(world, of), std::nullopt,
@@ -321,7 +325,8 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
       place.z() = std::min(place.z(), low.z() - 2.0 * kAbove * height_);
     }
   if (is_beside) {
-    place.z() += is_broken ? 0.0 : line;  // the name, and the next one beside the line
+    place.z() +=
+        is_broken ? 0.0 : line;  // the name, and the next line beside the line of the joint
   } else if (end) {
     place = free_place(lines, *end);
   } else {
@@ -335,8 +340,8 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
   }
 }
 
-// Of the first of these lines above an end, farther from it where there are others already. The
-// first one, the name, is left out in the shipped configuration, and may come over others.
+// Returns the place of the first line above an end, farther up where other labels are. The name is
+// left out: the shipped configuration hides it, so it may overlap others.
 Vector3d Labels::free_place(const std::vector<Line>& lines, const Vector3d& end) {
   const double line_height = kLineSpacing * height_;
   const double height = static_cast<double>(lines.size() - 1) * line_height;
@@ -371,12 +376,12 @@ void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,
   marker.text = text;
 }
 
-// What of the signs is to be seen now, and the largest forces of now [N].
+// Signs to be explained in the legend, and the largest present forces [N].
 struct Labels::Told {
   bool is_unloaded = false, has_arms = false, has_gears = false, has_signs = false,
        has_motors = false, is_limited = false, has_fixed = false, is_off = false, is_broken = false;
   double tension = 0.0, compression = 0.0, normal = 0.0;
-  double friction[2] = {0.0, 0.0};  // where it slides, or sticks
+  double friction[2] = {0.0, 0.0};  // slipping, and sticking
 };
 
 Labels::Told Labels::told(const engine::World& world, const ForceScale& forces) const {
@@ -421,7 +426,7 @@ Labels::Told Labels::told(const engine::World& world, const ForceScale& forces) 
   return told;
 }
 
-// Above the scene, line by line in the colours that it tells of, as far as they are there.
+// Adds the legend above the scene: one line for each sign in use, in its colour.
 void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
   const Extent extent = extent_of(world);
   struct Entry {
@@ -463,7 +468,7 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
   const double height = height_of_legend_;
   Vector3d place = 0.5 * (extent.low + extent.high);
   place.z() = top_of(world);
-  for (const auto& [of, size] : wheels_)  // which may be larger than their bodies
+  for (const auto& [of, size] : wheels_)  // wheels may be larger than their bodies
     place.z() = std::max(place.z(), world.anchors(engine::JointId{of}).p_b.z() + size.wheel);
   if (now.normal > 0.0) place.z() += forces.contact_reach(extent);
   place.z() = std::max(place.z() + kLineSpacing * height_, top_) + kLineSpacing * height;

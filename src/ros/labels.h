@@ -16,12 +16,12 @@
 
 namespace constraint_sim {
 
-/// Texts beside what Markers draws, on a topic of their own, for they cost more than what they
-/// name: `body_names`, `constraint_names`, `forces`, `motor_rates`, `limits`, `errors` of
+/// Texts beside the shapes that Markers draws, on a topic of their own since they cost more than
+/// the shapes: `body_names`, `constraint_names`, `forces`, `motor_rates`, `limits`, `errors` of
 /// constraints that are off, and a `legend` of the colours above the scene.
 class Labels {
  public:
-  /// So many bodies and so many constraints, the first ones, have labels.
+  /// Number of bodies, and of constraints, with labels: the first ones.
   static constexpr std::size_t kMost = 200;
 
   explicit Labels(const std::string& frame) : set_(frame) {}
@@ -39,7 +39,7 @@ class Labels {
   /// Lines of text above the end of a length [m].
   struct Block {
     Eigen::Vector3d end;
-    double half;  ///< of its width
+    double half;  ///< half of the width [m]
     double low, high;
   };
   struct Told;
@@ -60,15 +60,16 @@ class Labels {
 
   MarkerSet set_;
   using Number = decltype(engine::JointId::value);
-  std::optional<std::map<Number, double>> broke_;  // what is broken: when that was seen [s]
-  double now_ = 0.0;                               // [s]
-  std::optional<Extent> seen_;  // where the scene was, and will be in a second as it moves
+  std::optional<std::map<Number, double>>
+      broke_;                   // time at which a constraint was seen to be broken [s], by id
+  double now_ = 0.0;            // [s]
+  std::optional<Extent> seen_;  // extent of the scene so far, and as extrapolated by kAhead
   std::map<Number, JointSize> wheels_;
-  std::set<Number> touch_;  // gears
+  std::set<Number> touch_;  // ids of gears whose wheels touch
   std::vector<Block> blocks_;
-  double top_ = 0.0;                              // of the labels of constraints [m]
-  double cube_ = 0.0;                             // half of what marks ends at the world [m]
-  double height_ = 0.0, height_of_legend_ = 0.0;  // of letters [m]
+  double top_ = 0.0;   // top of the labels of constraints [m]
+  double cube_ = 0.0;  // half edge of cubes that mark ends at the world [m]
+  double height_ = 0.0, height_of_legend_ = 0.0;  // heights of letters [m]
 };
 
 }  // namespace constraint_sim

@@ -20,7 +20,7 @@ struct LawKey {
   void (*set)(CoordinateLaw& law, double value);
 };
 
-// of a message's fields too, where those are of the first coordinate
+// Keys of laws; some are also fields of the message, for the first coordinate.
 constexpr LawKey kLawKeys[] = {
     {"lower", [](CoordinateLaw& law, double value) { law.lower = value; }},
     {"upper", [](CoordinateLaw& law, double value) { law.upper = value; }},
@@ -65,7 +65,7 @@ auto find_key(const Keys& keys, const std::string& name) {
                       [&](const auto& key) { return name == key.name; });
 }
 
-// A motor is there once a key of it is given.
+// Sets a key of a law. The first key of a motor adds the motor.
 bool set_key(CoordinateLaw& law, const std::string& name, double value) {
   const auto* const key = find_key(kLawKeys, name);
   if (key != std::end(kLawKeys)) {
@@ -79,7 +79,7 @@ bool set_key(CoordinateLaw& law, const std::string& name, double value) {
   return true;
 }
 
-// those of the fields that are not left out
+// Reads the fields of the message that are not left out.
 void read_fields(const Constraint& msg, CoordinateLaw* law) {
   law->frequency = msg.frequency;
   law->damping_ratio = msg.damping_ratio;
@@ -103,7 +103,7 @@ void read_motor_fields(const Constraint& msg, CoordinateLaw* law) {
   motor.max_force = msg.max_force;
 }
 
-// The number before the slash of `1/stiffness`, which is taken off; 0 without one.
+// Takes the prefix `1/` off a key such as `1/stiffness` and returns its number; 0 without one.
 std::size_t take_coordinate(std::string* key) {
   if (key->size() < 3 || (*key)[1] != '/' || (*key)[0] < '1' || (*key)[0] > '9') return 0;
   const auto number = static_cast<std::size_t>((*key)[0] - '0');
@@ -186,8 +186,7 @@ constexpr JointKey kDistanceKeys[] = {
     {"timeout", [](Joint& joint, double value) { joint.motor.timeout = value; }},
 };
 
-// A motor goes by velocity, to a position or with a force: what names one of these takes the place
-// of the others.
+// Switches the motor between rate, position and force: a key of one kind clears the other kinds.
 void choose_motor(const std::string& key, CoordinateLaw* law) {
   const bool is_rate = key == "bias" || key == "amplitude";
   if (!law->motor || !(is_rate || key == "motor_position" || key == "motor_force")) return;

@@ -20,8 +20,8 @@ constexpr int kArcParts = 18;
 constexpr double kArc = 1.5 * kPi;  // [rad]
 constexpr double kHeadOfArc = 0.5;  // [rad]
 constexpr int kThreadTurns = 10;
-constexpr int kPartsOfThread = 8;       // of a turn
-constexpr double kRootOfThread = 0.65;  // radius between the crests, of theirs
+constexpr int kPartsOfThread = 8;       // per turn
+constexpr double kRootOfThread = 0.65;  // radius between the crests, over theirs
 constexpr int kCircleParts = 16;
 constexpr int kMostTeethOfRack = 60;
 
@@ -41,7 +41,8 @@ const std::array<Vector2d, kCircleParts>& unit_circle() {
 
 Eigen::Quaterniond turn_of_z(const Vector3d& direction) {
   const double w = 1.0 + direction.z();
-  if (w < 1e-9) return {0.0, 1.0, 0.0, 0.0};  // half a turn about x, to rounding of messages
+  if (w < 1e-9)
+    return {0.0, 1.0, 0.0, 0.0};  // half a turn about x; exact to the rounding of messages
   const double scale = 1.0 / std::sqrt(2.0 * w);
   return {scale * w, -scale * direction.y(), scale * direction.x(), 0.0};
 }
@@ -83,7 +84,7 @@ void add_turning_arrow(double radius, double z, bool positive, Lines* lines) {
   const auto at = [&](double angle, double of_radius) -> Vector3d {
     return {of_radius * radius * std::cos(angle), sign * of_radius * radius * std::sin(angle), z};
   };
-  const double begin = kArc - kHeadOfArc;  // of the head, which is flat and as an arrow's feathers
+  const double begin = kArc - kHeadOfArc;  // start of the head, a flat arrow head
   for (int i = 0; i < kArcParts; ++i)
     add_line(at(kArc * i / kArcParts, 1.0), at(kArc * (i + 1) / kArcParts, 1.0), lines);
   const Vector3d tip = at(kArc, 1.0), up(0.0, 0.0, 0.2 * radius);
@@ -149,7 +150,7 @@ void add_sheet(double half, bool has_arrows, Lines* lines) {
   }
 }
 
-// A parabola whose length is the rope's to some percent.
+// Sets a parabola whose length equals the rope's within some percent.
 void set_rope(const Vector3d& to, double length, const Vector3d& down, Lines* lines) {
   const double sag = std::sqrt(3.0 / 16.0 * std::max(length * length - to.squaredNorm(), 0.0));
   lines->resize(2 * kRopeParts);
@@ -188,14 +189,14 @@ void add_coil(double length, double radius, Lines* lines) {
 
 void add_strut(Lines* triangles) {
   const std::array<Vector2d, kCircleParts>& unit = unit_circle();
-  // surfaces between two circles about z, one after the other, from (radius, z) to (radius, z)
+  // Surfaces of revolution about z, one after the other, from (radius, z) to (radius, z).
   struct Profile {
     double radius, z, to_radius, to_z;
   };
-  for (const Profile& part : {Profile{0.0, 0.0, 1.2, 0.0},     // the disc at the piston's end
-                              Profile{0.45, 0.0, 0.45, 0.5},   // the piston
-                              Profile{0.45, 0.42, 1.0, 0.42},  // the mouth of the sleeve
-                              Profile{1.0, 0.42, 1.0, 1.0},    // the sleeve
+  for (const Profile& part : {Profile{0.0, 0.0, 1.2, 0.0},     // disc at the piston's end
+                              Profile{0.45, 0.0, 0.45, 0.5},   // piston
+                              Profile{0.45, 0.42, 1.0, 0.42},  // mouth of the sleeve
+                              Profile{1.0, 0.42, 1.0, 1.0},    // sleeve
                               Profile{0.0, 1.0, 1.2, 1.0}}) {
     for (int i = 0; i < kCircleParts; i += 2) {
       const Vector2d& one = unit[static_cast<std::size_t>(i)];
@@ -216,7 +217,7 @@ void add_strut(Lines* triangles) {
   }
 }
 
-// From the root up to the crest, and down to the root of the next turn.
+// Adds facets from the root up to the crest, and down to the root of the next turn.
 void add_thread(bool is_right, Lines* triangles) {
   constexpr int kParts = kThreadTurns * kPartsOfThread;
   const double sign = is_right ? 1.0 : -1.0;
@@ -231,7 +232,7 @@ void add_thread(bool is_right, Lines* triangles) {
   const auto crest = [&](int i) { return at(i, 1.0, i); };
   const auto add_facet = [&](const geometry_msgs::Point& a, const geometry_msgs::Point& b,
                              const geometry_msgs::Point& c, const geometry_msgs::Point& d) {
-    // seen from outside they go round one way, which tells rviz where the light falls on them
+    // Corners go round one way as seen from outside: rviz derives the lit side from it.
     for (const geometry_msgs::Point& corner : {a, is_right ? b : c, is_right ? c : b})
       triangles->push_back(corner);
     for (const geometry_msgs::Point& corner : {a, is_right ? c : d, is_right ? d : c})

@@ -11,13 +11,14 @@
 
 namespace constraint_sim {
 
-/// A visualization_msgs/MarkerArray of markers that somebody else owns: on the wire the same.
+/// A visualization_msgs/MarkerArray on the wire, made of markers owned elsewhere.
 struct MarkerMessage {
   std::vector<const visualization_msgs::Marker*> markers;
 };
 
-/// A Marker as on the wire, where numbers lie as in memory: block by block, since roscpp's own
-/// serialisation, which checks the buffer's end for each number, takes more than to find markers.
+/// Writes a Marker as on the wire, block by block where the layout in memory is the same. The
+/// serializer of roscpp checks the end of the buffer for each number, which takes longer than
+/// making the markers.
 class MarkerWriter {
  public:
   static std::uint32_t length(const visualization_msgs::Marker& marker) {
@@ -28,7 +29,7 @@ class MarkerWriter {
                                       marker.text.size() + marker.mesh_resource.size());
   }
 
-  /// `to` has room for the length() of all that is written.
+  /// `to`: room for the length() of all markers to be written.
   explicit MarkerWriter(std::uint8_t* to) : to_(to) {}
 
   void write(const visualization_msgs::Marker& marker) {
@@ -58,7 +59,7 @@ class MarkerWriter {
   static_assert(sizeof(geometry_msgs::Vector3) == 3 * sizeof(double), "without padding");
   static_assert(sizeof(geometry_msgs::Point) == 3 * sizeof(double), "without padding");
   static_assert(sizeof(std_msgs::ColorRGBA) == 4 * sizeof(float), "without padding");
-  /// Of all numbers, and of the lengths of what has one.
+  /// Bytes of all numbers, and of the length prefixes of strings and arrays.
   static constexpr std::uint32_t kFixedLength = 12 + 12 + 80 + 16 + 8 + 2 + 6 * 4;
 
   template <class T>
@@ -115,7 +116,7 @@ struct Serializer<constraint_sim::MarkerMessage> {
   template <typename Stream>
   static void write(Stream& stream, const constraint_sim::MarkerMessage& message) {
     stream.next(static_cast<std::uint32_t>(message.markers.size()));
-    // all the rest of the buffer, which is as long as serializedLength() has it
+    // the rest of the buffer, sized by serializedLength()
     constraint_sim::MarkerWriter writer(stream.advance(stream.getLength()));
     for (const visualization_msgs::Marker* marker : message.markers) writer.write(*marker);
   }

@@ -88,7 +88,8 @@ MarkerSet::Namespace& MarkerSet::in(const std::string& name) {
 
 void MarkerSet::begin(const ros::Time& stamp, bool for_newcomer) {
   stamp_ = stamp;
-  const double passed = std::abs(stamp.toSec() - last_full_.toSec());  // time may go back
+  const double passed =
+      std::abs(stamp.toSec() - last_full_.toSec());  // absolute, since time may go back
   full_ = !started_ || for_newcomer || passed >= kFullPeriod;
   if (full_) last_full_ = stamp;
   ++round_;

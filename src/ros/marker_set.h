@@ -16,58 +16,59 @@
 
 namespace constraint_sim {
 
-/// A marker that stays from message to message, so that only what changed is set again.
+/// A marker that is kept between messages, so that only changes are set again.
 struct ShownMarker : visualization_msgs::Marker {
-  /// What its points were made for, in its own frame.
+  /// Parameters for which the points were made, in the marker's own frame.
   std::array<double, 3> drawn_for{};
-  double drawn_length = 0.0;  ///< of what stretches [m]
+  double drawn_length = 0.0;  ///< length for which stretched points were made [m]
 
-  /// Whether its points are those for this; else they and their colours are taken away.
+  /// Returns whether the points were made for `shape`; clears points and colours otherwise.
   bool is_drawn_for(const std::array<double, 3>& shape);
 
  private:
   friend class MarkerSet;
-  std::uint64_t since_ = 0;  // the first message that had it
-  std::uint64_t round_ = 0;  // the last one that had or kept it
+  std::uint64_t since_ = 0;  // first message with the marker
+  std::uint64_t round_ = 0;  // last message with the marker, sent or kept
 };
 
-/// The markers that listeners of one topic see: each message brings them from the last one to the
-/// present. Ids are those of the world, which are never reused.
+/// Markers that subscribers of one topic see. Each message changes the last state into the present
+/// one. Ids are those of the world, which are never reused.
 class MarkerSet {
  public:
-  /// The markers of one namespace, asked for in the order of their ids where it is to be quick.
+  /// Markers of one namespace. Lookup is fastest in the order of ids.
   class Namespace {
    public:
-    /// The marker, which is sent: as the last message left it, or with nothing set but its type.
+    /// Returns a marker that will be sent: as in the last message, or new with only its type set.
     ShownMarker& add(std::int32_t id, std::int32_t type);
-    /// The marker as listeners have it; nullptr where they do not.
+    /// Returns the marker as subscribers have it; nullptr where they do not.
     ShownMarker* shown(std::int32_t id) {
       ShownMarker* marker = find(id);
       const bool is_shown =
           marker != nullptr && marker->since_ < set_->round_ && !set_->deletes_all_;
       return is_shown ? marker : nullptr;
     }
-    /// What is shown is sent again, or stays without that.
+    /// Sends a shown marker again.
     ShownMarker& send(ShownMarker* shown) {
       keep(shown);
       shown->header.stamp = set_->stamp_;
       set_->message_.markers.push_back(shown);
       return *shown;
     }
+    /// Leaves a shown marker as it is, without sending it.
     void keep(ShownMarker* shown) {
       if (shown->round_ != set_->round_) ++set_->present_;
       shown->round_ = set_->round_;
-      ++cursor_;  // where the next one is looked for
+      ++cursor_;  // lookup continues at the next marker
     }
-    /// Whether this message has it already.
+    /// Returns whether this message already has the marker.
     bool is_added(std::int32_t id);
 
    private:
     friend class MarkerSet;
     Namespace(MarkerSet* set, std::string name) : set_(set), name_(std::move(name)) {}
-    /// Puts the cursor there as well, or where it would be inserted.
+    /// Finds a marker and moves the cursor to it, or to where it would be inserted.
     ShownMarker* find(std::int32_t id) {
-      if (cursor_ == markers_.size()) cursor_ = 0;  // where each message begins
+      if (cursor_ == markers_.size()) cursor_ = 0;  // each message starts at the first marker
       const bool is_there = cursor_ < markers_.size() && markers_[cursor_]->id == id;
       return is_there ? markers_[cursor_].get() : search(id);
     }
@@ -84,16 +85,17 @@ class MarkerSet {
   MarkerSet(const MarkerSet&) = delete;
   MarkerSet& operator=(const MarkerSet&) = delete;
 
-  /// The namespace with this name, for as long as the set lives.
+  /// Returns the namespace with this name; valid as long as the set lives.
   Namespace& in(const std::string& name);
 
-  /// Begins a message; the first one deletes all that others have left.
+  /// Begins a message. The first message deletes all markers of earlier publishers.
   void begin(const ros::Time& stamp, bool for_newcomer);
-  /// Whether this message has everything: once a second, and for a newcomer.
+  /// Returns whether this message has all markers: once a second, and for a new subscriber.
   bool is_full() const { return full_; }
-  /// The message, which deletes what is neither added nor kept; good until the next begin().
+  /// Returns the message, which deletes markers neither added nor kept. Valid until the next
+  /// begin().
   const MarkerMessage& finish();
-  /// Nobody has seen the last messages: the next one has everything again.
+  /// Makes the next message complete, since no subscriber has seen the last ones.
   void forget() { started_ = false; }
 
  private:
@@ -102,13 +104,13 @@ class MarkerSet {
   ros::Time last_full_;
   bool started_ = false;
   bool full_ = true;
-  bool deletes_all_ = false;  // this message, first of all
+  bool deletes_all_ = false;  // the current message begins with DELETEALL
   std::uint64_t round_ = 0;
-  std::size_t shown_ = 0;    // markers of all namespaces, with those that are new
-  std::size_t present_ = 0;  // those that this message has or keeps
+  std::size_t shown_ = 0;    // markers of all namespaces, with new ones
+  std::size_t present_ = 0;  // markers that this message has or keeps
   std::deque<Namespace> namespaces_;
   visualization_msgs::Marker delete_all_;
-  std::vector<std::unique_ptr<ShownMarker>> gone_;  // with this message
+  std::vector<std::unique_ptr<ShownMarker>> gone_;  // markers that this message deletes
   MarkerMessage message_;
 };
 

@@ -13,14 +13,14 @@ namespace {
 
 using visualization_msgs::Marker;
 
-constexpr double kPointDiameter = 0.06;  // [m] that a point mass is drawn with
-constexpr double kPlaneWidth = 20.0;     // [m] that is drawn of a plane
+constexpr double kPointDiameter = 0.06;  // diameter of a point mass [m]
+constexpr double kPlaneWidth = 20.0;     // width of the shown part of a plane [m]
 constexpr double kForcesPeriod = 0.1;    // [s]
-constexpr double kForgets = 5.0;         // [s] in which the largest force falls to 1/e
+constexpr double kForgets = 5.0;         // time in which the largest force falls to 1/e [s]
 constexpr double kMostSign = 0.3;        // [m]
 constexpr double kMostWidth = 0.05;      // [m]
-constexpr double kSignOfScene = 0.1;     // of the diagonal
-constexpr double kWidthOfScene = 0.01;   // of the diagonal
+constexpr double kSignOfScene = 0.1;     // over the diagonal
+constexpr double kWidthOfScene = 0.01;   // over the diagonal
 
 void set_size(Marker* marker, std::int32_t type, const Eigen::Vector3d& size) {
   marker->type = type;
@@ -104,7 +104,7 @@ std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::
     shown.rate = state.bias;
     return joint.motor.is_moving() || state.bias != 0.0 ? std::optional(shown) : std::nullopt;
   }
-  // of planar and universal joints the coordinates have other axes than the one that is drawn
+  // coordinates of planar and universal joints have other axes than the drawn one
   if (joint.kind == engine::JointKind::kPlanar || joint.kind == engine::JointKind::kUniversal)
     return std::nullopt;
   for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
@@ -127,7 +127,7 @@ bool has_arm_outside(const engine::World& world, const engine::Joint& joint) {
     Eigen::Vector3d place = anchor;
     if (body.shape_pose)
       place = body.shape_pose->orientation.conjugate() * (anchor - body.shape_pose->position);
-    constexpr double kOut = 1.01;  // which is seen
+    constexpr double kOut = 1.01;  // margin for an arm to be visible
     if (const auto* box = std::get_if<engine::Box>(&body.shape)) {
       if (((place.cwiseAbs() - kOut * 0.5 * box->size).array() > 0.0).any()) return true;
     } else if (place.norm() > kOut * radius_of(body.shape)) {
@@ -153,8 +153,8 @@ void set_shape(Marker* marker, const engine::Shape& shape) {
     const double diameter = 2.0 * cylinder->radius;
     set_size(marker, Marker::CYLINDER, {diameter, diameter, cylinder->length});
   } else if (std::holds_alternative<engine::Plane>(shape)) {
-    // of no thickness to speak of, so that what lies on it is not cut; brighter than other bodies,
-    // for what is behind shines through
+    // Planes have almost no thickness, so that bodies on them are not cut, and are brighter than
+    // bodies, since they are transparent.
     set_size(marker, Marker::CUBE, {kPlaneWidth, kPlaneWidth, 1e-3});
     for (float* part : {&marker->color.r, &marker->color.g, &marker->color.b})
       *part = std::min(1.5F * *part, 1.0F);
@@ -231,8 +231,8 @@ engine::BodyId held_by(const engine::World& world, const engine::Contact& contac
 }  // namespace
 
 void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
-  const double passed = stamp.toSec() - stamp_.toSec();  // a ros::Duration takes longer to find
-  // the first forces show at once, also where a single step brings them
+  const double passed = stamp.toSec() - stamp_.toSec();  // cheaper than a ros::Duration
+  // The first forces show at once, also those of a single step.
   const auto has_force = [&](const engine::Contact& contact) {
     return contact.normal_force > kNoForce * reference();
   };

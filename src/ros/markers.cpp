@@ -17,14 +17,14 @@ namespace {
 using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
-constexpr double kWidthOfLength = 0.1;  // of a constraint: its width, at most
-constexpr double kGap = 0.3;            // of the length of what is broken
-constexpr float kDarkStripe = 0.6F;     // of a rope's colour
-constexpr double kLeastArrow = 0.2;     // of the longest one: that of a small contact force
-constexpr double kBend = 0.5;           // slope by which its two parts hang apart
-constexpr double kHead = 0.2;           // of the arrow of a force
-constexpr double kLeastHead = 0.1;      // of the longest one: that of friction
-constexpr double kSlender = 0.025;      // width of an arrow by its length
+constexpr double kWidthOfLength = 0.1;  // largest width of a constraint over its length
+constexpr double kGap = 0.3;            // gap in a broken constraint over its length
+constexpr float kDarkStripe = 0.6F;     // brightness of a rope's dark stripes over its colour
+constexpr double kLeastArrow = 0.2;     // shortest arrow of a contact force over the longest
+constexpr double kBend = 0.5;           // slope at which both parts of a broken constraint hang
+constexpr double kHead = 0.2;           // head of a force's arrow over its length
+constexpr double kLeastHead = 0.1;      // shortest head of a friction arrow over the longest arrow
+constexpr double kSlender = 0.025;      // width of an arrow over its length
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
 std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
@@ -34,7 +34,7 @@ std::int32_t type_of(Look look) {
   return look == Look::kStrut ? Marker::TRIANGLE_LIST : Marker::LINE_LIST;
 }
 
-// Along z from the origin to `to`, from `from`.
+// Places a marker that points along z: from `from`, along `direction` (unit).
 void place_along(const Vector3d& from, const Vector3d& direction, Marker* marker) {
   marker->pose.position = point_at(from);
   marker->pose.orientation = quaternion_of(turn_of_z(direction));
@@ -52,7 +52,7 @@ void place_in_world(Marker* marker) {
   marker->pose.orientation.w = 1.0;
 }
 
-// Draws what stretches; what was drawn already is only stretched.
+// Draws a stretchable shape, or only stretches it where it is drawn already.
 template <class Draw>
 void draw_along(Look look, double length, double radius, ShownMarker* marker, Draw draw) {
   if (!marker->is_drawn_for({1.0 + static_cast<double>(look), radius, 0.0}) ||
@@ -70,7 +70,7 @@ std_msgs::ColorRGBA darker(std_msgs::ColorRGBA of) {
   return of;
 }
 
-// In its own colours, which rviz does not shade: facets lighter and darker by turns.
+// Shades a strut by facets of two colours: rviz does not shade markers with own colours.
 void shade_strut(ShownMarker* marker) {
   if (marker->colors.size() == marker->points.size() && marker->colors[0] == marker->color) return;
   marker->colors.resize(marker->points.size());
@@ -79,14 +79,14 @@ void shade_strut(ShownMarker* marker) {
     marker->colors[i] = i / 6 % 2 == 1 ? dark : marker->color;
 }
 
-// The first of its lines lighter and darker by turns, as a rope is.
+// Colours the first lines in stripes, like a rope.
 void stripe(std::size_t lines, const std_msgs::ColorRGBA& dark, ShownMarker* marker) {
   marker->colors.resize(marker->points.size(), marker->color);
   for (std::size_t i = 0; i < marker->colors.size(); ++i)
     marker->colors[i] = i / 2 % 2 == 1 && i / 2 < lines ? dark : marker->color;
 }
 
-// A circle that a rope and its other end go over at their common point.
+// Adds the circle of a sheave at the point where a rope turns from `down` to `over`.
 void add_sheave(const Vector3d& at, const Vector3d& down, const Vector3d& over, double radius,
                 Lines* lines) {
   const Vector3d u = radius * (down - at).normalized();
@@ -96,7 +96,7 @@ void add_sheave(const Vector3d& at, const Vector3d& down, const Vector3d& over, 
   add_circle(at + u + along, u, radius * v.normalized(), lines);
 }
 
-// Where the shape of a body is that is not placed as the body.
+// Returns the pose of a shape that has its own pose in its body.
 engine::BodyState shape_state(const engine::World& world, engine::BodyId id) {
   const engine::BodyState& state = world.state(id);
   const engine::ShapePose& shape_pose = *world.body(id).shape_pose;
@@ -113,7 +113,7 @@ bool is_at(const geometry_msgs::Pose& pose, const engine::BodyState& state) {
          pose.orientation.z == state.orientation.z() && pose.orientation.w == state.orientation.w();
 }
 
-// In the middle of what sticks, moved against a direction to the last of it.
+// Returns the middle of the sticking contacts, moved against `way` to the last of them.
 Vector3d behind_all(const ShownFriction& friction, const Vector3d& way) {
   Vector3d middle = Vector3d::Zero();
   double count = 0.0, last = std::numeric_limits<double>::infinity();
@@ -189,14 +189,14 @@ void Markers::find_looks(const engine::World& world) {
   }
 }
 
-// Of a joint that a later one couples.
+// Returns the look of a joint that a later joint couples.
 Markers::JointLook& Markers::coupled_look(engine::JointId id) {
   return *std::lower_bound(
       joint_looks_.begin(), joint_looks_.end(), id,
       [](const JointLook& look, engine::JointId of) { return look.id.value < of.value; });
 }
 
-// The three springs of a hand as one arrow.
+// Draws the three springs of a hand as one arrow.
 void Markers::add_grip(const engine::World& world, engine::JointId id) {
   const engine::BodyId held = world.joint(id).body_b;
   if (hands_.is_added(number(held))) return;
@@ -212,8 +212,8 @@ void Markers::add_grip(const engine::World& world, engine::JointId id) {
               &marker.points);
 }
 
-// Signs keep their size while things move: it is found again with the first message and when bodies
-// come or go.
+// Finds the extent of the scene with the first message and when bodies come or go; signs keep their
+// size while bodies move.
 void Markers::find_extent(const engine::World& world) {
   const std::pair now(body_ids_.size(), body_ids_.empty() ? 0 : number(body_ids_.back()));
   if (extent_.sign > 0.0 && now == extent_of_) return;
@@ -221,7 +221,7 @@ void Markers::find_extent(const engine::World& world) {
   extent_ = extent_of(world);
 }
 
-// What stands where listeners have it is not sent.
+// Adds a body; skips one at the pose that subscribers have.
 void Markers::add_body(const engine::World& world, const BodyLook& look) {
   std::optional<engine::BodyState> placed;
   if (look.has_shape_pose) placed = shape_state(world, look.id);
@@ -240,7 +240,8 @@ void Markers::add_body(const engine::World& world, const BodyLook& look) {
     marker.scale.x = marker.scale.y = width_around(extent_, at.position);
 }
 
-// What breaks while somebody looks is seen for kBrokenShown.
+// Returns whether a constraint is drawn. One that breaks while a viewer is connected stays for
+// kBrokenShown.
 bool Markers::is_drawn(const JointLook& look, bool is_broken, const ros::Time& stamp) {
   const std::int32_t id = number(look.id);
   if (!is_broken) {
@@ -301,8 +302,8 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
   if (drives) add_motor(world, seen, *motor);
 }
 
-// Dashed, from one of the joints to the other; of a pulley the rope between the upper ends of two
-// others, and the sheaves under it.
+// Draws a gear as a dashed line between its joints, a pulley as a rope between the upper ends of
+// its joints with sheaves below.
 void Markers::draw_coupling(const engine::World& world, const Seen& seen,
                             ShownMarker* marker) const {
   const engine::Coupling& coupling = seen.joint.coupling;
@@ -320,7 +321,7 @@ void Markers::draw_coupling(const engine::World& world, const Seen& seen,
   stripe(kRopeParts, darker(marker->color), marker);
 }
 
-// Its line is beside the centre of a body: what joins the two.
+// Adds arms from the centres of the bodies to the ends of a line that lies beside them.
 void Markers::add_arms_of_length(const engine::World& world, const Seen& seen) {
   ShownMarker& marker = joints_.add(seen.number, Marker::LINE_LIST);
   marker.scale.x = std::min(extent_.width, kWidthOfLength * seen.look.arm);
@@ -332,7 +333,7 @@ void Markers::add_arms_of_length(const engine::World& world, const Seen& seen) {
     if (body != engine::kWorldBody) add_line(world.state(body).position, end, &marker.points);
 }
 
-// A cube where each length ends at the world, which stays until an edit.
+// Adds a cube where each length ends at the world. The cubes stay until an edit.
 void Markers::add_fixed(const engine::World& world) {
   if (!is_edited_) {
     if (cubes_ != nullptr) fixed_.keep(cubes_);
@@ -359,8 +360,8 @@ void Markers::add_fixed(const engine::World& world) {
   cubes_->scale = to_vector({width, width, width});
 }
 
-// What is left of a length at both ends, which do not point at each other: what lies along it, such
-// as a rope that holds now, hides at most one of them.
+// Draws both parts of a broken length, bent apart so that a rope along the line hides at most one
+// of them.
 void Markers::draw_parts(const Seen& seen, ShownMarker* marker) const {
   const Vector3d way = seen.p_b - seen.p_a;
   const Vector3d part = 0.5 * (1.0 - kGap) * way;
@@ -375,7 +376,7 @@ void Markers::draw_parts(const Seen& seen, ShownMarker* marker) const {
   add_line(seen.p_b - part + v, seen.p_b, &marker->points);
 }
 
-// Between the anchors: the thicker, the larger the force.
+// Draws a length between the anchors; a larger force makes it thicker.
 void Markers::draw_length(const engine::World& world, const Seen& seen, ShownMarker* marker) const {
   const Vector3d way = seen.p_b - seen.p_a;
   const double length = way.norm();
@@ -385,12 +386,12 @@ void Markers::draw_length(const engine::World& world, const Seen& seen, ShownMar
     marker->scale.x = 0.6 * width;
     return draw_rope(world, seen, length, marker);
   }
-  if (!(length > 0.0)) {  // nothing to see
+  if (!(length > 0.0)) {  // nothing visible
     marker->points.clear();
     marker->scale = to_vector(Vector3d::Zero());
     return;
   }
-  const bool is_rod = seen.look.look == Look::kRod;  // in its middle
+  const bool is_rod = seen.look.look == Look::kRod;  // the origin of a rod is in its middle
   place_along(is_rod ? Vector3d(seen.p_a + 0.5 * way) : seen.p_a, way / length, marker);
   switch (seen.look.look) {
     case Look::kSpring:
@@ -429,7 +430,7 @@ void Markers::draw_rope(const engine::World& world, const Seen& seen, double len
   stripe(kRopeParts, darker(marker->color), marker);
 }
 
-// No length to see: arms from the centres of the bodies, and what the error leaves open.
+// Draws a joint without length as arms from the centres of the bodies, and its error as a line.
 void Markers::draw_arms(const engine::World& world, const Seen& seen, ShownMarker* marker) const {
   Lines& lines = marker->points;
   const auto set = [&](std::size_t line, const Vector3d& from, const Vector3d& to) {
@@ -449,7 +450,7 @@ void Markers::draw_arms(const engine::World& world, const Seen& seen, ShownMarke
     marker->scale.x = std::min(marker->scale.x, kWidthOfLength * seen.look.arm);
 }
 
-// The direction that a motor drives in: apart or together, along the axis or about it.
+// Draws the direction of a motor: apart or together, along the axis or about it.
 void Markers::add_motor(const engine::World& world, const Seen& seen, const ShownMotor& motor) {
   const Vector3d &p_a = seen.p_a, &p_b = seen.p_b;
   const bool is_of_joint = seen.look.look == Look::kJoint;
@@ -464,7 +465,7 @@ void Markers::add_motor(const engine::World& world, const Seen& seen, const Show
   const Vector3d along = (p_b - p_a) / distance;
   const double length = std::min(extent_.sign, 0.3 * distance);
   marker.scale.x = 0.4 * std::min(extent_.width, kWidthOfLength * distance);
-  // beside the line, which would hide it
+  // beside the line, which would hide the arrows
   place_along(0.5 * (p_a + p_b) + 3.0 * extent_.width * along.unitOrthogonal(), along, &marker);
   if (marker.is_drawn_for({3.0, sign, length})) return;
   for (const double side : {-1.0, 1.0}) {
@@ -473,7 +474,8 @@ void Markers::add_motor(const engine::World& world, const Seen& seen, const Show
   }
 }
 
-// On what is held. The longest arrow is the largest force of the last seconds.
+// Adds arrows of the normal forces on the held bodies. The longest arrow is the largest force of
+// the last seconds.
 void Markers::add_contacts(const engine::World& world) {
   const double most = forces_->contact_reference();
   const double least = kNoForce * most;
@@ -517,7 +519,7 @@ void Markers::add_contacts(const engine::World& world) {
     const engine::BodyId held = sign > 0.0 ? shown.first->body_a : shown.first->body_b;
     const double ball = radius_of_ball(world.body(held));
     const Vector3d place = behind_all(shown, way) + ball * way;
-    // outside of what is held, which would hide it: from the contact, or to it
+    // The arrow is outside of the held body, which would hide it: it starts or ends at the contact.
     const bool is_inwards = way.dot(world.state(held).position - place) > 0.0;
     add_arrow(is_inwards ? place - reach * way : place, way, reach,
               std::max(kHead * reach, kLeastHead * longest), lines);

@@ -17,50 +17,50 @@
 
 namespace constraint_sim {
 
-/// What rviz draws, with the ids of the world, in fixed namespaces: `bodies`; `constraints` (rods
-/// as cylinders; ropes striped, hanging through while slack; coils, struts, arms); `joints`, the
-/// solid of what turns or slides where; `motors` as arrows; `contacts` and `friction`, each one
-/// marker for all; `fixed`, cubes where lengths end at the world; `visuals` of robots. A constraint
-/// that breaks is grey, in two parts, for two seconds.
+/// Markers for rviz, with the ids of the world, in fixed namespaces: `bodies`; `constraints` (rods
+/// as cylinders; ropes striped, sagging while slack; coils, struts, arms); `joints`, the turning or
+/// sliding part; `motors` as arrows; `contacts` and `friction`, one marker each; `fixed`, cubes
+/// where lengths end at the world; `visuals` of robots. A constraint that breaks is grey, in two
+/// parts, for two seconds.
 class Markers {
  public:
   Markers(const std::string& frame, Robots& robots) : set_(frame), robots_(robots) {}
 
-  /// The message that brings a listener from the last one to this world: what moves, what is new,
-  /// what is gone, and everything once a second and for a newcomer. Settings of bodies and
-  /// constraints are looked at where `is_edited`, and with each full message.
+  /// Returns the message that brings subscribers up to date: moved, new and removed markers, and
+  /// all of them once a second and for a new subscriber. Settings of bodies and constraints are
+  /// read where `is_edited`, and with each complete message.
   const MarkerMessage& update(const engine::World& world, const ForceScale& forces,
                               const ros::Time& stamp, bool for_newcomer, bool is_edited);
-  /// Nobody has seen the last messages: the next one has everything again.
+  /// Makes the next message complete, since no subscriber has seen the last ones.
   void forget() { set_.forget(); }
 
  private:
-  /// Of a constraint, what changes only with an edit.
+  /// Properties of a constraint that change only with edits.
   struct JointLook {
     engine::JointId id;
     Look look = Look::kJoint;
     bool is_grip = false;
     bool is_drawn = false;
     bool has_motor = false;
-    bool has_arm = false;  ///< a length, from the centre of a body to its anchor
-    bool touches = false;  ///< a gear, whose wheels say what it couples
-    double arm = 0.0;      ///< the longer one, from a body's centre to its anchor [m]
+    bool has_arm = false;  ///< a length with an anchor away from the centre of its body
+    bool touches = false;  ///< a gear whose wheels touch and show the coupling
+    double arm = 0.0;      ///< longest distance from a body's centre to its anchor [m]
     JointSize size;
-    std::optional<engine::JointId> pulley;  ///< whose rope this length is a part of
-    double tackle = 1.0;                    ///< so many times its force
+    std::optional<engine::JointId> pulley;  ///< pulley whose rope this length is a part of
+    double tackle = 1.0;  ///< factor from the pulley's force to the force in this length
   };
-  /// Of a body, the same.
+  /// Properties of a body that change only with edits.
   struct BodyLook {
     engine::BodyId id;
     bool has_shape_pose = false;
   };
-  /// A constraint as it is now.
+  /// Present state of a constraint.
   struct Seen {
     std::int32_t number;
     const JointLook& look;
     const engine::Joint& joint;
     const engine::JointState& state;
-    Eigen::Vector3d p_a, p_b;  ///< its anchors [m]; none of a coupling
+    Eigen::Vector3d p_a, p_b;  ///< anchors [m]; unset for a coupling
     double load;               ///< share of the largest force
   };
 
@@ -94,16 +94,18 @@ class Markers {
   MarkerSet::Namespace& hands_ = set_.in("hands");
   MarkerSet::Namespace& visuals_ = set_.in("visuals");
   Robots& robots_;
-  const ForceScale* forces_ = nullptr;  // while update() runs
+  const ForceScale* forces_ = nullptr;  // set while update() runs
   bool is_edited_ = true;               // since the last message
   std::vector<engine::BodyId> body_ids_;
-  std::vector<BodyLook> body_looks_;  // first of all what can move
-  std::size_t moving_ = 0;            // so many
+  std::vector<BodyLook> body_looks_;  // movable bodies first
+  std::size_t moving_ = 0;            // number of movable bodies
   std::vector<JointLook> joint_looks_;
-  ShownMarker* cubes_ = nullptr;  // of `fixed`, where there are some
+  ShownMarker* cubes_ = nullptr;  // marker of `fixed`, where there is one
   Extent extent_;
-  std::pair<std::size_t, std::int32_t> extent_of_;  // how many bodies, and the last one
-  std::map<std::int32_t, double> broken_since_;     // stamps [s], of what was seen to break
+  std::pair<std::size_t, std::int32_t>
+      extent_of_;  // number of bodies, and id of the last one, for extent_
+  std::map<std::int32_t, double>
+      broken_since_;  // stamp at which a constraint was seen to break [s], by id
 };
 
 }  // namespace constraint_sim

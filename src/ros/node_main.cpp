@@ -23,11 +23,11 @@ using constraint_sim::ParameterError;
 using constraint_sim::shortened;
 using constraint_sim::SimulatorNode;
 
-// [s] within which the node ends, whatever it does: reading a scene cannot be hurried
+// Time within which the node ends in any case: reading a scene cannot be interrupted.
 constexpr auto kMostToEnd = std::chrono::milliseconds(850);
 
-/// SIGINT and SIGTERM, from construction on. roscpp's own handler would close the services before
-/// those who wait are answered.
+/// Catches SIGINT and SIGTERM from construction on. The handler of roscpp would close services
+/// before pending calls are answered.
 class EndSignals {
  public:
   EndSignals() : asked_(asking_.get_future()) {
@@ -35,7 +35,7 @@ class EndSignals {
     sigemptyset(&signals);
     sigaddset(&signals, SIGINT);
     sigaddset(&signals, SIGTERM);
-    pthread_sigmask(SIG_BLOCK, &signals, nullptr);  // for all threads that will be
+    pthread_sigmask(SIG_BLOCK, &signals, nullptr);  // inherited by all later threads
     std::thread([this, signals] {
       int signal = 0;
       sigwait(&signals, &signal);
@@ -47,7 +47,7 @@ class EndSignals {
   EndSignals(const EndSignals&) = delete;
   EndSignals& operator=(const EndSignals&) = delete;
 
-  /// Returns when one has come, or the master has shut the node down; whether one has come.
+  /// Waits for a signal, or until the master shuts the node down; returns whether a signal arrived.
   bool wait() {
     for (;;) {
       if (asked_.wait_for(std::chrono::milliseconds(20)) == std::future_status::ready) return true;
@@ -62,12 +62,12 @@ class EndSignals {
 
 constexpr int kBadCommandLine = 2;
 
-/// What the command line says, by ROS's syntax NAME:=VALUE.
+/// Command line in the syntax of ROS, NAME:=VALUE.
 struct CommandLine {
-  std::set<std::string> parameters;  ///< private ones that it sets, _NAME:=VALUE
+  std::set<std::string> parameters;  ///< private parameters that are set, as _NAME:=VALUE
   bool is_from_roslaunch = false;
   bool asks_for_help = false;
-  std::string mistake;  ///< what is wrong with it; empty: nothing
+  std::string mistake;  ///< description of the error; empty: none
 };
 
 CommandLine read_command_line(int argc, char** argv) {
@@ -86,7 +86,8 @@ CommandLine read_command_line(int argc, char** argv) {
     else if (name == "__log")
       line.is_from_roslaunch = true;
     else if (name[0] == '_' && name.size() > 1 && name[1] != '_') {
-      // roscpp throws at a bad name, and leaves on the parameter server what it has set until then
+      // roscpp throws at a bad name, and leaves the parameters that it has set before on the
+      // server.
       const std::string parameter = name.substr(1);
       if (parameter[0] == '/' || !ros::names::validate(parameter, why))
         line.mistake = "no parameter can have the name '" + shortened(parameter) + "'";
@@ -94,7 +95,7 @@ CommandLine read_command_line(int argc, char** argv) {
     } else if (std::find(known.begin(), known.end(), name) != known.end())
       unscored = name;
   }
-  // roslaunch hands a <remap> of a group to each node in it
+  // roslaunch passes a <remap> of a group to each node in the group
   if (!line.is_from_roslaunch && !unscored.empty() && line.mistake.empty())
     line.mistake = "'" + unscored + ":=' remaps a topic; the parameter is _" + unscored + ":=VALUE";
   return line;
@@ -110,24 +111,24 @@ void print_help() {
   std::cout << std::endl;
 }
 
-// rosconsole may be set to say nothing, and a node that does not start must say why
+// Prints an error even where rosconsole is silenced: a node that does not start must say why.
 void explain(const std::string& why) {
   std::cerr << ros::this_node::getName() << ": " << why << std::endl;
 }
 
-/// The parameters that the command line has put on the parameter server. They are of this run.
+/// Parameters that the command line put on the parameter server. They are valid for this run only.
 class GivenParameters {
  public:
   explicit GivenParameters(const std::set<std::string>& names) {
     for (const std::string& name : names) handle_.getParam(name, values_[name]);
   }
 
-  /// Notes their values again: the node writes back a number where an integer was given.
+  /// Reads the values back: the node replaces integers by floating-point numbers.
   void remember() {
     for (auto& [name, value] : values_) handle_.getParam(name, value);
   }
 
-  /// Takes them off the parameter server, once, except where somebody else has set another value.
+  /// Deletes the parameters, once, except those that were set to another value since.
   void forget() {
     for (const auto& [name, value] : std::exchange(values_, {})) {
       XmlRpc::XmlRpcValue now;
@@ -136,12 +137,12 @@ class GivenParameters {
   }
 
  private:
-  ros::NodeHandle handle_{"~"};  // keeps roscpp running until the parameters are forgotten
+  ros::NodeHandle handle_{"~"};  // keeps roscpp running until the parameters are deleted
   std::map<std::string, XmlRpc::XmlRpcValue> values_;
 };
 
-/// Runs the node; returns its exit status, and false in `is_replaced` unless the master has shut it
-/// down for another node of its name.
+/// Runs the node; returns its exit status. `is_replaced` becomes true where the master shut the
+/// node down for another node of its name.
 int run(const CommandLine& line, EndSignals* signals, GivenParameters* given, bool* is_replaced) {
   try {
     const SimulatorNode node(ros::NodeHandle(), ros::NodeHandle("~"));
@@ -153,7 +154,7 @@ int run(const CommandLine& line, EndSignals* signals, GivenParameters* given, bo
           "delete %s` forgets them",
           others.c_str(), ros::this_node::getName().c_str());
     *is_replaced = !signals->wait();
-    if (!*is_replaced) given->forget();  // before the node ends, which may take all its time
+    if (!*is_replaced) given->forget();  // first, since the node may need all of its time to end
     return 0;
   } catch (const ParameterError& error) {
     explain(error.what());
@@ -180,16 +181,16 @@ int main(int argc, char** argv) {
               << std::endl;
     return kBadCommandLine;
   }
-  EndSignals& signals = *new EndSignals;  // its thread may outlive main
+  EndSignals& signals = *new EndSignals;  // never destroyed: its thread may outlive main
   try {
     ros::init(argc, argv, "constraint_sim", ros::init_options::NoSigintHandler);
-  } catch (const ros::Exception& error) {  // of a name that no node can have
+  } catch (const ros::Exception& error) {  // the name cannot be that of a node
     std::cerr << "constraint_sim_node: " << error.what() << std::endl;
     return kBadCommandLine;
   }
   GivenParameters given(line.parameters);
   bool is_replaced = false;
   const int status = run(line, &signals, &given, &is_replaced);
-  if (!is_replaced) given.forget();  // a later node of the same name has its own
+  if (!is_replaced) given.forget();  // a node that replaced this one has its own parameters
   return status;
 }

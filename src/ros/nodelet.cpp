@@ -8,7 +8,7 @@
 
 namespace constraint_sim {
 
-/// The simulator as a nodelet: the same class on queues and threads of its own.
+/// The simulator as a nodelet, on its own queues and threads.
 class SimulatorNodelet : public nodelet::Nodelet {
  private:
   void onInit() override {
@@ -16,7 +16,7 @@ class SimulatorNodelet : public nodelet::Nodelet {
       simulator_ = std::make_unique<SimulatorNode>(getNodeHandle(), getPrivateNodeHandle());
     } catch (const std::invalid_argument& error) {
       NODELET_FATAL("%s", error.what());
-      throw;  // the manager then refuses to load it
+      throw;  // makes the manager refuse the nodelet
     }
   }
 

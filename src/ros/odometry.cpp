@@ -11,7 +11,7 @@
 namespace constraint_sim {
 namespace {
 
-// the state of a frame that is fixed to a body
+// Returns the state of a frame that is fixed to a body.
 engine::BodyState state_of(const engine::World& world, const RobotLink& link) {
   const engine::BodyState& body = world.state(link.body);
   const Eigen::Vector3d r = body.orientation * link.in_body.translation();
@@ -43,7 +43,7 @@ void Odometry::publish(const engine::World& world, const ros::Time& stamp) const
     std::optional<RobotLink> frame = robots_.find_link(world, name);
     if (!frame && world.has_body(name))
       frame = RobotLink{name, world.find_body(name), Eigen::Isometry3d::Identity()};
-    if (!frame) continue;  // not there yet, or no longer
+    if (!frame) continue;  // missing, so far or by now
     const engine::BodyState state = state_of(world, *frame);
     const Eigen::Quaterniond to_own = state.orientation.conjugate();
     nav_msgs::Odometry message;

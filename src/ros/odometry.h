@@ -12,7 +12,7 @@
 namespace constraint_sim {
 
 /// The topics odometry/<body> of the bodies and links in the parameter `odometry`: pose in the
-/// world, twist in the axes of the body or link and at its origin.
+/// world's frame; twist at the origin and in the axes of the body or link.
 class Odometry {
  public:
   Odometry(const Parameters& parameters, const Robots& robots, ros::NodeHandle& private_handle,
@@ -24,7 +24,7 @@ class Odometry {
  private:
   Parameters parameters_;
   const Robots& robots_;
-  std::map<std::string, ros::Publisher> topics_;  // by names of bodies and links
+  std::map<std::string, ros::Publisher> topics_;  // by name of body or link
 };
 
 }  // namespace constraint_sim

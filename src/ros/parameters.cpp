@@ -95,7 +95,7 @@ void check_positive(const std::string& name, double value) {
     refuse_parameter(name, "must be a number > 0, got " + shown(value));
 }
 
-// As in `/a`, `a//b` and `a/`.
+// Returns whether a part of a name is empty, as in `/a`, `a//b` and `a/`.
 bool has_empty_part(const std::string& name) {
   return name.empty() || name.front() == '/' || name.back() == '/' ||
          name.find("//") != std::string::npos;

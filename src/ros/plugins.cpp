@@ -12,7 +12,7 @@ namespace {
 
 using Loader = pluginlib::ClassLoader<Plugin>;
 
-// never destroyed: that would unload libraries
+// Returns the loader, which is never destroyed: its destructor would unload the libraries.
 Loader& loader() {
   static auto* const kLoader = new Loader("constraint_sim", "constraint_sim::Plugin");
   return *kLoader;

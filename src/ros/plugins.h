@@ -9,11 +9,11 @@
 
 namespace constraint_sim {
 
-/// The classes of other packages that the parameter `plugins` names. Their libraries stay loaded
-/// for as long as the process lives, since worlds keep functions of them.
+/// Plugin classes of other packages, named in the parameter `plugins`. Their libraries stay loaded
+/// until the process ends, since worlds keep pointers to their functions.
 class Plugins {
  public:
-  /// Throws ParameterError for a class that is not there, or does not start.
+  /// Throws ParameterError for a class that is missing or does not start.
   Plugins(const Parameters& parameters, const ros::NodeHandle& private_handle);
 
   void stepped(const engine::World& world);

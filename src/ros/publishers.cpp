@@ -21,11 +21,11 @@ namespace constraint_sim {
 namespace {
 
 constexpr double kStatisticsPeriod = 0.1;  // [s]
-constexpr double kLabelsPeriod = 0.1;      // [s] between labels: nobody reads faster
+constexpr double kLabelsPeriod = 0.1;      // between labels: nobody reads faster [s]
 constexpr char kFollowedFrame[] = "followed";
-constexpr double kRepeatPeriod = 1.0;   // [s] between repetitions while nothing changes
-constexpr double kClockPeriod = 0.005;  // [s] between two messages on /clock, at least
-// [s] that listeners get to see /clock go back, before transforms follow
+constexpr double kRepeatPeriod = 1.0;   // between repetitions while nothing changes [s]
+constexpr double kClockPeriod = 0.005;  // shortest time between messages on /clock [s]
+// Time between /clock going back and the next transforms, for subscribers to notice [s].
 constexpr double kSettlingTime = 0.1;
 
 std::int64_t wall_now() { return static_cast<std::int64_t>(ros::WallTime::now().toNSec()); }
@@ -78,13 +78,13 @@ Publishers::~Publishers() {
   thread_.join();
 }
 
-// ---- on the stepping thread
+// ---- stepping thread
 
 void Publishers::stepped(const World& world, double seconds) {
   ticks_.add(world, seconds);
   stepped_ = true;
-  // what changes the plan without an edit: a joint breaks, a wrench ends, an island has another
-  // method, falls asleep or wakes
+  // The plan also changes without an edit: a joint breaks, a wrench ends, an island switches its
+  // method, falls asleep or wakes.
   const engine::StepReport& report = world.report();
   if (report.torn_joints > 0 || report.changes > 0 || report.asleep != asleep_ ||
       world.wrenches().size() != wrenches_)
@@ -95,7 +95,7 @@ void Publishers::stepped(const World& world, double seconds) {
 
 void Publishers::edited(const World& world) {
   edited_ = plan_changed_ = true;
-  wrenches_ = world.wrenches().size();  // one of a single tick is gone after the next step
+  wrenches_ = world.wrenches().size();  // a wrench of one tick is gone after the next step
 }
 
 double Publishers::passed(const World& world, const Stepper& stepper) {
@@ -105,7 +105,7 @@ double Publishers::passed(const World& world, const Stepper& stepper) {
     std::rethrow_exception(std::exchange(thrown_, nullptr));
   }
   const double now = steady_now();
-  // also while nobody listens
+  // needed without subscribers as well
   if (stepper.is_paused() || stepper.dropped_ticks() != dropped_ticks_) stamps_.let_go();
   dropped_ticks_ = stepper.dropped_ticks();
   if (parameters_.publish_clock) publish_clock(world, now);
@@ -114,7 +114,7 @@ double Publishers::passed(const World& world, const Stepper& stepper) {
   if (!anybody_listens() && !plan_changed_) return kRepeatPeriod;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (fresh_) return 0.001;  // the last round is still to be sent: never queue another
+    if (fresh_) return 0.001;  // the last round is not yet sent; rounds are not queued
     take_snapshot(world, stepper, now);
     fresh_ = true;
   }
@@ -138,7 +138,7 @@ void Publishers::publish_clock(const World& world, double now) {
   if (!went_back && now < last_clock_ + period) return;
   rosgraph_msgs::Clock message;
   message.clock = time_from_nanoseconds(
-      std::max<std::int64_t>(1, Stamps::nanoseconds(time)));  // 0: no time at all
+      std::max<std::int64_t>(1, Stamps::nanoseconds(time)));  // 0 means no time in ROS
   clock_topic_.publish(message);
   if (went_back) next_publication_ = now + kSettlingTime;
   last_clock_ = now;
@@ -204,7 +204,7 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
   last_statistics_ = now;
 }
 
-// ---- on the publishing thread
+// ---- publishing thread
 
 void Publishers::run() {
   for (;;) {
@@ -290,7 +290,7 @@ void Publishers::publish_transforms(const Snapshot& snapshot) {
       message.transforms.push_back(transform_of(snapshot, id));
   }
   if (const std::string body = hands_.followed();
-      !body.empty() && snapshot.world.has_body(body)) {  // without its turns, for cameras
+      !body.empty() && snapshot.world.has_body(body)) {  // without rotation, for cameras
     message.transforms.push_back(transform_of(snapshot, snapshot.world.find_body(body)));
     geometry_msgs::TransformStamped& followed = message.transforms.back();
     followed.child_frame_id = parameters_.frame_prefix + kFollowedFrame;
@@ -299,7 +299,7 @@ void Publishers::publish_transforms(const Snapshot& snapshot) {
   if (!message.transforms.empty()) transforms_topic_.publish(message);
 }
 
-// All static bodies, latched, again when one has come, gone or been set elsewhere.
+// Publishes all static bodies, latched; again when one is added, removed or moved.
 void Publishers::publish_static_transforms(const Snapshot& snapshot) {
   if (!parameters_.publish_tf) return;
   tf2_msgs::TFMessage message;
@@ -363,7 +363,7 @@ void Publishers::publish_joint_states(const Snapshot& snapshot) {
   joint_states_topic_.publish(message);
 }
 
-// the frames too, where frames are published
+// Publishes wrenches, and their frames where frames are published.
 void Publishers::publish_wrenches(const Snapshot& snapshot) {
   tf2_msgs::TFMessage frames;
   frames.transforms = wrench_topics_.publish(snapshot.world, snapshot.stamp);

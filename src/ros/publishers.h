@@ -27,8 +27,8 @@
 
 namespace constraint_sim {
 
-/// The node's topics. The stepping thread only copies the world, when something is due and somebody
-/// listens; messages are built and sent on a thread of its own.
+/// The node's topics. The stepping thread only copies the world when a publication is due and has
+/// subscribers; a separate thread builds and sends messages.
 class Publishers {
  public:
   Publishers(const Parameters& parameters, Robots& robots, ros::NodeHandle& handle,
@@ -37,11 +37,11 @@ class Publishers {
   Publishers(const Publishers&) = delete;
   Publishers& operator=(const Publishers&) = delete;
 
-  // ---- on the stepping thread
+  // ---- stepping thread
   void stepped(const World& world, double seconds);
   void edited(const World& world);
-  /// Answers after how many seconds it has something to do again. Throws what the publishing thread
-  /// did.
+  /// Hands the world to the publishing thread when due. Returns the time until the next call [s].
+  /// Rethrows exceptions of the publishing thread.
   double passed(const World& world, const Stepper& stepper);
   void set_real_time_factor(double factor) { stamps_.set_real_time_factor(factor); }
   double publish_rate() const { return parameters_.publish_rate; }
@@ -49,15 +49,15 @@ class Publishers {
     parameters_.publish_rate = rate;
     next_publication_ = 0.0;
   }
-  /// On any thread: the next markers begin by deleting all that viewers have.
+  /// Makes the next markers begin with DELETEALL. Any thread.
   void renew_markers() { renew_markers_ = true; }
-  /// Of an answer about this world: the stamp of messages about it.
+  /// Returns the stamp of messages about this world, for use in a response.
   ros::Time stamp(const World& world) const;
   const std::string& world_frame() const { return parameters_.world_frame; }
   bool wants_stage_times() const { return statistics_topic_.getNumSubscribers() > 0; }
 
  private:
-  /// What one round of messages is made of.
+  /// Input of one round of messages.
   struct Snapshot {
     World world;
     ros::Time stamp;
@@ -106,7 +106,7 @@ class Publishers {
   ros::Publisher plan_topic_;
   ros::Publisher clock_topic_;
 
-  // of the stepping thread; times are of the steady clock [s]
+  // Stepping thread only; times are those of the steady clock [s].
   Stamps stamps_;
   TickStatistics ticks_;
   std::uint64_t dropped_ticks_ = 0;
@@ -119,20 +119,20 @@ class Publishers {
   double last_publication_ = 0.0;
   double last_statistics_;
   double last_clock_ = 0.0;
-  double clock_time_ = 0.0;  // what /clock says [s]
+  double clock_time_ = 0.0;  // time in the last message on /clock [s]
 
-  // between the two threads
-  std::atomic<bool> newcomer_{false};  // somebody has just subscribed
+  // shared by both threads
+  std::atomic<bool> newcomer_{false};  // a new subscriber has connected
   std::atomic<bool> renew_markers_{false};
   std::mutex mutex_;
   std::condition_variable wake_up_;
   bool fresh_ = false;
   bool stopping_ = false;
-  std::exception_ptr thrown_;  // on the publishing thread
+  std::exception_ptr thrown_;  // thrown on the publishing thread
   std::atomic<bool> has_thrown_{false};
   Snapshot incoming_;
 
-  // of the publishing thread
+  // publishing thread only
   Snapshot current_;
   ForceScale forces_;
   Markers markers_;

@@ -11,10 +11,10 @@
 
 namespace constraint_sim {
 
-/// Reads messages from bytes that anybody may have sent. roscpp allocates a list by the length that
-/// the bytes announce, up to 2^32 elements, before it looks for the elements. Here a list grows
-/// with the bytes that are there, so that memory is bounded by the size of the message. Throws
-/// ros::serialization::StreamOverrunException where bytes are missing.
+/// Reads messages from untrusted bytes. roscpp allocates a list by its announced length, up to 2^32
+/// elements, before reading elements. Here a list grows with the bytes present, so the size of the
+/// message bounds the memory. Throws ros::serialization::StreamOverrunException where bytes are
+/// missing.
 class BoundedStream : public ros::serialization::Stream {
  public:
   static constexpr ros::serialization::StreamType stream_type =
@@ -46,8 +46,7 @@ class BoundedStream : public ros::serialization::Stream {
   }
 };
 
-/// A message or request that roscpp reads by a BoundedStream; for roscpp it has the type of the
-/// message.
+/// A message or request that roscpp reads by a BoundedStream. It has the message's type for roscpp.
 template <class Message>
 struct Received {
   Message message;

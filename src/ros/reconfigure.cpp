@@ -71,9 +71,9 @@ Config config_of(const engine::WorldOptions& options, const Pacing& pacing) {
   return config;
 }
 
-// ---- what they are
+// ---- descriptions
 
-/// Adds a parameter with its least and its most; set_options says what exactly can be.
+/// Adds a parameter with its range; set_options checks values exactly.
 class Describe {
  public:
   explicit Describe(ConfigDescription* description) : description_(description) {
@@ -122,7 +122,7 @@ class Describe {
     return info.meaning + (*info.unit == '\0' ? "" : " [" + std::string(info.unit) + "]");
   }
 
-  /// A Python literal, as clients evaluate it.
+  /// Returns a Python literal, which clients evaluate.
   static std::string choices(const std::vector<std::string>& values, const std::string& type) {
     std::string list;
     for (const std::string& value : values)
@@ -166,7 +166,7 @@ ConfigDescription description_with(const Config& defaults) {
 
 // ---- requests
 
-/// As scene files have it.
+/// Formats a value as in scene files.
 std::string word_of(double value) {
   if (std::isnan(value)) return ".nan";
   if (std::isinf(value)) return value < 0.0 ? "-.inf" : ".inf";
@@ -192,7 +192,7 @@ Words words_of(const Config& config) {
   return words;
 }
 
-/// What of these words differs from what is; gravity as a whole.
+/// Returns a request with the words that differ from the present options; gravity as a whole.
 SetOptionsRequest request_of(const Words& asked, Words now) {
   SetOptionsRequest request;
   bool is_gravity_asked = false;

@@ -14,19 +14,19 @@
 
 namespace constraint_sim {
 
-/// Every option of set_options as a parameter of dynamic_reconfigure, gravity as gravity_x,
-/// gravity_y and gravity_z. What is set there becomes one request of set_options, so that both
-/// check alike; a call with a value that cannot be fails, changes nothing, and the log says why.
-/// It has no defaults of its own that could replace what launch file and scene say.
+/// Options of set_options as parameters of dynamic_reconfigure, gravity as gravity_x, gravity_y and
+/// gravity_z. A change becomes one request of set_options, so both check alike. A call with an
+/// invalid value fails, changes nothing and is logged. There are no defaults that could replace
+/// values of launch file and scene.
 class Reconfigure {
  public:
   using SetOptions = std::function<SetOptionsResponse(SetOptionsRequest&)>;
 
-  /// Begins with the options of the first world, and of the node.
+  /// Starts with the options of the first world and of the node.
   Reconfigure(const ros::NodeHandle& private_handle, const engine::WorldOptions& options,
               const Pacing& pacing, SetOptions set_options);
 
-  /// Tells who listens where an option has changed, whoever did it. On the stepping thread.
+  /// Publishes changed options, whichever call changed them. Stepping thread only.
   void edited(const engine::WorldOptions& options, const Pacing& pacing);
 
  private:

@@ -96,7 +96,7 @@ std::size_t Robots::size_of(const BodyLinks& links) {
 
 std::size_t Robots::size_of(const BoundedJoint& joint) { return sizeof joint + joint.name.size(); }
 
-// Ids grow, so that the lowest ones are the oldest.
+// Forgets the oldest removed robots beyond kMostBytes. Ids grow, so the lowest are the oldest.
 void Robots::forget_oldest(const engine::World& world) {
   std::size_t bytes = 0;
   for (const auto& [number, links] : bodies_) bytes += size_of(links);
@@ -170,7 +170,7 @@ bool Robots::have(const engine::World& world, engine::BodyId body) const {
 
 void Robots::add_markers(const engine::World& world, bool is_edited,
                          MarkerSet::Namespace* markers) const {
-  if (!has_any_) return;  // which takes less than the lock
+  if (!has_any_) return;  // cheaper than the lock
   const std::lock_guard<std::mutex> lock(mutex_);
   for (const auto& [number, links] : bodies_) {
     const engine::BodyId body{number};

@@ -16,34 +16,34 @@
 
 namespace constraint_sim {
 
-/// The robots that were added from URDFs: the frames of their links, what they look like, and what
-/// bounds their joints. Bodies and joints are known by id and name, since those of a snapshot of
-/// another process may have the ids of others here. A robot that is gone is shown no longer, until
-/// a snapshot brings it back; of these the oldest are forgotten beyond kMostBytes. On any thread.
+/// Robots added from URDFs: frames of links, visuals, and bounds of joints. Bodies and joints are
+/// identified by id and name, since a snapshot of another process may reuse ids. A removed robot is
+/// hidden until a snapshot restores it; the oldest removed ones are forgotten beyond kMostBytes.
+/// Any thread.
 class Robots {
  public:
-  /// [bytes] of what is known of all bodies and joints, beyond which those that are gone are
-  /// forgotten: some hundred robots.
+  /// Size of the data of all bodies and joints, some hundred robots, beyond which removed robots
+  /// are forgotten [bytes].
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
 
   explicit Robots(const Parameters& parameters) : parameters_(parameters) {}
 
-  /// One that has just been added to this world.
+  /// Adds a robot that has just been added to `world`.
   void add(const Robot& robot, const engine::World& world);
-  /// Whether the body belongs to one.
+  /// Returns whether the body belongs to a robot.
   bool have(const engine::World& world, engine::BodyId body) const;
-  /// Names in the log the links that are shown no longer since `by` replaced the world.
+  /// Logs the links that are hidden since `by` replaced the world.
   void tell_of_gone(const engine::World& world, const std::string& by);
 
-  /// Of a body that belongs to a robot the frames of its links, as `publish_links` and
-  /// `publish_com` say. Of another body nothing, and false.
+  /// Adds the frames of a body's links, as `publish_links` and `publish_com` say. Returns false for
+  /// a body without a robot.
   bool add_frames(const engine::World& world, engine::BodyId body, const ros::Time& stamp,
                   tf2_msgs::TFMessage* message) const;
-  /// What the robots of a world look like: all where `is_edited`, else what has moved.
+  /// Adds the visuals of all robots where `is_edited`, else only those that moved.
   void add_markers(const engine::World& world, bool is_edited, MarkerSet::Namespace* markers) const;
-  /// The link with this name of a robot that is there.
+  /// Returns the link with this name of a robot in `world`.
   std::optional<RobotLink> find_link(const engine::World& world, const std::string& name) const;
-  /// Of a joint; none of one that no URDF bounds.
+  /// Returns the bounds of a joint; unbounded where no URDF sets them.
   JointBounds bounds(const engine::World& world, engine::JointId joint) const;
 
  private:
@@ -56,13 +56,13 @@ class Robots {
     std::int32_t id;
     Eigen::Vector3d position;  ///< in the body's frame [m]
     Eigen::Quaterniond orientation;
-    visualization_msgs::Marker marker;  ///< what it looks like
+    visualization_msgs::Marker marker;  ///< mesh or shape, with colour and scale
   };
   struct BodyLinks {
-    std::string body;  ///< its name
+    std::string body;  ///< name of the body
     std::vector<Link> links;
     std::vector<Visual> visuals;
-    bool is_gone = false;  ///< as was told last
+    bool is_gone = false;  ///< state at the last log line
   };
   struct BoundedJoint {
     std::string name;
@@ -77,7 +77,7 @@ class Robots {
   Parameters parameters_;
   mutable std::mutex mutex_;
   std::atomic<bool> has_any_{false};
-  std::map<std::uint32_t, BodyLinks> bodies_;  // by their ids
+  std::map<std::uint32_t, BodyLinks> bodies_;  // by body id
   std::map<std::uint32_t, BoundedJoint> bounds_;
   std::int32_t last_marker_ = 0;
 };

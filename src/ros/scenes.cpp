@@ -19,7 +19,7 @@ namespace {
 
 std::string shipped_folder() { return ros::package::getPath("constraint_sim") + "/config/scenes/"; }
 
-// the part of a path that is above its start, as in a/../../b
+// Returns whether a path leaves its start, as in a/../../b.
 bool leaves_its_start(const std::string& path) {
   int depth = 0;
   for (std::size_t begin = 0; begin <= path.size();) {
@@ -47,7 +47,7 @@ std::string file_in_package(const std::string& name, const std::string& rest) {
   return folder + inside;
 }
 
-// A shell leaves `~/` as it is in the middle of a word, as in `_robot:=~/arm.urdf`.
+// Expands `~/`, which a shell leaves unexpanded within a word, as in `_robot:=~/arm.urdf`.
 std::string in_home(const std::string& path) {
   const char* const home = std::getenv("HOME");
   return home != nullptr && path.compare(0, 2, "~/") == 0 ? home + path.substr(1) : path;

@@ -8,28 +8,28 @@
 
 namespace constraint_sim {
 
-/// Who names a scene: the parameter when the node starts, which may lie anywhere, or a service,
-/// whose paths stay below `scene_folder`.
+/// Origin of a scene's name: the parameter at the start of the node, which may be any path, or a
+/// service, whose paths stay below `scene_folder`.
 enum class Caller { kParameter, kService };
 
-/// Names of the scenes that come with the package, sorted.
+/// Returns the names of the package's scenes, sorted.
 std::vector<std::string> shipped_scenes();
 
-/// Names of the files of a folder that have this ending, without it, sorted.
+/// Returns the names of files in a folder with this ending, without the ending, sorted.
 std::vector<std::string> names_in_folder(const std::string& folder, const std::string& ending);
-/// The first comment of a shipped scene, as one line.
+/// Returns the first comment of a shipped scene, as one line.
 std::string description(const std::string& scene);
-/// The file that a path or package://PACKAGE/PATH stands for; in parameters `~/` is the home
-/// folder. Throws std::invalid_argument.
+/// Returns the file for a path or package://PACKAGE/PATH; in parameters `~/` is the home folder.
+/// Throws std::invalid_argument.
 std::string file_named(const std::string& name, const Parameters& parameters, Caller caller);
 
-/// The world that a scene describes. `text` unless empty, else the file that `name` stands for: a
-/// path, package://PACKAGE/PATH, or a shipped scene; neither: an empty world. Throws
+/// Loads a scene: `text` unless empty, else the file that `name` stands for (a path,
+/// package://PACKAGE/PATH or a shipped scene); an empty world without both. Throws
 /// std::invalid_argument, with at most 40 characters of the file.
 engine::World load_world(const std::string& name, const std::string& text,
                          const Parameters& parameters, Caller caller);
 
-/// One line: what is in a world, and how it is stepped.
+/// Returns one line with the contents of a world and how it is stepped.
 std::string summary(const engine::World& world);
 
 }  // namespace constraint_sim

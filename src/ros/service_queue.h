@@ -11,13 +11,13 @@ class ServiceQueue {
  public:
   explicit ServiceQueue(unsigned threads) : spinner_(threads, &queue_) {}
 
-  /// The same handle with this queue.
+  /// Returns the handle with this queue.
   ros::NodeHandle serving(ros::NodeHandle handle) {
     handle.setCallbackQueue(&queue_);
     return handle;
   }
   void start() { spinner_.start(); }
-  /// Returns when all calls that have come are answered.
+  /// Returns when all received calls are answered.
   void stop() {
     spinner_.stop();
     queue_.callAvailable();

@@ -150,7 +150,7 @@ void Services::tell_scene(const std::string& path) {
 
 bool Services::save_scene(SaveSceneRequest& request, SaveSceneResponse& response) {
   return answer(response, [&] {
-    World world;  // written on this thread, for the stepping thread not to wait
+    World world;  // written on this thread, so that the stepping thread does not wait
     stepper_.inspect([&](const World& now) { world = now; });
     response.text = engine::save_scene(world);
     if (response.text.size() > kMostBytes) {
@@ -199,7 +199,8 @@ bool Services::reset_simulation(std_srvs::EmptyRequest& request, std_srvs::Empty
   return true;
 }
 
-// also where it is cancelled or fails, bodies and hash are those of the steps that were taken
+// Takes steps. The response has bodies and hash after the last step taken, also where the call is
+// cancelled or fails.
 bool Services::step(StepRequest& request, StepResponse& response) {
   const auto look = [&](const World& world) {
     response.bodies.clear();

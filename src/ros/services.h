@@ -25,36 +25,36 @@
 
 namespace constraint_sim {
 
-/// Private handles, each with a queue and threads of its own, so that who waits in one does not
-/// keep the others waiting.
+/// Private handles, each with its own queue and threads, so that a waiting call of one does not
+/// block the others.
 struct ServiceHandles {
   ros::NodeHandle edits;
   ros::NodeHandle queries;
-  ros::NodeHandle steps;  ///< waits for as long as its caller wants
+  ros::NodeHandle steps;  ///< a call may wait for as long as its caller wants
   ros::NodeHandle pauses;
 };
 
-/// The node's services: each translates a request into an edit of the stepper's world and waits
-/// until it has taken effect. Also the one topic that edits, motor_bias, which does not wait.
+/// The node's services. Each translates a request into an edit of the stepper's world and waits
+/// until the edit has taken effect. The topic motor_bias also edits, without waiting.
 class Services {
  public:
   Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
            const Parameters& parameters, ServiceHandles handles);
 
-  /// What the service does; waits for the stepping thread.
+  /// Runs the service set_options; waits for the stepping thread.
   SetOptionsResponse set_options(SetOptionsRequest& request);
 
  private:
-  /// Handles one of visit_edits().
+  /// Handles a service of visit_edits().
   template <class Request, class Response>
   bool edit(const char* service, const Request& request, Response& response);
-  /// Whether the edit that a request asks for may take long.
+  /// Returns whether an edit may take long.
   template <class Request>
   static Stepper::Duration duration_of(const Request&) {
     return Stepper::Duration::kShort;
   }
   static Stepper::Duration duration_of(const ApplyEditsRequest& request);
-  /// What a request asks for beside the world; on the stepping thread.
+  /// Applies settings of a request that are not of the world. Stepping thread only.
   template <class Request>
   void follow(const Request&) {}
   void follow(const SetOptionsRequest& request);

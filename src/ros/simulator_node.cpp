@@ -14,8 +14,9 @@ namespace {
 
 constexpr unsigned kEditThreads = 4;
 constexpr unsigned kQueryThreads = 2;
-constexpr unsigned kVerifyThreads = 2;  // one to cancel, or to refuse the next caller
-constexpr unsigned kStepThreads = Stepper::kMostWaiting + 1;  // one to refuse the next caller
+// Each of these services keeps a thread free to cancel, or to reject the next caller.
+constexpr unsigned kVerifyThreads = 2;
+constexpr unsigned kStepThreads = Stepper::kMostWaiting + 1;
 
 StepperOptions stepper_options(const Parameters& parameters) {
   StepperOptions options;
@@ -23,7 +24,8 @@ StepperOptions stepper_options(const Parameters& parameters) {
   options.paused = parameters.paused;
   options.keeps_world_before_ticks = !parameters.plugins.empty();
   options.follows_clock = parameters.follows_clock();
-  if (options.follows_clock) options.max_catch_up = EventLog::kClockJump;  // it may come in steps
+  if (options.follows_clock)
+    options.max_catch_up = EventLog::kClockJump;  // /clock may advance in large steps
   return options;
 }
 
@@ -73,10 +75,10 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
 
 SimulatorNode::~SimulatorNode() {
   verify_service_.stop();
-  stepper_.stop();  // all who wait for it are answered, so that the queues can end
+  stepper_.stop();  // answers all waiting callers, so that the queues can end
   stepping_thread_.join();
   hands_.stop();
-  // at the same time: the threads of each look up every 0.1 s
+  // Queues stop in parallel: the threads of each poll every 0.1 s.
   std::vector<std::future<void>> stopping;
   for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_, &verifications_, &clocks_})
     stopping.push_back(std::async(std::launch::async, [queue] { queue->stop(); }));
@@ -94,13 +96,14 @@ World SimulatorNode::first_world() {
     throw;
   } catch (const std::invalid_argument& error) {
     const std::string text = error.what();
-    const bool is_tick = text.compare(0, 10, "time_step:") == 0;  // of the world's options
+    const bool is_tick = text.compare(0, 10, "time_step:") == 0;  // an error of the world's options
     throw ParameterError(is_tick ? "time_step" : "scene", text);
   }
 }
 
-// Also names what a user may not expect: a log that never said anything before the master shuts the
-// node down, for a second one of its name, would end both.
+// Logs the start, and settings that a user may not expect. The first line also makes roscpp set up
+// the log now: set up only when the master shuts this node down for a second node of its name, the
+// log would end both.
 void SimulatorNode::tell_of_start(const std::string& world) {
   ROS_INFO("%s: %s%s", parameters_.scene.empty() ? "no scene" : parameters_.scene.c_str(),
            world.c_str(), parameters_.paused ? "; paused" : "");
@@ -124,7 +127,8 @@ Pacing SimulatorNode::pacing() const {
   return {stepper_.real_time_factor(), publishers_.publish_rate()};
 }
 
-// The log knows of a jump before the stepper does, which may drop ticks because of it.
+// Notes a clock message. The log comes first: it explains ticks that the stepper drops after a
+// jump.
 void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
   const double clock = message.clock.toSec();
   log_.heard_clock(clock_, clock);
@@ -132,7 +136,7 @@ void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
   stepper_.wake();
 }
 
-// A time that has no next tick is refused, and the world keeps its own.
+// Sets the world's time. The world keeps its time where the new one has no next tick.
 void SimulatorNode::move_time(World* world, double time) {
   (*clock_guard_)([&] { world->set_time(time, world->step_count()); });
 }

@@ -32,13 +32,13 @@
 
 namespace constraint_sim {
 
-/// The simulator as a ROS node: a stepper on a thread of its own, services on queues of their own
-/// that edit its world, topics that show it, and a log. Runs from construction to destruction.
+/// The simulator as a ROS node: a stepper on its own thread, services on their own queues that edit
+/// its world, topics that show it, and a log. Runs from construction to destruction.
 class SimulatorNode {
  public:
-  /// Throws ParameterError for a parameter or scene that cannot be.
+  /// Throws ParameterError for an invalid parameter or scene.
   SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle);
-  /// Answers all who wait.
+  /// Answers all waiting callers.
   ~SimulatorNode();
   SimulatorNode(const SimulatorNode&) = delete;
   SimulatorNode& operator=(const SimulatorNode&) = delete;
@@ -56,12 +56,12 @@ class SimulatorNode {
   void tell_of_start(const std::string& world);
 
   ServiceQueue edits_, queries_, steps_, pauses_, verifications_;
-  ServiceQueue clocks_;             // has a thread of its own, so that no message of /clock waits
-  std::atomic<double> clock_{0.0};  // time of the last message of /clock [s]
+  ServiceQueue clocks_;             // a thread of its own, so that messages of /clock do not wait
+  std::atomic<double> clock_{0.0};  // time in the last message on /clock [s]
   ros::NodeHandle handle_;
   ros::NodeHandle private_handle_;
   Parameters parameters_;
-  Plugins plugins_;  // before the first world, which may need them
+  Plugins plugins_;  // first, since the first world may need them
   EventLog log_;
   std::string first_summary_;
   engine::WorldOptions first_options_;

@@ -27,7 +27,7 @@ std::string SnapshotServices::place(const std::string& path) const {
   return folder.empty() ? path : path_below(folder, path);
 }
 
-// One file at a time: each may take a GiB.
+// Reads a snapshot file; one at a time, since each may take a GiB.
 World SnapshotServices::read(const std::string& path) {
   constexpr auto kPatience = std::chrono::milliseconds(500);
   const std::unique_lock<std::timed_mutex> lock(reading_, kPatience);
@@ -37,7 +37,7 @@ World SnapshotServices::read(const std::string& path) {
   }));
 }
 
-// the stepping thread only copies the world
+// Saves a snapshot. The stepping thread only copies the world.
 bool SnapshotServices::save(SaveSnapshotRequest& request, SaveSnapshotResponse& response) {
   return answer(response, [&] {
     if (!request.name.empty() && !request.path.empty())

@@ -14,10 +14,10 @@
 
 namespace constraint_sim {
 
-/// Services that keep the stepper's world to the bit, and go back to it.
+/// Services that save the stepper's world exactly to the bit, and restore it.
 class SnapshotServices {
  public:
-  /// Edits on the first handle, queries on the second one.
+  /// `edits`: handle of services that edit; `queries`: handle of the others.
   SnapshotServices(Stepper& stepper, EditLog& edit_log, const Parameters& parameters,
                    ros::NodeHandle edits, ros::NodeHandle queries);
 

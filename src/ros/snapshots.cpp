@@ -20,7 +20,7 @@ std::string Snapshots::keep(Snapshot snapshot) {
   const auto same = std::find_if(snapshots_.begin(), snapshots_.end(), [&](const Snapshot& known) {
     return known.name == snapshot.name;
   });
-  std::size_t most_named = snapshot.bytes->size(), named = 0;  // if it is kept
+  std::size_t most_named = snapshot.bytes->size(), named = 0;  // totals with the new snapshot
   for (const Snapshot& known : snapshots_) {
     if (known.is_in_ring || &known == (same == snapshots_.end() ? nullptr : &*same)) continue;
     most_named += known.bytes->size();

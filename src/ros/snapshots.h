@@ -11,14 +11,13 @@
 
 namespace constraint_sim {
 
-/// Snapshots of a world in memory, by name. Those with a name of a caller stay until they are
-/// replaced; of those that are named here the oldest make room for new ones, so that one can be
-/// taken again and again. All functions are for any thread.
+/// Snapshots of a world in memory, by name. Snapshots named by a caller stay until they are
+/// replaced. Automatically named ones form a ring: the oldest make room for new ones. Any thread.
 class Snapshots {
  public:
   static constexpr std::size_t kMostNamed = 100;
   static constexpr std::size_t kMostInRing = 100;
-  /// [bytes] of all of them, as written; one that would be beyond is not kept.
+  /// Largest total size [bytes]; a snapshot beyond is rejected.
   static constexpr std::size_t kMostBytes = std::size_t{1} << 30;
   static constexpr std::size_t kLongestName = 255;
 
@@ -27,20 +26,19 @@ class Snapshots {
   struct Snapshot {
     std::string name;
     bool is_in_ring;
-    double time;  ///< simulated [s]
+    double time;  ///< simulated time [s]
     std::uint64_t step;
     std::uint64_t hash;
     Bytes bytes;
   };
   using List = std::deque<Snapshot>;
 
-  /// Keeps one; without a name in the ring, as `auto_N`. Returns its name. Throws
-  /// std::invalid_argument where there is no room for it, or the name is one of the ring or too
-  /// long.
+  /// Keeps a snapshot; an empty name puts it into the ring as `auto_N`. Returns its name. Throws
+  /// std::invalid_argument where there is no room, or the name is too long or belongs to the ring.
   std::string keep(Snapshot snapshot);
-  /// The bytes of one. Throws std::invalid_argument where there is none of this name.
+  /// Returns the bytes of a snapshot. Throws std::invalid_argument for an unknown name.
   Bytes bytes(const std::string& name) const;
-  /// Without bytes, the oldest first.
+  /// Returns all snapshots without their bytes, oldest first.
   List list() const;
 
  private:
@@ -48,9 +46,9 @@ class Snapshots {
   void drop_oldest_of_ring();
 
   mutable std::mutex mutex_;
-  List snapshots_;          // the oldest first
-  std::size_t bytes_ = 0;   // of all
-  std::uint64_t last_ = 0;  // number of the last one in the ring
+  List snapshots_;          // oldest first
+  std::size_t bytes_ = 0;   // total
+  std::uint64_t last_ = 0;  // number of the last snapshot in the ring
 };
 
 }  // namespace constraint_sim

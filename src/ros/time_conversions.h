@@ -8,8 +8,8 @@
 
 namespace constraint_sim {
 
-// ros::Time throws beyond 2³² s, and simulated time may be there: these stay at the last moment
-// that it can tell. Nothing else in the node makes one of seconds.
+// Conversions to ros::Time, used by all of the node. ros::Time throws beyond 2³² s, which simulated
+// time may exceed; the conversions saturate at its last moment.
 
 inline ros::Time time_from_nanoseconds(std::int64_t nanoseconds) {
   return ros::Time().fromNSec(static_cast<std::uint64_t>(nanoseconds));

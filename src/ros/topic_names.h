@@ -6,8 +6,8 @@
 
 namespace constraint_sim {
 
-/// `kind/name`, with underscores for what names of topics cannot have. Several names may have the
-/// same topic, as `wrist-1` and `wrist_1`: whoever makes topics keeps the second one from it.
+/// Returns `kind/name`, with underscores for characters not allowed in topic names. Several names
+/// may give one topic, as `wrist-1` and `wrist_1`; the caller has to reject the second.
 inline std::string topic_of(const std::string& kind, std::string name) {
   for (char& c : name)
     if (c == '.' || c == '-') c = '_';

@@ -34,7 +34,7 @@ bool is_file(const std::string& path) {
   return ::stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
 }
 
-/// Finds meshes as rviz does. To look for a package takes milliseconds: it is done once.
+/// Finds meshes as rviz does. Folders are cached: looking up a package takes milliseconds.
 class Meshes {
  public:
   bool exists(const std::string& name) {
@@ -68,14 +68,14 @@ bool is_on_path(const std::string& program) {
   return false;
 }
 
-/// The command that expands xacro, or the advice to install the program xacro.
+/// Returns the command that expands xacro, or the advice to install xacro.
 std::string how_to_expand(const std::string& path) {
   if (!is_on_path("xacro")) return "the program xacro, which is not installed here, expands it";
   if (path.empty()) return "`xacro FILE > expanded.urdf` expands it";
   return "`xacro '" + path + "' > expanded.urdf` expands it";
 }
 
-/// Suggestions for a name that no file has, as the end of a sentence.
+/// Returns suggestions for an unknown name, as the end of a sentence.
 std::string what_was_meant(const std::string& name, const std::vector<std::string>& shipped,
                            Caller caller) {
   const bool is_parameter = caller == Caller::kParameter;
@@ -92,7 +92,7 @@ std::string what_was_meant(const std::string& name, const std::vector<std::strin
   return std::string("; relative paths start at ") + folder.data();
 }
 
-// the file, and the YAML beside it
+// Reads the URDF and the YAML beside it.
 Description read_description(const std::string& name, const Parameters& parameters, Caller caller) {
   const std::string folder = ros::package::getPath("constraint_sim") + "/config/robots/";
   const std::vector<std::string> shipped = names_in_folder(folder, ".urdf");
@@ -113,9 +113,9 @@ Description read_description(const std::string& name, const Parameters& paramete
   return description;
 }
 
-/// The text that the parameter of this name holds; a private one where the name begins with `~`.
-/// None where there is no such parameter, where the parameter holds no text, and where no parameter
-/// can have the name, as a path with a dot.
+/// Returns the text in a parameter; `~` begins the name of a private one. None where the parameter
+/// is missing or holds no text, and for names that no parameter can have, such as a path with a
+/// dot.
 std::optional<std::string> text_in_parameter(const std::string& name, const ros::NodeHandle& handle,
                                              const ros::NodeHandle& private_handle) {
   const bool is_private = name[0] == '~';

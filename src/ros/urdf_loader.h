@@ -9,8 +9,7 @@
 
 namespace constraint_sim {
 
-/// Adds the robot that the parameters name, if any, to the world that the node starts with. Throws
-/// ParameterError.
+/// Adds the robot named by the parameters, if any, to the first world. Throws ParameterError.
 void add_first_robot(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle,
                      const Parameters& parameters, Robots* robots, World* world);
 

@@ -11,7 +11,7 @@
 namespace constraint_sim {
 namespace {
 
-// What of a body's figures is left out, and why.
+// Returns the missing figures of a body, with reasons.
 std::string left_out(const engine::VerifiedBody& body) {
   std::string text;
   const auto add = [&](const char* what, const std::string& why) {
@@ -80,7 +80,7 @@ bool VerifyService::verify(VerifyRequest& request, VerifyResponse& response) {
   });
 }
 
-// The stepping thread only copies the world.
+// Verifies on a copy of the world, so that the stepping thread does not wait.
 void VerifyService::run(std::uint32_t steps, VerifyResponse* response) {
   World world;
   stepper_.inspect([&](const World& now) { world = now; });

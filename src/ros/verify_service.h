@@ -10,15 +10,15 @@
 
 namespace constraint_sim {
 
-/// The service `verify`: runs the next ticks of the world again on copies, on the thread that calls
-/// it, while the stepping thread goes on. One verification runs at a time.
+/// The service `verify`: runs the next ticks of the world again on copies, on the calling thread,
+/// while the stepping thread goes on. One verification runs at a time.
 class VerifyService {
  public:
   static constexpr std::uint32_t kMostSteps = 100000;
 
   VerifyService(Stepper& stepper, ros::NodeHandle handle);
 
-  /// Ends the verification that runs, and refuses later ones.
+  /// Ends the present verification, and rejects later ones.
   void stop();
 
  private:
@@ -27,7 +27,7 @@ class VerifyService {
 
   Stepper& stepper_;
   std::atomic<bool> is_running_{false}, stopping_{false};
-  std::atomic<bool> cancel_{false};  // the verification that runs; false while none does
+  std::atomic<bool> cancel_{false};  // stops the present verification; false while none runs
   ros::ServiceServer server_;
 };
 

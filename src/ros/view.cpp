@@ -9,16 +9,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSeconds = 3.0;  // [s] of the motion that is to be seen
+constexpr double kSeconds = 3.0;  // time of the motion to be seen [s]
 constexpr int kMostSteps = 600;
-constexpr double kLegend = 0.2;  // of the diagonal of what is seen: room for some lines above it
-constexpr double kShare = 0.85;  // of the window that is filled, at most
-// rviz looks with 45 degrees from top to bottom; its view in the shipped window is so wide
+constexpr double kLegend = 0.2;  // room for lines above the scene, over its diagonal
+constexpr double kShare = 0.85;  // largest used share of the window
+// Field of view of rviz: 45 degrees from top to bottom, and the aspect of its shipped window.
 const double kHalfHeight = std::tan(0.125 * 3.14159265358979323846);
 constexpr double kAspect = 1.75;
 constexpr double kBroadside = 1.1, kLengthwise = 0.47;  // [rad] yaw
 
-// As rviz's orbit view has them: the eye is at focal point + distance * to_eye.
+// Axes of rviz's orbit view: the eye is at focal point + distance * to_eye.
 struct Axes {
   explicit Axes(const View& view)
       : to_eye(std::cos(view.yaw) * std::cos(view.pitch), std::sin(view.yaw) * std::cos(view.pitch),

@@ -10,17 +10,18 @@ namespace constraint_sim {
 /// An orbit view of rviz.
 struct View {
   Eigen::Vector3d focal_point{0.0, 0.0, 1.2};  ///< [m], world frame
-  double distance = 6.5;                       ///< of the eye from it [m]
+  double distance = 6.5;                       ///< distance of eye and focal point [m]
   double pitch = 0.45, yaw = 1.1;              ///< [rad]
 };
 
-/// What a world covers at first and in its first three seconds [m], as far as that is within what
-/// it covers at first and as much again around it: what falls away is not waited for.
+/// Returns the extent of a world in its first three seconds [m], bounded by the first extent
+/// enlarged by its diagonal on each side: falling bodies would enlarge it without end.
 Extent seen_extent(engine::World world);
-/// A view in which all of this is seen, large; of a point, or of nothing, the default.
+/// Returns a view that shows all of `extent`, as large as possible; the default for a point or an
+/// empty extent.
 View fitted_view(const Extent& extent);
-/// Where a point is in a view, from -1 (left, lower edge) to 1 in a window of rviz's shipped
-/// configuration; z is its distance along the line of sight [m].
+/// Returns the place of a point in a view, from -1 (left, lower edge) to 1 in the window of rviz's
+/// shipped configuration; z is the depth along the line of sight [m].
 Eigen::Vector3d in_view(const View& view, const Eigen::Vector3d& point);
 
 }  // namespace constraint_sim

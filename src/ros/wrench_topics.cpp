@@ -22,7 +22,7 @@ geometry_msgs::WrenchStamped to_msg(const engine::World::JointWrench& wrench) {
   return message;
 }
 
-// the joint's frame on B, of kinds without axes that of B, at its anchor
+// Returns the joint's frame on B at its anchor; for kinds without axes, the axes of B.
 geometry_msgs::Transform frame_of(const engine::Joint& joint) {
   engine::BodyState frame;
   frame.position = joint.anchor_b;
@@ -42,8 +42,8 @@ void WrenchTopics::update(const engine::World& world) {
   std::size_t count = 0;
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
-    if (engine::couples_joints(joint.kind)) continue;  // acts along coordinates of others
-    if (is_grip(joint)) continue;                      // there while a mouse button is down
+    if (engine::couples_joints(joint.kind)) continue;  // acts along coordinates of other joints
+    if (is_grip(joint)) continue;  // exists only while a mouse button is pressed
     const std::string& name = joint.name;
     if (++count > kMost) {
       if (without_.insert("").second)
@@ -62,7 +62,7 @@ void WrenchTopics::update(const engine::World& world) {
   std::swap(topics_, next);
 }
 
-// none where the name cannot be that of a topic, or is that of another one
+// Advertises the topic of a constraint; none where the name is not allowed, or the topic is taken.
 ros::Publisher WrenchTopics::advertise(const std::string& constraint, bool is_free) {
   const std::string topic = topic_of(kForceTorque, constraint);
   std::string why;

@@ -15,21 +15,21 @@
 
 namespace constraint_sim {
 
-/// The topics force_torque/<constraint>: what a constraint does to its body B, while somebody
-/// listens. update() and publish() are for one thread, anybody_listens() is for any.
+/// The topics force_torque/<constraint>: force and torque of a constraint on its body B, sent while
+/// there are subscribers. update() and publish() belong to one thread; anybody_listens() is for any
+/// thread.
 class WrenchTopics {
  public:
-  /// So many constraints, the first ones, have a topic: each is a call to the master.
+  /// Number of constraints with a topic, the first ones: each topic costs a call to the master.
   static constexpr std::size_t kMost = 100;
 
   WrenchTopics(const Parameters& parameters, const ros::NodeHandle& private_handle,
                ros::SubscriberStatusCallback welcome);
 
-  /// Advertises topics of constraints that have none yet, and ends those of constraints that are
-  /// gone.
+  /// Advertises topics of new constraints, and ends those of removed ones.
   void update(const engine::World& world);
   bool anybody_listens() const;
-  /// Sends what is listened to; returns the frames that the wrenches are in.
+  /// Publishes topics with subscribers; returns the frames of the wrenches.
   std::vector<geometry_msgs::TransformStamped> publish(const engine::World& world,
                                                        const ros::Time& stamp) const;
 
@@ -41,8 +41,8 @@ class WrenchTopics {
   Parameters parameters_;
   ros::NodeHandle private_handle_;
   ros::SubscriberStatusCallback welcome_;
-  std::set<std::string> without_;  // constraints that were told to have no topic
-  mutable std::mutex mutex_;       // writes of update(), reads of other threads
+  std::set<std::string> without_;  // constraints already logged as having no topic
+  mutable std::mutex mutex_;       // protects topics_, which update() writes and other threads read
   Topics topics_;
 };
 

@@ -17,7 +17,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// The folder of the scenes that come with this program: in its installation, or in its sources.
+/// Returns the folder of the program's own scenes, in its installation or in its sources.
 std::string scene_folder() {
   namespace fs = std::filesystem;
   std::error_code error;
@@ -29,7 +29,7 @@ std::string scene_folder() {
   return CONSTRAINT_SIM_SOURCE_SCENES;
 }
 
-/// The scene or snapshot in a file, the scene of a name, or `-`: from standard input.
+/// Loads a scene or snapshot from a file, a scene by its name, or `-`: standard input.
 World load_scene_named(const std::string& scene) {
   if (scene != "-") {
     const std::string path = file_of_scene(scene, scene_folder());
@@ -65,7 +65,7 @@ std::istream& operator>>(std::istream& in, NumberOrInfinity& number) {
   return in;
 }
 
-/// The type by which an option of the world stands on the command line; void: it does not.
+/// Type of the command line argument for an option of the world; void: no argument.
 template <class Value, class Range>
 struct Argument {
   using Type = Value;
@@ -90,8 +90,8 @@ Value value_of(const Value& argument) {
 double value_of(const NumberOrInfinity& argument) { return argument.value; }
 Method value_of(const std::string& argument) { return method_named(argument); }
 
-/// Calls visit(its name here, OptionInfo, member of `options`, range, null pointer to its type
-/// here) for each option of the world that stands on the command line.
+/// Calls visit(argument name, OptionInfo, member of `options`, range, null pointer of the
+/// argument's type) for each option with a command line argument.
 template <class Visit>
 void visit_arguments(WorldOptions* options, Visit visit) {
   visit_options(*options, [&](const OptionInfo& info, auto& value, auto range) {

@@ -12,20 +12,20 @@ namespace constraint_sim::engine {
 struct Arguments {
   std::string scene;
   double duration = 0.0;                          ///< [s]
-  boost::program_options::variables_map options;  ///< of the world, in place of the scene's
-  /// Paths; empty: not wanted.
+  boost::program_options::variables_map options;  ///< world options that replace those of the scene
+  /// Paths of outputs; empty: no output.
   std::string csv, constraint_csv, report, save, snapshot;
   bool explain = false, verify = false;
 };
 
-/// Nothing when only help was asked for.
+/// Parses the command line; none where only help was requested.
 std::optional<Arguments> parse(int argc, char** argv);
 
-/// The file that the scene is read from; empty of standard input. Throws SceneError where there is
-/// none.
+/// Returns the file of the scene; empty for standard input. Throws SceneError where there is no
+/// such file.
 std::string file_of(const Arguments& arguments);
 
-/// The scene, with the options of the command line in place of its own.
+/// Loads the scene, and replaces its options by those of the command line.
 World load(const Arguments& arguments);
 
 }  // namespace constraint_sim::engine

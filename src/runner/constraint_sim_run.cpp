@@ -1,4 +1,4 @@
-// Runs a scene without ROS: docs/runner.md is its manual.
+// Runs a scene without ROS. The manual is docs/runner.md.
 
 #include <unistd.h>
 
@@ -37,20 +37,20 @@ namespace {
 constexpr int kBadInput = 2;
 constexpr int kPhysicsFailed = 3;
 constexpr int kFinishedWithWarnings = 4;
-constexpr int kSignalled = 128;  // plus the signal, as shells have it
+constexpr int kSignalled = 128;  // plus the signal's number, as in shells
 
 std::uint64_t steps_in(double duration, double time_step) {
   check_not_negative("duration", duration);
   const double steps = std::round(duration / time_step);
-  constexpr double kMost = 9007199254740992.0;  // 2^53: beyond it a double cannot count
+  constexpr double kMost = 9007199254740992.0;  // 2^53: a double cannot count beyond
   if (!(steps <= kMost)) refuse("duration", "is too many steps, got " + shortest(duration));
   return static_cast<std::uint64_t>(steps);
 }
 
 // ---- files
 
-/// Opened before the run, so that a path that cannot be written costs no run; replaced as a whole
-/// once all is written. A device or a pipe is written to at once. Not open for an empty path.
+/// An output file, opened before the run so that an unwritable path costs no run, and replaced as a
+/// whole at the end. Devices and pipes are written directly. Not open for an empty path.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& path) : path_(path) {
@@ -76,11 +76,11 @@ class OutputFile {
     check();
   }
 
-  /// Whether this is a regular file, or will be one.
+  /// Returns whether the path is a regular file, or will be one.
   static bool is_replaced(const std::string& path) {
     std::error_code error;
     const auto status = std::filesystem::status(path, error);
-    // of the system's own names for open files the text goes where these are
+    // Paths such as /dev/stdout are written to where they lead.
     return path.rfind("/dev/", 0) != 0 && path.rfind("/proc/", 0) != 0 &&
            (!std::filesystem::exists(status) || std::filesystem::is_regular_file(status) ||
             std::filesystem::is_directory(status));
@@ -104,7 +104,7 @@ class OutputFile {
   std::ofstream device_;
 };
 
-/// Throws std::invalid_argument where two outputs are one file, or one is the scene that is read.
+/// Throws std::invalid_argument where two outputs are one file, or an output is the scene's file.
 void check_outputs(const Arguments& arguments) {
   namespace fs = std::filesystem;
   std::vector<std::pair<std::string, std::string>> names{{"the scene", file_of(arguments)},
@@ -154,7 +154,8 @@ double seconds_since(SteadyClock::time_point start) {
   return std::chrono::duration<double>(SteadyClock::now() - start).count();
 }
 
-/// A bar with the time left, ten times a second, where somebody is looking.
+/// A progress bar with the remaining time, updated ten times a second, if standard error is a
+/// terminal.
 class ProgressBar {
  public:
   explicit ProgressBar(std::uint64_t steps) : steps_(steps), shown_(isatty(STDERR_FILENO) == 1) {}
@@ -185,13 +186,13 @@ class ProgressBar {
   double last_update_ = 0.0;
 };
 
-/// The signal that asked for the end; 0: none has.
+/// Signal that requested the end; 0: none.
 volatile std::sig_atomic_t stop_signal = 0;
-/// The same for steps that take long.
+/// Request to end, for a long step.
 std::atomic<bool> stop_flag{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler sets the flag");
 
-/// From now on the first SIGINT or SIGTERM only asks for the end; the second one is it.
+/// Makes the first SIGINT or SIGTERM a request to end; the second one kills the process.
 void stop_on_signals() {
   struct sigaction action {};
   action.sa_handler = [](int signal) {
@@ -203,21 +204,22 @@ void stop_on_signals() {
 }
 
 struct Outcome {
-  double wall_time = 0.0;                           ///< in World::step alone [s]
+  double wall_time = 0.0;                           ///< spent in World::step [s]
   double max_constraint_error = 0.0;                ///< over all steps [m]
-  double max_closing_error = 0.0;                   ///< the same of StepReport::closing_error
+  double max_closing_error = 0.0;                   ///< largest StepReport::closing_error [m]
   double energy_initial = 0.0, energy_final = 0.0;  ///< [J]
-  double energy_drift = 0.0;                        ///< after the last step [1]
-  double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]; NaN: some
-                                                    ///< step had none
+  double energy_drift = 0.0;                        ///< after the last step, dimensionless
+  double accumulated_local_error =
+      0.0;  ///< sum of the steps' estimates [m]; NaN where a step had none
   double correction_work = 0.0, driven_work = 0.0;  ///< sums over all steps [J]
   double solver_residual = 0.0;                     ///< largest of all steps [m/s]
   std::uint64_t events = 0, substeps = 0;           ///< sums over all steps
-  std::uint64_t handed_over = 0, taken_back = 0;    ///< islands, from events to impulses, and back
+  std::uint64_t handed_over = 0,
+                taken_back = 0;  ///< number of islands switched from events to impulses, and back
   std::set<std::string> methods;
   std::set<std::string> unresolved_bodies;
   std::map<std::pair<StepWarning::Kind, std::string>, StepWarning>
-      warnings;  ///< each once, at its largest
+      warnings;  ///< each kind and name once, with its largest value
   bool failed = false;
 };
 
@@ -282,7 +284,7 @@ VerifyReport verify(std::uint64_t steps, const World& start) {
   return engine::verify(start, options);
 }
 
-// ---- what came of it
+// ---- results
 
 std::string hash_text(const World& world) {
   char text[19];
@@ -302,7 +304,7 @@ std::vector<std::string> warnings_of(const World& world, const Outcome& outcome)
   return lines;
 }
 
-/// Name of the body whose motion failed, and null where it was not one body's.
+/// Returns the body whose motion failed; null where the failure is not of a single body.
 nlohmann::json failed_body(const World& world) {
   const std::optional<BodyId>& body = world.report().failed_body;
   return body ? nlohmann::json(world.body(*body).name) : nlohmann::json();
@@ -383,7 +385,7 @@ void print_summary(const World& world, const Outcome& outcome) {
   std::printf("state hash             %s\n", hash_text(world).c_str());
 }
 
-/// Returns the exit status. Throws what its input deserves.
+/// Returns the exit status. Throws for invalid input.
 int run(const Arguments& arguments) {
   check_outputs(arguments);
   World world = load(arguments);
@@ -437,7 +439,7 @@ int run(const Arguments& arguments) {
   return kSignalled + stop_signal;
 }
 
-// what was printed may be lost where a disk is full
+// Throws where printed text may be lost, as on a full disk.
 void check_standard_output() {
   std::cout.flush();
   if (!std::cout || std::fflush(stdout) != 0 || std::ferror(stdout) != 0)

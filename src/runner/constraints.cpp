@@ -9,7 +9,8 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// Coordinates of a constraint with whole turns [m or rad]; of one that has a length, that [m].
+/// Returns the coordinates of a constraint, counting whole turns [m or rad]; for a distance
+/// constraint its length [m].
 std::vector<double> coordinates_of(const World& world, JointId id) {
   const Joint& joint = world.joint(id);
   if (joint.kind == JointKind::kDistance) {
@@ -39,7 +40,7 @@ std::string constraint_csv_rows(const World& world) {
       out << ',' << (i < coordinates.size() ? shortest(coordinates[i]) : "");
     const JointState& state = world.joint_state(id);
     out << ',' << shortest(state.error) << ',' << shortest(state.force);
-    if (couples_joints(joint.kind)) {  // acts along coordinates of others
+    if (couples_joints(joint.kind)) {  // acts along coordinates of other joints
       out << ",,,,,,\n";
       continue;
     }

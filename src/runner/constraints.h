@@ -7,14 +7,14 @@
 
 namespace constraint_sim::engine {
 
-// Constraints in the runner's files. Coordinates count whole turns; of a distance constraint the
-// length stands in their place. Force [N] and torque [N m] are those of World::joint_wrench().
+// Constraints in the runner's output files. Coordinates count whole turns; a distance constraint
+// has its length instead. Force [N] and torque [N m] come from World::joint_wrench().
 
 std::string constraint_csv_header();
-/// A row each constraint.
+/// Returns a row for each constraint.
 std::string constraint_csv_rows(const World& world);
 
-/// The constraints now, by name.
+/// Returns the present state of the constraints, by name.
 nlohmann::json constraints_of(const World& world);
 
 }  // namespace constraint_sim::engine

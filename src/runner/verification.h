@@ -6,7 +6,7 @@
 
 namespace constraint_sim::engine {
 
-/// `verify` in the runner's JSON report; null for what was left out.
+/// Returns `verify` of the runner's JSON report; null for missing figures.
 nlohmann::json json_of(const VerifyReport& verified);
 
 }  // namespace constraint_sim::engine

@@ -2,15 +2,16 @@
 
 namespace constraint_sim {
 
-/// Something that begins, holds for a while and ends, as ticks that are dropped: each is reported
-/// once. What comes again soon after it has ended has not ended.
+/// A condition that begins, holds for a while and ends, such as dropped ticks; each change is
+/// reported once. A condition that recurs within kEndsAfter has not ended.
 class Condition {
  public:
   enum class Change { kNone, kBegan, kEnded };
 
-  static constexpr double kEndsAfter = 2.0;  ///< [s] in which it did not hold
+  static constexpr double kEndsAfter =
+      2.0;  ///< time without the condition after which it has ended [s]
 
-  /// `now` [s] from any origin.
+  /// `now`: time [s] from any origin.
   Change update(bool holds, double now) {
     if (holds) {
       last_held_ = now;

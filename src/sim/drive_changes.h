@@ -9,13 +9,13 @@
 
 namespace constraint_sim {
 
-/// Changes of a world by inputs that drive its bodies and joints, such as trajectories: few numbers
-/// each, so that they can be recorded every tick. Bodies and joints are known by name.
+/// Changes of a world by inputs that drive bodies and joints, such as trajectories: few numbers
+/// each, so that they can be recorded every tick. Bodies and joints are identified by name.
 struct DriveChanges {
   struct Motor {
     std::string joint;
-    bool has_coordinate = false;    ///< false: of a distance joint, which has a plain motor
-    engine::CoordinateMotor motor;  ///< of the first coordinate
+    bool has_coordinate = false;    ///< false: a distance joint, which has a plain motor
+    engine::CoordinateMotor motor;  ///< motor of the first coordinate
   };
   struct State {
     std::string body;
@@ -32,16 +32,17 @@ struct DriveChanges {
   bool empty() const { return motors.empty() && states.empty() && wrenches.empty(); }
 };
 
-/// Changes a world and notes the changes.
+/// Changes a world and records the changes.
 class Driver {
  public:
-  /// `changes`: where they are noted; null: nowhere.
+  /// `changes`: where the changes are recorded; null: nowhere.
   explicit Driver(engine::World* world, DriveChanges* changes = nullptr)
       : world_(world), changes_(changes) {}
 
   const engine::World& world() const { return *world_; }
 
-  // Each as the function of the world of the same name, which throws std::invalid_argument.
+  // The setters call the functions of the world with these names, which throw
+  // std::invalid_argument.
   void set_motor(engine::JointId id, const engine::CoordinateMotor& motor) {
     const bool has_coordinate = engine::coordinates(world_->joint(id).kind) > 0;
     if (has_coordinate)
@@ -59,7 +60,7 @@ class Driver {
     if (changes_) changes_->wrenches.push_back({world_->body(wrench.body).name, wrench});
   }
 
-  /// Does what was noted of another world.
+  /// Applies changes that were recorded in another world.
   void repeat(const DriveChanges& changes) {
     for (const DriveChanges::Motor& each : changes.motors) {
       const engine::JointId id = world_->find_joint(each.joint);

@@ -6,7 +6,7 @@
 
 namespace constraint_sim {
 
-/// The message of the exception that is being handled, of any type: only within a catch block.
+/// Returns the message of the present exception, of any type. Call only within a catch block.
 inline std::string message_of_exception() {
   try {
     throw;

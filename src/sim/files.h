@@ -4,7 +4,7 @@
 
 namespace constraint_sim {
 
-// The node's own code is outside the engine's namespace.
+// Names for the node's own code, which is outside the engine's namespace.
 using engine::kMostBytes;
 using engine::path_below;
 using engine::read_file;

@@ -20,14 +20,15 @@ using engine::JointId;
 using engine::World;
 
 using engine::kPi;
-// [m] from the target to where the springs begin: so far that they stay along the axes
+// Distance from the target to the other ends of the springs [m]: so far that the springs stay along
+// the axes.
 constexpr double kArm = 1000.0;
 
 std::string name_of_spring(const std::string& body, int axis) {
   return kGripPrefix + body + '/' + "xyz"[axis];
 }
 
-// The target for which the springs have no more than their most force.
+// Returns a target at which the springs do not exceed their force limit.
 Vector3d within_reach(const Vector3d& position, const Vector3d& target) {
   const double omega = 2.0 * kPi * kGripFrequency;
   const double reach = kGripAcceleration / (omega * omega);
@@ -76,7 +77,7 @@ void drag(World* world, const std::string& body, const Vector3d& target) {
   const double omega = 2.0 * kPi * kGripFrequency;
   const Vector3d& v = state.linear_velocity;
   const double speed = engine::math::hypot(v.x(), v.y(), v.z());
-  // [1/s], times the mass
+  // Damping over mass [1/s].
   const double damping = std::min(2.0 * omega, kGripAcceleration / std::max(speed, 1e-9));
   if (!is_gripped(*world, body)) {
     const double mass = mass_moved_with(*world, id);

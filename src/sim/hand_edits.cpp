@@ -5,7 +5,7 @@
 namespace constraint_sim {
 namespace {
 
-constexpr double kPushTime = 0.1;  // simulated [s]
+constexpr double kPushTime = 0.1;  // simulated time [s]
 
 std::string name_of_fixing(const std::string& body) { return "fixed/" + body; }
 

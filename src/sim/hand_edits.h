@@ -7,16 +7,17 @@
 
 namespace constraint_sim {
 
-// What the menu of a body does. Bad input throws std::invalid_argument and changes nothing.
+// Actions of the menu of a body. Bad input throws std::invalid_argument and changes nothing.
 
-/// Holds the body where it is by a weld to the world, of a point mass a ball joint, named
+/// Holds a body in place by a weld to the world, or a point mass by a ball joint, named
 /// `fixed/BODY`.
 void fix(engine::World* world, const std::string& body);
-/// Takes that away, and what drags the body.
+/// Removes that joint, and the springs of a hand.
 void release(engine::World* world, const std::string& body);
-/// Makes the body faster by this [m/s], world axes, within 0.1 s by a force on it alone.
+/// Adds `by` to the body's velocity [m/s], in the world's axes, by a force on this body during 0.1
+/// s.
 void push(engine::World* world, const std::string& body, const Eigen::Vector3d& by);
-/// A rod named `joined/A/B` between the centres of mass, as long as their distance now.
+/// Adds a rod named `joined/A/B` between the centres of mass, as long as their present distance.
 void join(engine::World* world, const std::string& a, const std::string& b);
 
 }  // namespace constraint_sim

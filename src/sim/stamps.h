@@ -6,12 +6,12 @@
 
 namespace constraint_sim {
 
-/// Header stamps for what is published; they never stand, and go back only where simulated time
-/// itself is what they tell and goes back. At the last moment that a stamp can tell, in the year
-/// 2106 of the wall or after 136 years of simulated time, they do stand.
+/// Header stamps of messages. Stamps always advance, and go back only where they are simulated time
+/// and that goes back. They stop at the last representable time: the year 2106 of wall time, or 136
+/// years of simulated time.
 class Stamps {
  public:
-  static constexpr std::int64_t kLast = 4294967295999999999;  ///< 2³² s, but for one
+  static constexpr std::int64_t kLast = 4294967295999999999;  ///< last stamp, 2³² s - 1 ns [ns]
 
   enum class Source {
     kWall,       ///< wall time that follows simulated time evenly while the world runs
@@ -21,7 +21,7 @@ class Stamps {
   Stamps(Source source, double real_time_factor)
       : source_(source), real_time_factor_(real_time_factor) {}
 
-  /// The next stamp [ns], of a world at this simulated time [s]; `now` is the wall time [ns].
+  /// Returns the next stamp [ns] at simulated time `simulated` [s]; `now` is the wall time [ns].
   std::int64_t next(std::int64_t now, double simulated, bool running) {
     if (simulated < last_simulated_) restart();
     last_simulated_ = simulated;
@@ -35,7 +35,8 @@ class Stamps {
     return last_;
   }
 
-  /// What a world at this simulated time has or would have for a stamp, and may have had before.
+  /// Returns the stamp [ns] for a simulated time [s] without advancing; an earlier stamp may equal
+  /// it.
   std::int64_t of(std::int64_t now, double simulated) const {
     if (source_ == Source::kSimulated) return nanoseconds(simulated);
     if (!anchored_ || simulated < last_simulated_) return now;
@@ -43,14 +44,14 @@ class Stamps {
     return std::min(wall_anchor_ + since, kLast);
   }
 
-  /// From 0 to kLast, where it would be less or more.
+  /// Converts to nanoseconds, clamped to 0 and kLast.
   static std::int64_t nanoseconds(double seconds) {
     if (!(seconds > 0.0)) return 0;
     return seconds < 4294967296.0 ? std::min(std::llround(seconds * 1e9), 0LL + kLast) : kLast;
   }
 
-  /// Simulated time has lost touch with the wall, as in a pause or when ticks were dropped: the
-  /// next stamp is taken from the wall again.
+  /// Makes the next stamp start from wall time again, after simulated time lost its relation to
+  /// wall time in a pause or through dropped ticks.
   void let_go() { anchored_ = false; }
   void set_real_time_factor(double factor) {
     let_go();

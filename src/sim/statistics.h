@@ -8,23 +8,23 @@
 
 namespace constraint_sim {
 
-/// What a number of ticks did, how wrong they were, and what they cost.
+/// Results, errors and costs of a number of ticks.
 class TickStatistics {
  public:
-  /// One more tick of this world, which took so long [s].
+  /// Adds a tick of `world`, which took `seconds` of run time [s].
   void add(const engine::World& world, double seconds);
-  /// Starts the next interval; what counts since the start stays.
+  /// Starts the next interval; figures since the start stay.
   void clear();
 
   std::uint32_t ticks = 0;
-  double simulated = 0.0;             ///< their time [s]
+  double simulated = 0.0;             ///< simulated time of the ticks [s]
   double max_constraint_error = 0.0;  ///< [m]
   std::string worst_constraint;
   double wall_sum = 0.0;                                 ///< [s]
   double wall_max = 0.0;                                 ///< [s]
   std::array<double, engine::kStageCount> stage_sums{};  ///< [s]
   double accumulated_local_error = 0.0;    ///< since the start [m]; NaN where a tick had none
-  double local_error = 0.0;                ///< largest of a tick [m]; NaN where a tick had none
+  double local_error = 0.0;                ///< largest in one tick [m]; NaN where a tick had none
   std::uint64_t events = 0, substeps = 0;  ///< sums over the ticks
 };
 

@@ -11,9 +11,9 @@
 namespace constraint_sim {
 namespace {
 
-constexpr double kSlice = 0.005;     // [s] of run time that one pass may step for
-constexpr double kMayBeLong = 0.02;  // [s] of run time of a tick after which the next may be
-constexpr double kIdlePeriod = 1.0;  // [s] that a pass with nothing to do may be away
+constexpr double kSlice = 0.005;     // run time of steps in one pass [s]
+constexpr double kMayBeLong = 0.02;  // run time of a tick above which the next may be long [s]
+constexpr double kIdlePeriod = 1.0;  // time between passes without work [s]
 
 double run_time() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -82,7 +82,7 @@ void Stepper::fail(const std::string& why) {
   failed_ = true;
 }
 
-// what was owed at another pace is not made up for at this one
+// Sets the factor. Ticks owed at the previous pace are dropped.
 void Stepper::set_real_time_factor(double factor) {
   options_.real_time_factor = factor;
   owed_ = 0.0;
@@ -99,12 +99,13 @@ void Stepper::run_tasks() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     tasks.swap(tasks_);
-    abandon_ = stopping_;  // whoever wanted that is here now
+    abandon_ =
+        stopping_;  // the threads that wanted the abandoned tick to end are served in this pass
   }
   std::vector<std::exception_ptr> thrown(tasks.size());
   run_all(&tasks, &thrown);
   if (std::exchange(edited_, false)) tell_of_edits();
-  // only now, when all have taken effect
+  // Callers return only now, when all edits have taken effect.
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     if (thrown[i])
       tasks[i].done.set_exception(thrown[i]);
@@ -122,7 +123,7 @@ void Stepper::run_all(std::deque<Task>* tasks, std::vector<std::exception_ptr>* 
     work_start_ = run_time();
   }
   for (std::size_t i = 0; i < tasks->size(); ++i) {
-    world_.set_stop_flag(&abandon_);  // an edit may have brought another world
+    world_.set_stop_flag(&abandon_);  // an edit may have replaced the world
     try {
       (*tasks)[i].run();
     } catch (...) {
@@ -198,8 +199,8 @@ void Stepper::take_due_steps() {
   step_while([&] { return owed_ >= tick; }, [&] { owed_ -= tick; });
 }
 
-// A machine that drops ticks all the time would move simulated time with each pass, and every move
-// is an edit. A world that is a little ahead, as after step(), waits for the clock.
+// Moves simulated time to the clock, seldom: every move is an edit, and a machine that always drops
+// ticks would move it in each pass. A world slightly ahead, as after step(), waits for the clock.
 void Stepper::follow_clock(bool begins) {
   const double factor = options_.real_time_factor, before = world_.time();
   const double due = followed_since_ + (last_clock_ - followed_since_) * factor;
@@ -217,7 +218,7 @@ void Stepper::follow_clock(bool begins) {
   tell_of_edits();
 }
 
-// at least one step, or edits that never cease would stop time
+// Takes at least one step, so that continual edits do not stop the simulation.
 template <class Due, class Done>
 void Stepper::step_while(Due is_due, Done done) {
   const double end = run_time() + kSlice;
@@ -237,7 +238,7 @@ void Stepper::drop_beyond(double most_owed) {
   dropped_ticks_ += static_cast<std::uint64_t>(ticks);
 }
 
-// whether it was taken
+// Returns whether the step was taken.
 bool Stepper::step_once() {
   if (events_.stepping) events_.stepping(world_);
   if (may_be_long_ || options_.keeps_world_before_ticks) keep_world_before();
@@ -251,7 +252,7 @@ bool Stepper::step_once() {
     const double seconds = run_time() - start;
     if (!was_abandoned_) {
       if (world_.report().failed) fail(why_failed(world_));
-      if (events_.stepped) events_.stepped(world_, seconds);  // also calls plugins
+      if (events_.stepped) events_.stepped(world_, seconds);  // calls plugins too
     }
   } catch (...) {
     end_work(false);
@@ -267,10 +268,10 @@ void Stepper::end_work(bool was_abandoned) {
   if (!has_before_) return;
   const std::lock_guard<std::mutex> lock(before_mutex_);
   has_before_ = false;
-  if (was_abandoned) world_ = before_;  // as if it had never begun
+  if (was_abandoned) world_ = before_;  // undoes the abandoned tick
 }
 
-// costs less than what follows an edit, or than a tick that was long
+// Copies the world; cheaper than the work after an edit, or than a long tick.
 void Stepper::keep_world_before() {
   const std::lock_guard<std::mutex> lock(before_mutex_);
   before_ = world_;
@@ -300,7 +301,8 @@ void Stepper::post(std::function<void(World&)> change) {
 Boundary Stepper::interrupt(const std::string& by, std::function<void(World&)> change) {
   return enqueue_and_wait(
       [this, &by, &change] {
-        for (StepRequest& request : step_requests_) show(request);  // what they came to
+        for (StepRequest& request : step_requests_)
+          show(request);  // the state that they have reached
         apply(change);
         if (events_.interrupted) events_.interrupted(world_, by);
         end_requests("cancelled by " + by);
@@ -322,7 +324,7 @@ Boundary Stepper::inspect(const std::function<void(const World&)>& look) {
     } catch (const LongTick&) {
       const std::lock_guard<std::mutex> lock(before_mutex_);
       if (!has_before_ && time_at_work() > patience()) throw;
-      if (!has_before_) continue;  // that tick has just ended
+      if (!has_before_) continue;  // the tick has just ended
       look(before_);
       return {before_.time(), before_.step_count()};
     }
@@ -377,7 +379,7 @@ Boundary Stepper::enqueue_and_wait(std::function<void()> run, Delay delay, Durat
   return done.get();
 }
 
-// whether a tick or an edit has run for so long, and keeps it from being done
+// Returns whether the task still waits when a tick or an edit has run for patience().
 bool Stepper::waits_for_long_tick(const std::future<Boundary>& done) const {
   for (;;) {
     const double left = patience() - std::max(time_at_work(), 0.0);
@@ -393,7 +395,7 @@ double Stepper::time_at_work() const {
   return start < 0.0 ? 0.0 : run_time() - start;
 }
 
-// false: it is being done
+// Withdraws a task; returns false where it is running already.
 bool Stepper::withdraw(std::uint64_t ticket) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto found = std::find_if(tasks_.begin(), tasks_.end(),

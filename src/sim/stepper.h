@@ -18,19 +18,20 @@ namespace constraint_sim {
 
 using engine::World;
 
-/// An edit or query that was given up because the stepper stops.
+/// Thrown for an edit or query that was given up because the stepper stops.
 class Cancelled : public std::runtime_error {
  public:
   Cancelled() : std::runtime_error("cancelled: the simulator is shutting down") {}
 };
 
-/// What the stepper was asked for that it cannot do now.
+/// Thrown for a request that cannot be served at present.
 class NotNow : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// An edit that was refused, and changed nothing, because a tick or another edit takes long.
+/// Thrown for an edit that was rejected, and changed nothing, because a tick or another edit takes
+/// long.
 class LongTick : public NotNow {
  public:
   LongTick()
@@ -40,113 +41,114 @@ class LongTick : public NotNow {
 };
 
 struct StepperOptions {
-  double real_time_factor = 1.0;  ///< simulated per clock seconds, ≥ 0; 0: as fast as it can
+  double real_time_factor = 1.0;  ///< simulated over clock seconds, ≥ 0; 0: as fast as possible
   bool paused = false;
-  double max_catch_up = 0.1;  ///< [clock s] that it may lag; ticks beyond are dropped and counted
-  /// The world before each tick is kept, and not only before those that are expected to take long:
-  /// for worlds with code of others in them, which may take long in any tick.
+  double max_catch_up =
+      0.1;  ///< largest lag behind the clock [clock s]; further ticks are dropped and counted
+  /// Keeps a copy of the world before each tick, not only before ticks expected to take long: for
+  /// worlds with plugin code, which may take long in any tick.
   bool keeps_world_before_ticks = false;
-  /// Simulated time is that of the clock: it begins with the clock, goes back with it, and is moved
-  /// on to it where ticks were dropped, as after a jump, and after a pause. At another
-  /// real_time_factor than 1 it passes faster or slower than the clock from then on.
+  /// Simulated time is the time of the clock: it starts with the clock, goes back with it, and
+  /// jumps to it after dropped ticks and after a pause. At a real_time_factor other than 1 it runs
+  /// faster or slower than the clock from then on.
   bool follows_clock = false;
 };
 
-/// When an edit took effect.
+/// Time at which an edit took effect.
 struct Boundary {
   double time = 0.0;       ///< simulated [s]
   std::uint64_t step = 0;  ///< steps since the start
 };
 
-/// What the stepper reports to its owner, on the stepping thread, between steps. What these throw
-/// makes the stepper fail.
+/// Callbacks to the owner, on the stepping thread, between steps. An exception of a callback makes
+/// the stepper fail.
 struct StepperEvents {
   std::function<void(const World&, double seconds)> stepped;  ///< run time of the step [s]
   std::function<void(const World&)> edited;                   ///< at least one edit took effect
-  /// At the end of every pass; answers after how many seconds [run time] it wants the next one.
+  /// Called at the end of every pass; returns the run time until the next wanted pass [s].
   std::function<double(const World&)> passed;
-  /// Before a step: drives what moves.
+  /// Called before a step, to drive bodies and joints.
   std::function<void(World&)> stepping = nullptr;
-  /// Moves simulated time to this one, which is the clock's [s]; with `follows_clock`. Must not
-  /// throw: a time that cannot be is not set.
+  /// Moves simulated time to `time` [s], that of the clock; with `follows_clock`. Must not throw:
+  /// an invalid time is ignored.
   std::function<void(World&, double time)> time_moved = nullptr;
-  /// An interrupt() took effect, as another scene: what drives bodies and joints has to end.
+  /// Called after an interrupt(), as by another scene: drives of bodies and joints have to end.
   std::function<void(const World&, const std::string& by)> interrupted = nullptr;
 };
 
-/// Owns a World and advances it, on a thread of its own: what is due by the clock, what
-/// is asked for by step(), and the edits that come from other threads. Edits wait in a queue and
-/// take effect together at a boundary, any moment when no step is running. Nothing else touches the
-/// world.
+/// Owns a World and advances it on a thread of its own: ticks that are due by the clock, steps
+/// requested by step(), and edits from other threads. Edits wait in a queue and take effect
+/// together at a boundary, any moment when no step is running. Nothing else accesses the world.
 ///
 /// No caller waits long for a tick or an edit that does not end. Once one has run for kPatience,
-/// inspect() looks at the world before it, edit() and post() are refused, and interrupt() and
+/// inspect() looks at the world before it, edit() and post() are rejected, and interrupt() and
 /// pause() abandon it: a tick as if it had never begun, an edit by World::is_asked_to_stop().
 class Stepper {
  public:
-  /// [s] from any origin; 0 until it begins. What it goes back by does not count as passed.
+  /// Time [s] from any origin; 0 until the clock starts. A step back of the clock does not count as
+  /// passed time.
   using Clock = std::function<double()>;
 
-  static constexpr double kPatience = 0.25;       ///< [s] of run time
-  static constexpr std::size_t kMostWaiting = 7;  ///< calls of step() at the same time
-  /// [s] of run time between moves of simulated time on to the clock
+  static constexpr double kPatience = 0.25;       ///< run time [s]
+  static constexpr std::size_t kMostWaiting = 7;  ///< number of simultaneous calls of step()
+  /// Run time between two moves of simulated time to the clock [s].
   static constexpr double kMovesTimeAgain = 0.25;
 
-  /// How long an edit is expected to take. Before one that may be long the world is kept for those
-  /// who ask meanwhile.
+  /// Expected duration of an edit. Before one that may be long the world is copied for queries.
   enum class Duration { kShort, kMayBeLong };
 
   Stepper(World world, const StepperOptions& options, Clock clock, StepperEvents events);
-  /// The stepping thread, and all who wait, must have ended: stop() sees to that.
+  /// Requires that the stepping thread and all callers have ended; stop() ensures that.
   ~Stepper();
   Stepper(const Stepper&) = delete;
   Stepper& operator=(const Stepper&) = delete;
 
-  // ---- the stepping thread
+  // ---- stepping thread
   /// Steps until stop().
   void run();
-  /// One pass: the edits that wait, then the steps that are due; with much to do, a share of it.
-  /// Returns the seconds after which the next pass has work, unless wake() comes before.
+  /// Does one pass: waiting edits, then due steps, or a part of them. Returns the seconds until the
+  /// next pass has work, unless wake() comes before.
   double advance();
 
   // ---- any thread
-  /// Runs `change` at a boundary and returns when it has taken effect. What it throws is thrown
-  /// here, and then it must have changed nothing. Throws Cancelled, and NotNow during a long tick.
+  /// Runs `change` at a boundary and returns when it has taken effect. Rethrows an exception of
+  /// `change`, which must then have changed nothing. Throws Cancelled, and NotNow during a long
+  /// tick.
   Boundary edit(std::function<void(World&)> change, Duration duration = Duration::kShort);
-  /// The same without waiting for it. `change` must not throw.
+  /// Queues `change` without waiting. `change` must not throw.
   void post(std::function<void(World&)> change);
-  /// The same as edit() for what makes the steps that others wait for pointless, as another scene:
-  /// cancels them, in the name of `by`, and abandons a long tick.
+  /// Runs `change` like edit(), cancels waiting calls of step(), in the name of `by`, and abandons
+  /// a long tick. For changes that make waiting steps pointless, such as another scene.
   Boundary interrupt(const std::string& by, std::function<void(World&)> change);
-  /// The same as edit() for looking only; `look` may run on this thread.
+  /// Calls `look` at a boundary; it may run on this thread.
   Boundary inspect(const std::function<void(const World&)>& look);
-  /// Also cancels the steps that others wait for, and abandons a long tick.
+  /// Pauses, cancels waiting calls of step(), and abandons a long tick.
   Boundary pause();
-  /// Returns during a long tick before it has taken effect.
+  /// Ends a pause. Returns during a long tick before it has taken effect.
   void unpause();
-  /// Carries a paused world on by `steps`; `look` sees it right after the last one that was taken,
-  /// also where an exception follows, and once more where a change that would have cancelled it
-  /// throws. Edits go on in between. Throws NotNow unless paused, when
-  /// kMostWaiting wait already, when the physics fails on the way, or when it is cancelled.
+  /// Advances a paused world by `steps`. `look` sees the world right after the last step taken,
+  /// also where an exception follows, and once more where an interrupting change throws. Edits go
+  /// on in between. Throws NotNow unless paused, when kMostWaiting calls wait already, when the
+  /// physics fails, or when cancelled.
   Boundary step(std::uint64_t steps, std::function<void(const World&)> look);
-  /// The world stands, failed, until it is edited. Of the stepping thread.
+  /// Stops the world as failed until the next edit. Stepping thread only.
   void fail(const std::string& why);
   /// Makes run() do a pass at once.
   void wake();
-  /// Abandons the step that is running, ends run(), and throws Cancelled to all who wait. For good.
+  /// Abandons the present step, ends run(), and throws Cancelled to all waiting callers. Final.
   void stop();
 
   bool is_paused() const { return paused_; }
   bool has_failed() const { return failed_; }
-  /// MethodReason it has, in words; empty where it has not.
+  /// Reason of the failure; empty without one.
   std::string failure() const;
-  /// Changes that took effect; of the stepping thread.
+  /// Number of edits that took effect. Stepping thread only.
   std::uint64_t edits() const { return edits_; }
   std::uint64_t dropped_ticks() const { return dropped_ticks_; }
   double real_time_factor() const { return options_.real_time_factor; }
-  /// From the next step on; as StepperOptions says. Of the stepping thread.
+  /// Sets StepperOptions::real_time_factor from the next step on. Stepping thread only.
   void set_real_time_factor(double factor);
-  /// Whether to time the stages of each step, from the next one on.
+  /// Switches the timing of stages from the next step on.
   void time_stages(bool on) { time_stages_ = on; }
 
  private:
@@ -161,10 +163,10 @@ class Stepper {
     std::uint64_t remaining;
     std::function<void(const World&)> look;
     std::promise<Boundary> done;
-    std::exception_ptr thrown;  ///< by look
+    std::exception_ptr thrown;  ///< exception of `look`
   };
 
-  /// What becomes of a task that a long tick or edit keeps waiting.
+  /// Treatment of a task that waits for a long tick or edit.
   enum class Delay { kRefuse, kAbandonTick, kReturn };
 
   std::future<Boundary> enqueue(std::function<void()> run, Duration duration,
@@ -198,28 +200,28 @@ class Stepper {
   double wait() const;
   Boundary now() const { return {world_.time(), world_.step_count()}; }
 
-  // of the stepping thread
+  // stepping thread only
   World world_;
   StepperOptions options_;
   Clock clock_;
   StepperEvents events_;
   std::deque<StepRequest> step_requests_;
   double last_clock_ = 0.0;
-  // simulated seconds that the clock has passed and the world has not; below 0: the world is ahead
+  // Simulated seconds that the world lags behind the clock; negative: the world is ahead.
   double owed_ = 0.0;
-  // with follows_clock: reading of the clock [s] at which simulated time was the same
+  // Reading of the clock [s] at which it agreed with simulated time, with follows_clock.
   double followed_since_ = 0.0;
-  double moved_time_ = -kMovesTimeAgain;  // when simulated time was moved last [s run time]
+  double moved_time_ = -kMovesTimeAgain;  // run time of the last move of simulated time [s]
   bool edited_ = false;
   std::uint64_t edits_ = 0;
-  bool may_be_long_ = true;  // the next tick, by the last one or because of an edit
+  bool may_be_long_ = true;  // the next tick, judged by the last one or because of an edit
 
-  // the world before the tick or the edits that run, where these may be long
+  // World before the present tick or edits, where those may be long.
   mutable std::mutex before_mutex_;
   World before_;
   bool has_before_ = false;
 
-  // shared
+  // shared by all threads
   mutable std::mutex mutex_;
   std::condition_variable wake_up_;
   std::deque<Task> tasks_;
@@ -229,9 +231,9 @@ class Stepper {
   bool stopping_ = false;
   std::atomic<bool> paused_;
   std::atomic<bool> failed_{false};
-  std::atomic<bool> abandon_{false};        // the tick or the edit that runs
-  std::atomic<bool> was_abandoned_{false};  // the last tick; the same again will take as long
-  std::atomic<double> work_start_{-1.0};    // of a tick or of edits [s run time]; below 0: none
+  std::atomic<bool> abandon_{false};        // ends the present tick or edit
+  std::atomic<bool> was_abandoned_{false};  // the last tick; repeating it would take as long
+  std::atomic<double> work_start_{-1.0};    // start of a tick or of edits [s run time]; < 0: none
   std::atomic<bool> time_stages_{false};
   std::atomic<std::uint64_t> dropped_ticks_{0};
 };

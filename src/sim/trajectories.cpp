@@ -12,8 +12,8 @@
 namespace constraint_sim {
 namespace {
 
-// [m or rad] that a point at the start may be off by: it is where the joint is, told with few
-// digits
+// Deviation of a point at time 0 from the joint's position [m or rad]: messages give positions with
+// few digits.
 constexpr double kSamePlace = 1e-3;
 
 std::string of_joint(const std::string& joint) { return "joint '" + joint + "' "; }
@@ -39,7 +39,7 @@ void check(const JointTrajectory& trajectory) {
   }
 }
 
-/// What all points have enough for.
+/// Returns the order of the spline that all points have data for.
 int order_of(const JointTrajectory& trajectory) {
   const auto all_have = [&](auto member) {
     return std::all_of(trajectory.points.begin(), trajectory.points.end(), [&](const auto& point) {
@@ -50,7 +50,7 @@ int order_of(const JointTrajectory& trajectory) {
   return all_have(&JointTrajectory::Point::accelerations) ? 5 : 3;
 }
 
-/// The motor that is to follow.
+/// Returns the motor that follows the trajectory.
 const engine::CoordinateMotor& motor_of(const engine::Joint& joint) {
   if (engine::coordinates(joint.kind) == 0)
     refuse("joint_names", of_joint(joint.name) + "has no coordinate");
@@ -159,10 +159,10 @@ std::vector<std::string> Trajectories::before_step(Driver* driver) {
   return failures;
 }
 
-// False where its way is at its end.
+// Sets the motor for the next tick; returns false at the end of the trajectory.
 bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driver) {
   const engine::World& world = driver->world();
-  // another joint may have the number where the world was replaced
+  // After a change of the world the id may belong to another joint.
   if (!world.has_joint(way.joint) || world.find_joint(way.joint) != id ||
       !world.joint(id).coordinates[0].motor)
     return false;

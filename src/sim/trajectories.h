@@ -10,7 +10,7 @@
 
 namespace constraint_sim {
 
-/// Where a joint is to be, and how it is to move there.
+/// A point of a trajectory: position and its derivatives at a time.
 struct TrajectoryPoint {
   double time = 0.0;      ///< after the start [s]
   double position = 0.0;  ///< [m or rad]
@@ -18,11 +18,11 @@ struct TrajectoryPoint {
   double acceleration = 0.0;
 };
 
-/// A curve through points: of order 1 with their positions, 3 with their velocities too, 5 with
-/// their accelerations. Constant before and after.
+/// A spline through points: of order 1 through positions, 3 also with velocities, 5 also with
+/// accelerations. Constant before the first and after the last point.
 class Spline {
  public:
-  /// Times must increase; at least one point. `order` is 1, 3 or 5.
+  /// Requires increasing times and at least one point. `order` is 1, 3 or 5.
   Spline(std::vector<TrajectoryPoint> points, int order);
   double at(double time) const;  ///< [m or rad]
   double duration() const { return points_.back().time; }
@@ -32,31 +32,30 @@ class Spline {
   int order_;
 };
 
-/// A trajectory of several joints, as a message has it: a value of each for each point.
+/// A trajectory of several joints as in a message: one value per joint and point.
 struct JointTrajectory {
   struct Point {
     double time = 0.0;  ///< after the start [s] ≥ 0
     std::vector<double> positions, velocities, accelerations;
   };
   std::vector<std::string> joints;
-  std::vector<Point> points;  ///< none: the joints stop where they are
-  double delay = 0.0;         ///< [s] until it starts
+  std::vector<Point> points;  ///< empty: the joints stop at their positions
+  double delay = 0.0;         ///< time until the start [s]
 };
 
-/// Joints on their way along splines: motors that go by velocity reach the spline at the end of
-/// each tick, to rounding; servos are set to it. On the stepping thread.
+/// Follows splines with motors of joints. Rate motors reach the spline at the end of each tick, to
+/// rounding; servos get it as their target. Stepping thread only.
 class Trajectories {
  public:
-  /// Replaces what these joints were on, from where they are now. Throws std::invalid_argument for
-  /// points that cannot be, and for joints that cannot follow; then all go on as they did.
+  /// Starts a trajectory at the joints' present positions, in place of their last one. Throws
+  /// std::invalid_argument for invalid points and unsuitable joints; then all trajectories go on.
   void begin(const engine::World& world, const JointTrajectory& trajectory);
-  /// Ends what a joint is on.
+  /// Ends the trajectory of a joint.
   void drop(engine::JointId joint) { on_their_way_.erase(joint.value); }
-  /// Ends all; the names of the joints that were on one, in the order of their ids.
+  /// Ends all trajectories; returns the names of their joints in the order of ids.
   std::vector<std::string> end();
-  /// Before each tick. A trajectory ends where its joint is gone or has no motor any more, and
-  /// where its motor cannot be set as the trajectory asks for: that is returned, one sentence for
-  /// each.
+  /// Sets the motors; call before each tick. A trajectory ends where its joint is gone, has no
+  /// motor any more, or rejects the motor's setting; returns one sentence for each such end.
   std::vector<std::string> before_step(Driver* driver);
   std::vector<std::string> before_step(engine::World* world) {
     Driver driver(world);
@@ -68,11 +67,11 @@ class Trajectories {
   struct OnItsWay {
     std::string joint;
     Spline spline;
-    double start;  // simulated [s]
+    double start;  // simulated time [s]
   };
   static bool advance(engine::JointId id, const OnItsWay& way, Driver* driver);
 
-  std::map<std::uint32_t, OnItsWay> on_their_way_;  // by ids of joints
+  std::map<std::uint32_t, OnItsWay> on_their_way_;  // by joint id
 };
 
 }  // namespace constraint_sim

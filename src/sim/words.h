@@ -12,7 +12,8 @@ namespace constraint_sim {
 
 using engine::shortened;
 
-/// A message with what stands shortened from the first quote after `from` to the last one.
+/// Returns a message with the text between the first quote after `from` and the last quote
+/// shortened.
 inline std::string with_short_quotes(const std::string& message, std::size_t from = 0) {
   const std::size_t first = message.find('\'', from), last = message.rfind('\'');
   if (first == std::string::npos || first == last) return message;
@@ -20,7 +21,7 @@ inline std::string with_short_quotes(const std::string& message, std::size_t fro
   return message.substr(0, first + 1) + shortened(quoted) + message.substr(last);
 }
 
-/// The one of these that was probably meant by a word, empty if none is close.
+/// Returns the known word closest to `word`; empty if none is close.
 inline std::string closest(const std::string& word, const std::vector<std::string>& known) {
   constexpr std::size_t kLongestWord = 100;
   if (word.size() > kLongestWord) return "";
@@ -35,7 +36,7 @@ inline std::string closest(const std::string& word, const std::vector<std::strin
   return found;
 }
 
-/// `; did you mean 'pendulum'?`, or nothing where none is close.
+/// Returns `; did you mean 'pendulum'?`, or nothing where no known word is close.
 inline std::string did_you_mean(const std::string& word, const std::vector<std::string>& known) {
   const std::string found = closest(word, known);
   return found.empty() ? "" : "; did you mean '" + found + "'?";

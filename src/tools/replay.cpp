@@ -1,6 +1,6 @@
-// Runs again what a bag of edit_log has recorded, and holds each step and edit against its hash:
+// Repeats a recorded edit_log from a bag, and compares the hash after each step and edit:
 //   rosrun constraint_sim replay FILE.bag [TOPIC] [--plugins "PACKAGE/CLASS ..."]
-// With plugins it is a ROS node, for these may have topics: a master has to be there.
+// With plugins it is a ROS node, since plugins may have topics: a master must be running.
 
 #include <constraint_sim/EditRecord.h>
 #include <ros/init.h>
@@ -28,10 +28,10 @@ namespace {
 
 constexpr int kDiffers = 1, kBadInput = 2;
 
-/// A world that does what records say.
+/// A world that applies records.
 class Replay {
  public:
-  /// False where it comes out differently, which is then told.
+  /// Applies a record; returns false, after printing the difference, where the hash differs.
   bool add(const EditRecord& record) {
     if (record.number != last_number_ + 1 && world_)
       throw std::invalid_argument("records " + std::to_string(last_number_ + 1) + " to " +
@@ -70,7 +70,8 @@ class Replay {
     return true;
   }
 
-  // There is a record at least every kCheckEvery steps: a step number beyond is damaged.
+  // Checks the step number: there is a record at least every kCheckEvery steps, so a larger step is
+  // damaged.
   void check_step(const EditRecord& record) const {
     const std::uint64_t step = world_->step_count();
     if (record.step <= step || record.step - step <= EditLog::kCheckEvery) return;

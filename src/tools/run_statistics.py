@@ -1,4 +1,4 @@
-"""What watch_error and bag_report make of the node's `statistics` messages."""
+"""Evaluation of the node's `statistics` messages, for watch_error and bag_report."""
 import collections
 import csv
 import math
@@ -14,17 +14,17 @@ COLUMNS = {
     'methods': 'in use',
 }
 Line = collections.namedtuple('Line', COLUMNS)
-# colours and labels of what is drawn against run time and time
+# Colours and labels of quantities drawn against run time and time.
 ERRORS = {'constraint_error': 'constraints [m]', 'energy_drift': 'energy drift [1]',
           'accumulated_error': 'local errors, summed [m]'}
-SMALLEST = 1e-17  # where errors of zero are drawn
-ESTIMATES = ('local_error', 'accumulated_error')  # NaN where impulses advanced something
+SMALLEST = 1e-17  # errors of zero are drawn here
+ESTIMATES = ('local_error', 'accumulated_error')  # NaN where impulses advanced an island
 NO_ESTIMATE = 'unknown: impulses have no estimate'
 
 
 class Reader:
-    """Makes a line of two messages that follow each other; none of the first, and none where no
-    tick was taken."""
+    """Makes a line from each two successive messages; none from the first, and none where no tick was
+    taken."""
 
     def __init__(self):
         self.before = None
@@ -50,15 +50,15 @@ def write_csv(lines, path):
 
 
 def draw(axes, lines):
-    """Error against run time on the first axis, error and run time against time on the others."""
-    from matplotlib import ticker  # only who draws needs it
+    """Draws error against run time on the first axis, error and run time against time on the others."""
+    from matplotlib import ticker  # needed for drawing only
     against_cost, against_time, cost = axes
     times = [line.sim_time for line in lines]
     run_times = [line.run_time for line in lines]
     for axis in axes:
         axis.clear()
     for name, label in ERRORS.items():
-        # a NaN, where there is no estimate, is left out of the plot
+        # the plot skips NaN, which means that there is no estimate
         values = [value if math.isnan(value) else max(value, SMALLEST)
                   for value in (getattr(line, name) for line in lines)]
         against_cost.plot(run_times, values, '.', label=label)
@@ -68,7 +68,7 @@ def draw(axes, lines):
                      xlabel='run time per simulated second [µs]')
     against_time.set(yscale='log', xlabel='simulated time [s]', ylabel='error')
     cost.set(yscale='log', xlabel='simulated time [s]', ylabel='run time per simulated second [µs]')
-    # run times lie within few powers of ten: numbers between these, and none over each other
+    # run times span few powers of ten: labels between these, without overlap
     for axis in (against_cost.xaxis, cost.yaxis):
         axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(ticker.FormatStrFormatter('%g'))
@@ -77,7 +77,7 @@ def draw(axes, lines):
 
 
 def summary(lines):
-    """The worst of each error and the spread of run time, as text."""
+    """Returns the largest of each error and the range of run time, as text."""
     run_times = sorted(line.run_time for line in lines)
     methods = sorted(set(' '.join(line.methods for line in lines).split()))
     return '\n'.join([
@@ -99,11 +99,11 @@ def worst(lines, name):
 
 
 def known(value):
-    """Whether a number, or text, is there: estimates of impulses are NaN."""
+    """Returns whether a number or text is known: estimates of impulses are NaN."""
     return not (isinstance(value, float) and math.isnan(value))
 
 
 def is_finite(line):
-    """Whether all that is there can be drawn."""
+    """Returns whether all known numbers can be drawn."""
     return all(math.isfinite(value) for name, value in line._asdict().items()
                if isinstance(value, float) and not (name in ESTIMATES and math.isnan(value)))

@@ -1,9 +1,9 @@
-// The shipped configuration of rviz with a view that fits a scene:
-//   rosrun constraint_sim rviz_config SCENE > FILE.rviz       of a scene as load_scene takes it
-//   rosrun constraint_sim rviz_config --node NODE > FILE.rviz of a simulator as it is now
+// Prints the shipped configuration of rviz with a view that fits a scene:
+//   rosrun constraint_sim rviz_config SCENE > FILE.rviz       for a scene as load_scene takes it
+//   rosrun constraint_sim rviz_config --node NODE > FILE.rviz for a simulator in its present state
 //   rosrun constraint_sim rviz_config --open NODE [ARGUMENTS OF RVIZ]
-// The last one shows it in rviz, as the launch file does: in the shipped view where the simulator
-// does not answer.
+// With --open it starts rviz, as the launch file does; in the shipped view where the simulator does
+// not answer.
 
 #include <constraint_sim/SaveScene.h>
 #include <ros/init.h>
@@ -30,8 +30,8 @@
 namespace constraint_sim {
 namespace {
 
-constexpr double kPatience = 10.0;    // [s] that a simulator may take to come up
-constexpr double kOfDistance = 0.06;  // the axes of frames beside the distance of the eye
+constexpr double kPatience = 10.0;    // time for a simulator to start [s]
+constexpr double kOfDistance = 0.06;  // length of the axes of frames over the distance of the eye
 
 std::string shipped() {
   return ros::package::getPath("constraint_sim") + "/config/constraint_sim.rviz";
@@ -48,7 +48,7 @@ engine::World world_of_node(const std::string& node) {
   return engine::load_scene(call.response.text, node);
 }
 
-// 1, 2 or 5 times a power of ten, not above a length.
+// Returns the largest number of 1, 2 or 5 times a power of ten that is not above `length`.
 double round_length(double length) {
   const double power = std::pow(10.0, std::floor(std::log10(length)));
   for (const double first : {5.0, 2.0})
@@ -80,7 +80,7 @@ std::string configuration(const engine::World& world) {
   return text.str();
 }
 
-// Replaces this process.
+// Starts rviz in place of this process.
 int open(const std::string& node, char** arguments) {
   std::string file = shipped();
   try {
@@ -113,7 +113,7 @@ int run(int argc, char** argv) {
                stderr);
     return 2;
   }
-  if (is_node) {  // under a name of its own: rviz takes the one that it is started with
+  if (is_node) {  // under an anonymous name: rviz takes the name that it is started with
     ros::init(ros::M_string(), "rviz_config", ros::init_options::AnonymousName);
     ros::start();
   }

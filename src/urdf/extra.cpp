@@ -20,7 +20,7 @@ LinkProperties read_link(const YamlElement& item) {
   return link;
 }
 
-/// Calls do_with(name, value) for each key of a map that may be left out.
+/// Calls do_with(name, value) for each key of an optional map.
 template <class Do>
 void for_each(const YamlElement& item, const char* key, Do do_with) {
   const auto map = item.find(key);

@@ -9,22 +9,22 @@
 
 namespace constraint_sim {
 
-/// What a link has that a URDF has no word for.
+/// Properties of a link that URDF cannot express.
 struct LinkProperties {
   double friction = 0.0;
   double restitution = 0.0;
   bool no_collision = false;
 };
 
-/// The YAML beside a URDF (docs/robots.md). Names are those of the URDF, without prefix.
+/// Extra YAML beside a URDF (docs/robots.md). Names are those of the URDF, without prefix.
 struct RobotExtra {
-  std::map<std::string, double> positions;            ///< of joints at first [m or rad]
-  std::map<std::string, engine::YamlElement> motors;  ///< of joints
+  std::map<std::string, double> positions;            ///< initial positions of joints [m or rad]
+  std::map<std::string, engine::YamlElement> motors;  ///< by joint
   std::map<std::string, LinkProperties> links;
-  std::vector<engine::YamlElement> constraints;  ///< as in scenes, of links
+  std::vector<engine::YamlElement> constraints;  ///< constraints between links, as in scenes
 };
 
-/// Throws engine::SceneError. Whether there are such joints and links is not looked up.
+/// Reads the YAML; does not check whether joints and links exist. Throws engine::SceneError.
 RobotExtra read_extra(const std::string& text);
 
 }  // namespace constraint_sim

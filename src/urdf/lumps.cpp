@@ -16,7 +16,7 @@ using Eigen::Vector3d;
   throw std::invalid_argument("urdf: link '" + link + "' " + why);
 }
 
-/// Of a point of unit mass, about the origin [m²].
+/// Returns the inertia of a point of unit mass about the origin [m²].
 Matrix3d point_inertia(const Vector3d& r) {
   return r.squaredNorm() * Matrix3d::Identity() - r * r.transpose();
 }
@@ -60,7 +60,7 @@ std::optional<engine::Shape> shape_of(const std::string& link, const urdf::Geome
   }
 }
 
-/// The first collision of a link that has a shape.
+/// Returns the shape of the first collision with a supported geometry.
 std::optional<LumpShape> shape_of(const urdf::Link& link, std::vector<std::string>* warnings) {
   std::optional<LumpShape> first;
   std::size_t left_out = 0;
@@ -83,7 +83,7 @@ std::optional<LumpShape> shape_of(const urdf::Link& link, std::vector<std::strin
   return first;
 }
 
-/// Walks the tree from the root.
+/// Walks the tree of links from the root.
 class Walk {
  public:
   explicit Walk(const urdf::ModelInterface& model) { begin(*model.getRoot(), nullptr); }
@@ -91,7 +91,7 @@ class Walk {
   Lumps take() { return std::move(lumps_); }
 
  private:
-  // a lump of its own
+  // Begins a new lump with this link.
   void begin(const urdf::Link& link, const urdf::JointConstSharedPtr& joint) {
     const std::size_t lump = lumps_.list.size();
     lumps_.list.emplace_back();
@@ -124,7 +124,7 @@ class Walk {
     const bool would_lose_shape =
         lumps_.list[parent.lump].shape && has_mass(child) && !child.collision_array.empty();
     if (would_lose_shape) {
-      std::vector<std::string> warnings;  // told when it is added
+      std::vector<std::string> warnings;  // dropped here; reported when the link is added
       if (shape_of(child, &warnings)) return begin(child, joint);
     }
     add(child, {parent.lump, parent.in_lump * to_isometry(joint->parent_to_joint_origin_transform)},

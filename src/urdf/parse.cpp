@@ -18,19 +18,19 @@
 namespace constraint_sim {
 namespace {
 
-// Bounds of what urdfdom takes: TinyXML parses elements within each other by recursion, and urdfdom
-// takes links apart by recursion from parent to child.
+// Limits for urdfdom: TinyXML parses nested elements recursively, and urdfdom frees links
+// recursively from parent to child.
 constexpr int kMostElementDepth = 64;
 constexpr std::size_t kMostLinks = 10000;
 
-/// The joints of a text, each from one link to another, by the numbers that links get here.
+/// Joints of a URDF as a graph; links are numbered here.
 struct LinkGraph {
-  std::vector<std::string> links;  ///< every name that a joint has
+  std::vector<std::string> links;  ///< all link names in joints
   std::vector<std::pair<std::size_t, std::size_t>> joints;
 };
 
-/// Throws where elements are nested too deep, or are too many. Where the joints are not read well,
-/// for the text is no URDF, urdfdom rejects it.
+/// Reads the joints. Throws where elements are nested too deep or are too many. A text that is no
+/// URDF may give wrong joints here; urdfdom rejects it later.
 LinkGraph read_joints(const std::string& text) {
   LinkGraph graph;
   std::map<std::string, std::size_t> numbers;
@@ -48,7 +48,7 @@ LinkGraph read_joints(const std::string& text) {
   while (tags.next()) {
     const std::string name = tags.name();
     if (tags.kind() == XmlTags::Kind::kDeclaration) {
-      // TinyXML ends it elsewhere where a value has a `>`, so that depths would not be known
+      // TinyXML ends a declaration elsewhere where a value has a `>`; depths would be wrong.
       if (depth > 0) refuse("has a declaration `<?` within an element");
       continue;
     }
@@ -69,8 +69,8 @@ LinkGraph read_joints(const std::string& text) {
   return graph;
 }
 
-/// Rejects links that refer to each other in a circle, whose memory urdfdom never frees: takes away
-/// one link after the other that is no child of those left, until none is left or all are children.
+/// Rejects cycles of links, whose memory urdfdom never frees. Removes links without parents one
+/// after the other; remaining links are in a cycle, or behind one.
 void check_cycles(const LinkGraph& graph) {
   std::vector<std::size_t> parents(graph.links.size(), 0), open;
   std::vector<std::vector<std::size_t>> children(graph.links.size());
@@ -91,7 +91,7 @@ void check_cycles(const LinkGraph& graph) {
       refuse("link '" + shortened(graph.links[i]) + "' is in a cycle of joints, or behind one");
 }
 
-/// Keeps the errors that urdfdom logs, since its answer does not say why. One at a time.
+/// Collects the errors that urdfdom logs, since its result has no reason. One instance at a time.
 class ParserErrors : public console_bridge::OutputHandler {
  public:
   ParserErrors() { console_bridge::useOutputHandler(this); }
@@ -119,7 +119,7 @@ urdf::ModelInterfaceSharedPtr parse(const std::string& text) {
   return model;
 }
 
-/// urdfdom forgets all but one of a link's parents.
+/// Rejects a link with several parents: urdfdom keeps only one.
 void check_tree(const urdf::ModelInterface& model) {
   std::map<std::string, std::string> joint_of_child;
   for (const auto& [name, joint] : model.joints_) {
@@ -146,7 +146,7 @@ void check_meshes(const urdf::ModelInterface& model, const MeshExists& mesh_exis
 
 using engine::math::SineCosine;
 
-/// The quaternion of roll, pitch and yaw [rad] about fixed axes.
+/// Returns the quaternion of roll, pitch and yaw [rad] about fixed axes.
 urdf::Rotation rotation_of(const urdf::Vector3& rpy) {
   const SineCosine roll = engine::math::sin_cos(0.5 * rpy.x),
                    pitch = engine::math::sin_cos(0.5 * rpy.y),
@@ -160,9 +160,9 @@ urdf::Rotation rotation_of(const urdf::Vector3& rpy) {
   return rotation;
 }
 
-/// Rotations of a description that are the same bits on every machine. urdfdom makes them of `rpy`
-/// by the sine of the C library, and keeps nothing else: each is replaced by that of the angles in
-/// the text which are the same to rounding.
+/// Makes the rotations of a description bit-identical on all machines. urdfdom converts `rpy` by
+/// the sine of the C library and drops the angles; each rotation is replaced by the own conversion
+/// of those angles in the text that agree to rounding.
 class Rotations {
  public:
   explicit Rotations(const std::string& text) {
@@ -196,7 +196,7 @@ class Rotations {
  private:
   static constexpr double kRounding = 1e-14;
 
-  /// A number that rotations share only by chance.
+  /// A number that differs for different rotations, except by coincidence.
   static double key_of(const urdf::Rotation& q) {
     return 0.37 * q.x + 0.61 * q.y + 0.83 * q.z + 0.29 * q.w;
   }
@@ -206,7 +206,7 @@ class Rotations {
     try {
       rpy.init(angles);
     } catch (const std::exception&) {
-      return;  // in a comment: urdfdom has read all others
+      return;  // text in a comment: urdfdom has parsed all other angles
     }
     const urdf::Rotation rotation = rotation_of(rpy);
     by_key_.emplace(key_of(rotation), rotation);

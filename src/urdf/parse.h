@@ -9,12 +9,12 @@
 
 namespace constraint_sim {
 
-/// Whether the file that a mesh's name stands for can be read. Empty: not looked for.
+/// Returns whether the file of a mesh can be read. An empty function: not checked.
 using MeshExists = std::function<bool(const std::string& name)>;
 
-/// A robot's description that is a tree of links. Throws std::invalid_argument in plain words for
-/// what is no URDF, for a link with two parents or in a cycle, for a mesh that is not there, for
-/// elements nested more than 64 deep, and for more than 10 000 links.
+/// Parses a robot description that is a tree of links. Throws std::invalid_argument for a text that
+/// is no URDF, a link with two parents or in a cycle, a missing mesh, elements nested more than 64
+/// deep, and more than 10 000 links.
 urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists);
 
 /// Throws std::invalid_argument that says the URDF is refused, and why.

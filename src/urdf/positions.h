@@ -8,14 +8,16 @@
 
 namespace constraint_sim {
 
-/// Whether a joint has one coordinate, which a URDF names after it.
+/// Returns whether a joint has one coordinate, which is named after it.
 bool has_position(const urdf::Joint& joint);
 
-/// The joint that one mimics. Throws std::invalid_argument where there is none with a position.
+/// Returns the joint that `joint` mimics. Throws std::invalid_argument where no such joint with a
+/// position exists.
 const urdf::Joint& leader_of(const urdf::ModelInterface& model, const urdf::Joint& joint);
 
-/// What joints read at first [m or rad]: as given, or bound to those that they mimic, or 0, or the
-/// limit that is next to it, which is told. Throws std::invalid_argument for what cannot be.
+/// Returns the initial positions of joints [m or rad]: given ones, those that follow from mimicked
+/// joints, else 0, or the nearest limit with a warning. Throws std::invalid_argument for invalid
+/// positions.
 std::map<std::string, double> first_positions(const urdf::ModelInterface& model,
                                               const std::map<std::string, double>& given,
                                               std::vector<std::string>* warnings);

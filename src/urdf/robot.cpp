@@ -40,13 +40,14 @@ engine::BodyState to_state(const Isometry3d& pose) {
 }
 
 bool is_diagonal(const Matrix3d& inertia) {
-  constexpr double kRounding = 1e-12;  // of products of inertia that rotations leave
+  constexpr double kRounding =
+      1e-12;  // relative products of inertia that rotations leave by rounding
   Matrix3d rest = inertia;
   rest.diagonal().setZero();
   return rest.cwiseAbs().maxCoeff() <= kRounding * inertia.diagonal().cwiseAbs().maxCoeff();
 }
 
-/// The principal axes, each nearest to one of those that the inertia is given along.
+/// Returns the principal axes, in the order and signs nearest to the given axes.
 Matrix3d principal_axes(const Matrix3d& inertia) {
   if (is_diagonal(inertia)) return Matrix3d::Identity();
   const Matrix3d found = engine::math::eigensystem(inertia).vectors;
@@ -85,7 +86,7 @@ engine::JointKind kind_of(const urdf::Joint& joint) {
   }
 }
 
-/// Of the joint's frame, z along its axis.
+/// Returns the orientation of the joint's frame, with z along its axis.
 Quaterniond along_axis(const urdf::Joint& joint) {
   if (joint.type == urdf::Joint::FIXED) return Quaterniond::Identity();
   const Vector3d axis = to_eigen(joint.axis);
@@ -94,7 +95,7 @@ Quaterniond along_axis(const urdf::Joint& joint) {
   return engine::frame_along(axis);
 }
 
-/// Puts a robot together in a world of its own.
+/// Builds a robot in a world of its own.
 class Builder {
  public:
   Builder(const urdf::ModelInterface& model, const RobotOptions& options)
@@ -144,9 +145,9 @@ class Builder {
                                   " is not revolute, continuous or prismatic");
   }
 
-  // ---- where everything is at first
+  // ---- initial poses
 
-  // of the joint's frame on the parent to that of the child
+  // Returns the pose of the joint's frame on the child in its frame on the parent.
   Isometry3d motion(const urdf::Joint& joint) const {
     Isometry3d motion = Isometry3d::Identity();
     if (!has_position(joint)) return motion;
@@ -199,7 +200,7 @@ class Builder {
     robot_.bodies.push_back(body.name);
   }
 
-  // answers the body's frame in the lump: centre of mass, principal axes
+  // Sets mass and inertia; returns the body's frame in the lump: centre of mass and principal axes.
   Isometry3d set_mass(const Lump& lump, engine::Body* body) {
     if (!(lump.mass > 0.0))
       refuse("link " + in_quotes(lump.link) +
@@ -224,7 +225,8 @@ class Builder {
     return in_lump;
   }
 
-  // those of the shape where they are principal, so that the shape lies along the body's axes
+  // Returns the axes of the shape where they are principal axes, so that the body's axes are
+  // aligned with its shape.
   static Matrix3d axes_of_shape(const Lump& lump, const Matrix3d& inertia) {
     if (!lump.shape) return Matrix3d::Identity();
     const Matrix3d R = lump.shape->in_lump.linear();
@@ -322,9 +324,9 @@ class Builder {
     }
   }
 
-  // ---- what the YAML beside it closes
+  // ---- constraints of the extra YAML
 
-  // Constraints are read as those of a scene whose bodies are the links.
+  // Returns a scene whose bodies are the links, to read the constraints as in a scene.
   World scene_of_links() const {
     World scene;
     for (const auto& [link, place] : lumps_.places) {
@@ -357,7 +359,7 @@ class Builder {
       for (const char* key : {"state", "broken"})
         if (const auto saved = item.find(key)) saved->fail("belongs to saved scenes");
       engine::Joint joint = engine::read_joint(item, scene);
-      item.attempt([&] { scene.add_joint(joint); });  // those that follow may couple it
+      item.attempt([&] { scene.add_joint(joint); });  // later constraints may couple it
       if (engine::couples_joints(joint.kind)) {
         for (engine::JointId* id : {&joint.coupling.first, &joint.coupling.second})
           *id = world_.find_joint(named(scene.joint(*id).name));
@@ -378,7 +380,7 @@ class Builder {
     return Quaterniond(link_in_body(scene.body(id).name).linear());
   }
 
-  // from the link's frame to that of its body
+  // Converts an end of a joint from the link's frame to that of its body.
   void move_end(const World& scene, BodyId* id, Vector3d* anchor, Quaterniond* frame) const {
     if (*id == engine::kWorldBody) return;
     const std::string& link = scene.body(*id).name;
@@ -388,7 +390,7 @@ class Builder {
     *id = bodies_[lumps_.places.at(link).lump];
   }
 
-  // ---- what is told of it
+  // ---- reported data
 
   Isometry3d link_in_body(const std::string& link) const {
     const LinkPlace& place = lumps_.places.at(link);
@@ -442,7 +444,7 @@ class Builder {
       warn("more links overlap than these " + std::to_string(kMost));
   }
 
-  /// Bodies that do not collide since a joint connects them, the lower id first.
+  /// Returns pairs of bodies that do not collide since a joint connects them, lower id first.
   std::set<std::pair<BodyId, BodyId>> joined_pairs() const {
     std::set<std::pair<BodyId, BodyId>> pairs;
     for (const engine::Joint& joint : given_joints_)
@@ -459,17 +461,17 @@ class Builder {
   Robot robot_;
   std::vector<engine::Body> given_bodies_;
   std::vector<engine::Joint> given_joints_;
-  std::map<std::string, double> positions_;  // of joints at first
-  std::vector<Isometry3d> lump_poses_;       // in the world
-  std::vector<BodyId> bodies_;               // of lumps
-  std::vector<Isometry3d> in_body_;          // lumps in their bodies
+  std::map<std::string, double> positions_;  // initial positions of joints
+  std::vector<Isometry3d> lump_poses_;       // poses in the world's frame
+  std::vector<BodyId> bodies_;               // ids of lumps
+  std::vector<Isometry3d> in_body_;          // poses of lumps in their bodies
 };
 
 }  // namespace
 
 namespace {
 
-/// Link 'world' is the world itself.
+/// Rejects a link named 'world' unless it is the world itself.
 void check_world_link(const urdf::ModelInterface& model, const RobotOptions& options) {
   const bool is_at_origin = to_isometry(options.pose).isApprox(Isometry3d::Identity());
   for (const auto& entry : model.links_)
@@ -480,7 +482,8 @@ void check_world_link(const urdf::ModelInterface& model, const RobotOptions& opt
           "pose; else give the robot a prefix");
 }
 
-/// Frames of links are published beside those of bodies.
+/// Rejects names that the world has already. Links count too: their frames are published beside
+/// those of bodies.
 void check_names(const BuiltRobot& built, const World& world) {
   for (const RobotLink& link : built.robot.links)
     if (link.name != "world" && world.has_body(link.name))
@@ -509,7 +512,7 @@ BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
 }
 
 Robot add_robot(const BuiltRobot& built, World* world) {
-  check_names(built, *world);  // the rest was checked when the robot was built
+  check_names(built, *world);  // other errors were found when the robot was built
   std::vector<BodyId> bodies{engine::kWorldBody};
   for (const engine::Body& body : built.bodies) bodies.push_back(world->add_body(body));
   std::vector<engine::JointId> joints;

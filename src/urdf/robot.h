@@ -12,14 +12,14 @@
 
 namespace constraint_sim {
 
-/// A link as it lies on its body.
+/// Pose of a link in its body.
 struct RobotLink {
-  std::string name;  ///< with the prefix: a frame
+  std::string name;  ///< name with the prefix; also the frame's name
   engine::BodyId body;
   Eigen::Isometry3d in_body;
 };
 
-/// What a robot looks like, where it is.
+/// Visual of a link.
 struct RobotVisual {
   engine::BodyId body;
   Eigen::Isometry3d in_body;
@@ -27,47 +27,46 @@ struct RobotVisual {
   std::optional<std::array<double, 4>> colour;  ///< red, green, blue, opacity, 0 to 1
 };
 
-/// What bounds commands to a joint; 0: nothing.
+/// Bounds of commands to a joint; 0: unbounded.
 struct JointBounds {
   double effort = 0.0;    ///< [N or N m]
   double velocity = 0.0;  ///< [m/s or rad/s]
 };
 
-/// A robot that is in a world.
+/// A robot in a world.
 struct Robot {
   std::string name;              ///< in its URDF
-  std::vector<RobotLink> links;  ///< the root first
+  std::vector<RobotLink> links;  ///< root first
   std::vector<RobotVisual> visuals;
-  std::map<std::string, JointBounds> bounds;     ///< of joints, by their names in the world
+  std::map<std::string, JointBounds> bounds;     ///< by the joint's name in the world
   std::vector<std::string> bodies, constraints;  ///< names, in the order of adding
-  std::vector<std::string> warnings;             ///< what is not as the URDF has it
+  std::vector<std::string> warnings;             ///< deviations from the URDF
 };
 
 struct RobotOptions {
-  std::string prefix;      ///< before the name of each link and joint
-  engine::BodyState pose;  ///< of the root link, world; at rest
+  std::string prefix;      ///< prefix of the names of links and joints
+  engine::BodyState pose;  ///< pose of the root link in the world's frame, at rest
   bool fixed = false;      ///< the root does not move
   std::string extra;       ///< YAML beside the URDF, docs/robots.md
   MeshExists mesh_exists;
-  std::string
-      how_to_expand;  ///< says where xacro is left in the URDF what expands it; may be empty
+  std::string how_to_expand;  ///< command that expands xacro, for error messages; may be empty
 };
 
-/// A robot that is built and not yet in a world: adding it costs little.
+/// A robot that is built but not yet in a world: adding it is cheap.
 struct BuiltRobot {
   Robot robot;                        ///< with ids of its own
-  std::vector<engine::Body> bodies;   ///< the first has id 1, as in an empty world
-  std::vector<engine::Joint> joints;  ///< the first has id 0, the same
+  std::vector<engine::Body> bodies;   ///< the first body has id 1, as in an empty world
+  std::vector<engine::Joint> joints;  ///< the first joint has id 0, as in an empty world
 };
 
-/// Builds the robot that a URDF describes. Throws std::invalid_argument.
+/// Builds the robot of a URDF. Throws std::invalid_argument.
 BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options);
 
-/// Adds a robot to a world, at a cost that is linear in its size. Throws std::invalid_argument
-/// where a name is taken, and then the world is what it was.
+/// Adds a robot to a world, at a cost linear in its size. Throws std::invalid_argument where a name
+/// is taken, and leaves the world unchanged.
 Robot add_robot(const BuiltRobot& built, engine::World* world);
 
-/// Builds the robot that a URDF describes and adds it to a world, as the functions above.
+/// Builds the robot of a URDF and adds it to a world. Throws std::invalid_argument.
 Robot add_robot(const std::string& urdf, const RobotOptions& options, engine::World* world);
 
 }  // namespace constraint_sim

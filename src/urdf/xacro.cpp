@@ -17,8 +17,8 @@ bool starts_with(const std::string& text, const std::string& start) {
   return text.compare(0, start.size(), start) == 0;
 }
 
-/// The prefix that `xmlns:PREFIX="http://www.ros.org/wiki/xacro"` in a tag gives to xacro's
-/// elements, with its colon.
+/// Returns the prefix, with its colon, that `xmlns:PREFIX="http://www.ros.org/wiki/xacro"` in a tag
+/// gives to elements of xacro.
 std::string xacro_prefix(const std::string& tag) {
   const std::string word = "xmlns:", uri = "xacro";
   for (std::size_t at = tag.find(word); at != std::string::npos; at = tag.find(word, at)) {
@@ -39,7 +39,7 @@ bool is_definition(const std::string& name) {
   return name == "macro" || name == "property" || name == "arg";
 }
 
-/// Whether `$(` at this place begins an argument of xacro, as in `$(find robot)`.
+/// Returns whether `$(` at this place begins a substitution of xacro, as in `$(find robot)`.
 bool is_argument(const std::string& tag, std::size_t at) {
   constexpr std::array<const char*, 7> kKinds{"find ", "arg ",    "env ", "optenv ",
                                               "eval ", "dirname", "anon "};
@@ -77,7 +77,7 @@ std::string XacroList::text() const {
 XacroLeft find_xacro(const std::string& text) {
   XacroLeft left;
   std::string prefix = "xacro:";
-  int depth = 0, skipped = kNone;  // depth of the element whose inside is left out
+  int depth = 0, skipped = kNone;  // depth of the element whose content is skipped
   std::size_t line = 1, counted = 0;
   XmlTags tags(text);
   while (tags.next()) {

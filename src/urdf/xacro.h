@@ -19,14 +19,14 @@ class XacroList {
   std::size_t count_ = 0;
 };
 
-/// Elements of xacro in a URDF that xacro was not run on, or not completely.
+/// Elements of xacro in a URDF that xacro was not run on, or only partly.
 struct XacroLeft {
   XacroList content;      ///< includes, calls of macros, conditions, `${…}` and `$(…)`
   XacroList definitions;  ///< macros, properties and arguments; the URDF is complete without them
 };
 
-/// Looks for xacro in all of a text that is read: not in comments, definitions and elements beside
-/// links, joints and materials, as `<gazebo>`.
+/// Finds xacro in a text, except in comments, definitions and elements beside links, joints and
+/// materials, such as `<gazebo>`.
 XacroLeft find_xacro(const std::string& text);
 
 }  // namespace constraint_sim

@@ -1,4 +1,4 @@
-// Uses the engine as a package of its own would. Exit status 1 when it does not behave.
+// Uses the engine as an external package does. Exit status 1 for wrong results.
 
 #include <cmath>
 #include <cstdio>
@@ -8,7 +8,7 @@
 
 int main() {
   using namespace constraint_sim::engine;
-  // a kilogram on a rod of a metre, let go at the horizontal
+  // A mass of 1 kg on a rod of 1 m, released from the horizontal.
   World world = load_scene(
       "bodies: [{name: bob, mass: 1, position: [1, 0, 0]}]\n"
       "constraints: [{name: rod, body_b: bob}]\n");
@@ -18,6 +18,6 @@ int main() {
   const double drift = std::abs(world.energy() - start);
   std::printf("bob at z = %.6f m, rod off by %.1e m, energy by %.1e J\n",
               world.state(world.find_body("bob")).position.z(), error, drift);
-  // round-off of metres, and 1 kg at 9.81 m/s² times the tolerance of 1e-8 m, ten times over
+  // Bounds: rounding of metres, and ten times 1 kg · 9.81 m/s² times the tolerance of 1e-8 m.
   return error <= 1e-12 && drift <= 1e-6 ? 0 : 1;
 }

@@ -10,14 +10,14 @@ namespace constraint_sim::engine {
 // ---- a fall from h onto a floor or a stop, and bounces
 
 struct Flight {
-  double speed, since;  ///< upwards at its start, and how long ago that was; 0 once at rest
+  double speed, since;  ///< initial speed upwards, and time since then; 0 once at rest
   double height() const { return speed * since - 0.5 * kGravity * since * since; }
   double top() const { return 0.5 * speed * speed / kGravity; }
 };
 
 inline Flight flight_at(double h, double e, double t) {
   const double fall = std::sqrt(2.0 * h / kGravity);
-  Flight flight{kGravity * fall, t + fall};  // the fall is half of one
+  Flight flight{kGravity * fall, t + fall};  // the fall is the second half of a flight
   while (flight.since >= 2.0 * flight.speed / kGravity) {
     flight.since -= 2.0 * flight.speed / kGravity;
     flight.speed *= e;
@@ -28,7 +28,8 @@ inline Flight flight_at(double h, double e, double t) {
 
 inline double bouncing(double h, double e, double t) { return flight_at(h, e, t).height(); }
 
-/// To rounding, but for bounces lower than 1e-10 m, which are not followed.
+/// Expects a height to rounding, except during bounces below 1e-10 m, which the engine does not
+/// follow.
 inline void expect_bouncing(double height, double h, double e, double t) {
   const Flight flight = flight_at(h, e, t);
   const bool is_followed = flight.top() == 0.0 || flight.top() > 1.01e-10;
@@ -37,11 +38,11 @@ inline void expect_bouncing(double height, double h, double e, double t) {
 
 // ---- a row of balls
 
-/// Equal balls on a line, two of which are thrown apart where they meet, with e of the speed at
-/// which they did; of several at once those that meet fastest go first.
+/// Equal balls on a line. Two that meet are thrown apart with e of their approach speed; of several
+/// collisions at a time the fastest is first.
 struct BallsOnALine {
   std::vector<long double> x, v;
-  long double e, apart;  // of the centres of two that touch
+  long double e, apart;  // distance of the centres of touching balls
 
   void advance(long double seconds) {
     for (long double left = seconds;;) {
@@ -51,7 +52,7 @@ struct BallsOnALine {
         const long double speed = v[i] - v[i + 1];
         if (speed < 1e-12L) continue;
         long double meet = (x[i + 1] - x[i] - apart) / speed;
-        if (meet < 1e-12L) meet = 0;  // rounding of the places of those that touch
+        if (meet < 1e-12L) meet = 0;  // rounding of the positions of touching balls
         if (meet > soonest || (meet == soonest && speed <= fastest)) continue;
         soonest = meet;
         fastest = speed;

@@ -11,17 +11,18 @@
 
 namespace constraint_sim::engine {
 
-// ---- what tests of contacts from event to event share
+// ---- helpers shared by the tests of event-driven contacts
 
-inline constexpr double kPlace = 1e-12;  ///< [m] of what is in closed form within a tick, too
-inline constexpr double kTime = 1e-12;   ///< [s]
+inline constexpr double kPlace =
+    1e-12;  ///< tolerance of positions in closed form, also within a tick [m]
+inline constexpr double kTime = 1e-12;  ///< tolerance of times [s]
 
-/// By what a scene is carried; a time step where no more is asked.
+/// Method and time step of a scene.
 struct Carried {
   double time_step;
   Method method = Method::kEventDriven;
   double tolerance = 1e-10;
-  bool has_poses = false;  ///< bodies are in other frames, with their shapes at poses
+  bool has_poses = false;  ///< bodies are described in other frames, with poses of their shapes
 
   operator double() const { return time_step; }
 };
@@ -42,8 +43,8 @@ inline WorldOptions by_events(double time_step, double gravity = kGravity) {
   return by_events(Carried{time_step}, gravity);
 }
 
-/// Time steps with a method, and time steps with the options of a scene that states neither method
-/// nor tolerance. The default run has three of the seven.
+/// Returns time steps with a method, and time steps with the default method and tolerance. The
+/// default test run has three of the seven.
 inline std::vector<Carried> each_way(Method method) {
   const WorldOptions unsaid;
   if (!kIsLongRun)
@@ -58,15 +59,14 @@ inline std::vector<Carried> each_way(Method method) {
   return all;
 }
 
-/// Some of these, with poses.
+/// Returns some settings with shape poses.
 inline std::vector<Carried> with_poses() {
   std::vector<Carried> some{{1.0 / 30}, {1.0 / 240}, {1.0 / 60, Method::kAuto, 1e-8}};
   for (Carried& by : some) by.has_poses = true;
   return some;
 }
 
-/// All that is in a new world in other frames, where that is asked for; what its bodies and joints
-/// are called stays.
+/// Describes all bodies and joints in other frames, in a new world, if requested; names stay.
 inline void frame_anew(World* world, const Carried& by) {
   if (!by.has_poses) return;
   World framed(world->options());
@@ -88,7 +88,7 @@ inline void frame_anew(World* world, const Carried& by) {
   *world = framed;
 }
 
-/// Where its shape is.
+/// Returns the state of a body's shape.
 inline BodyState shape_state(const World& world, BodyId id) {
   return PlacedShape(world.body(id), world.state(id)).state();
 }
@@ -99,7 +99,7 @@ inline Body with_surface(Body body, double friction, double restitution) {
   return body;
 }
 
-/// A plane through a point, in which nothing is where `normal` does not point to.
+/// A plane through a point, solid on the side opposite to `normal`.
 inline Body plane(const std::string& name, const Eigen::Vector3d& point,
                   const Eigen::Vector3d& normal, double friction, double restitution) {
   Body body;
@@ -111,7 +111,7 @@ inline Body plane(const std::string& name, const Eigen::Vector3d& point,
   return with_surface(body, friction, restitution);
 }
 
-/// Those of one kind.
+/// Returns the events of one kind.
 inline std::vector<Event> of_kind(const std::vector<Event>& events, EventKind kind) {
   std::vector<Event> found;
   for (const Event& event : events)
@@ -123,7 +123,7 @@ inline bool is_by_impulses(const World& world) {
   return world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0;
 }
 
-/// Steps on, with the events of so many seconds. All is to be carried by events.
+/// Steps for a time and returns all events. Expects that all islands are event-driven.
 inline std::vector<Event> advance(World* world, double seconds) {
   std::vector<Event> all;
   const int steps = static_cast<int>(std::lround(seconds / world->options().time_step));
@@ -136,7 +136,7 @@ inline std::vector<Event> advance(World* world, double seconds) {
   return all;
 }
 
-/// Throws a box along what is level at z = 0: it comes v²/2μg far in v/μg, and stays on its
+/// Throws a box over a level surface at z = 0: it slides v²/2μg in the time v/μg, and stays on its
 /// corners.
 inline void expect_box_slides_to_rest(World* world, double mu, const Carried& by) {
   Body box = with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.2}), mu, 0.0);

@@ -6,7 +6,7 @@
 
 namespace {
 
-std::atomic<std::size_t> count{0};  // threads allocate as well
+std::atomic<std::size_t> count{0};  // threads allocate too
 
 void* allocate(std::size_t size) noexcept {
   count.fetch_add(1, std::memory_order_relaxed);
@@ -21,8 +21,8 @@ std::size_t counted_allocations() { return count; }
 
 }  // namespace constraint_sim::engine
 
-// Of the whole program, and in a file of their own, or compilers take the pairs for mismatched.
-// There are no aligned ones in the engine.
+// Replaces operator new and delete of the whole program, in their own file, or compilers report
+// mismatched pairs. The engine has no aligned allocations.
 void* operator new(std::size_t size) {
   if (void* memory = allocate(size)) return memory;
   throw std::bad_alloc();

@@ -4,7 +4,7 @@
 
 namespace constraint_sim::engine {
 
-/// Calls of operator new since the program began.
+/// Returns the calls of operator new since the program started.
 std::size_t counted_allocations();
 
 }  // namespace constraint_sim::engine

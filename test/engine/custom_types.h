@@ -1,6 +1,6 @@
 #pragma once
 
-// Constraints and forces as another package has them.
+// Constraints and forces as in a plugin of another package.
 
 #include <cmath>
 #include <memory>
@@ -39,7 +39,7 @@ struct Rod : CustomConstraint {
   }
 };
 
-/// z_A·z_B: what a universal joint has beside its point [1].
+/// z_A·z_B = 0: the row of a universal joint beside its point, dimensionless.
 struct RightAngle : CustomConstraint {
   double value(const FramePair& at) const override {
     return at.axes_A.col(2).dot(at.axes_B.col(2));
@@ -55,10 +55,10 @@ struct RightAngle : CustomConstraint {
   }
 };
 
-/// B in the bowl z = k (x² + y²)² of A: no polynomial of degree two.
+/// B is in the bowl z = k (x² + y²)² of A, which is no polynomial of degree two.
 struct Bowl : CustomConstraint {
   double k;
-  double gradient_factor = 1.0, gamma_factor = 1.0;  // 1 is right
+  double gradient_factor = 1.0, gamma_factor = 1.0;  // 1 is correct
   explicit Bowl(double k) : k(k) {}
 
   double value(const FramePair& at) const override {
@@ -76,7 +76,7 @@ struct Bowl : CustomConstraint {
   }
 };
 
-/// −c (ḋ − w), w along x.
+/// Drag −c (ḋ − w), with wind w along x.
 struct Drag : CustomForce {
   double c, wind;
   Drag(double c, double wind) : c(c), wind(wind) {}
@@ -87,7 +87,7 @@ struct Drag : CustomForce {
   }
 };
 
-/// f cos(ω t) along x, and as much about z.
+/// A force f cos(ω t) along x, and an equal torque about z.
 struct Shaker : CustomForce {
   double f, omega;
   Shaker(double f, double omega) : f(f), omega(omega) {}
@@ -99,7 +99,7 @@ struct Shaker : CustomForce {
   }
 };
 
-/// Fails from a moment on: throws, or returns no number where `throws` is 0.
+/// Fails from a time on: throws, or returns NaN where `throws` is 0.
 struct Faulty : CustomForce {
   double from;
   bool throws;

@@ -5,12 +5,12 @@
 
 namespace constraint_sim::engine {
 
-/// How much more memory this process has had since then than it had then [bytes]. Tests before may
-/// have left any amount to allocators and sanitizers.
+/// Growth of the peak memory of this process over the memory at construction [bytes]. Earlier tests
+/// may have left memory to allocators and sanitizers.
 class MemoryPeak {
  public:
   MemoryPeak() : start_(read("VmRSS:")) {
-    std::ofstream("/proc/self/clear_refs") << 5;  // the peak begins anew
+    std::ofstream("/proc/self/clear_refs") << 5;  // resets the peak
   }
   double grown_by() const { return read("VmHWM:") - start_; }
 
@@ -19,7 +19,7 @@ class MemoryPeak {
     std::ifstream status("/proc/self/status");
     for (std::string word; status >> word;)
       if (double kilobytes = 0.0; word == key && status >> kilobytes) return 1024.0 * kilobytes;
-    return 1e300;  // not known: no bound holds
+    return 1e300;  // unknown: every bound fails
   }
   double start_;
 };

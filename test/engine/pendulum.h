@@ -8,10 +8,10 @@ namespace constraint_sim::engine {
 
 // ---- a pendulum in closed form, by Jacobi's elliptic functions
 //
-// Let go at an angle a from straight down it has sin(φ/2) = k sn(K − ω t, k), k = sin(a/2),
-// K = K(k) and ω² = g/L: Abramowitz & Stegun, chapters 16 and 17.
+// Released at an angle a from straight down, sin(φ/2) = k sn(K − ω t, k), with k = sin(a/2), K =
+// K(k) and ω² = g/L: Abramowitz & Stegun, chapters 16 and 17.
 
-/// sn(u, k) by the arithmetic-geometric mean.
+/// Returns sn(u, k) by the arithmetic-geometric mean.
 inline long double elliptic_sine(long double u, long double k) {
   constexpr int kMeans = 7;
   long double a[kMeans + 1] = {1}, c[kMeans + 1] = {k}, b = std::sqrt(1 - k * k);
@@ -25,7 +25,7 @@ inline long double elliptic_sine(long double u, long double k) {
   return std::sin(phase);
 }
 
-/// When one that is let go at `from` is at `to` for the first time [s].
+/// Returns the first time at `to` of a pendulum released at `from` [s].
 inline double time_of_fall(double from, double to, double length) {
   const long double k = std::sin(static_cast<long double>(from) / 2);
   const long double sine = std::sin(static_cast<long double>(to) / 2) / k;
@@ -33,8 +33,8 @@ inline double time_of_fall(double from, double to, double length) {
                              std::sqrt(static_cast<long double>(length / kGravity)));
 }
 
-/// The angle at t of one that is let go at `from` and thrown back from straight down, each time
-/// with e of its speed and so of its k.
+/// Returns the angle at t of a pendulum released at `from` that rebounds from straight down, each
+/// time with e of its speed and hence of its k.
 inline double thrown_back(double from, double e, double length, double t) {
   long double k = std::sin(static_cast<long double>(from) / 2), quarter = std::comp_ellint_1(k);
   long double u = quarter + std::sqrt(static_cast<long double>(kGravity / length)) * t;

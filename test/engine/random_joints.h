@@ -1,6 +1,6 @@
 #pragma once
 
-// Joints of any kind between bodies at random places, and bodies where such a joint lets them be.
+// Joints of any kind between bodies at random poses, and poses of bodies that satisfy such a joint.
 
 #include "engine/constraints/joint_kinds.h"
 #include "support.h"
@@ -19,8 +19,8 @@ inline Joint random_joint(JointKind kind, Random* random) {
   return joint;
 }
 
-/// Body B, where the joint lets it be on body A: a random place along what is free, with a random
-/// velocity.
+/// Returns body B in a pose that the joint allows on body A: random values of the free coordinates,
+/// with a random velocity.
 inline BodyState attached(const Joint& joint, const BodyState& a, Random* random) {
   using Eigen::Quaterniond;
   using Eigen::Vector3d;

@@ -1,6 +1,6 @@
 #pragma once
 
-// What the tests of the engine's physics share.
+// Helpers shared by the tests of the engine's physics.
 
 #include <gtest/gtest.h>
 
@@ -35,7 +35,7 @@ class Random : public Draw {
   }
 };
 
-/// What is said where this is refused; nothing where it is not.
+/// Returns the message of a rejection; empty where the attempt succeeds.
 inline std::string refusal(const std::function<void()>& attempt) {
   try {
     attempt();
@@ -47,7 +47,7 @@ inline std::string refusal(const std::function<void()>& attempt) {
 
 // ---- worlds
 
-/// Number i of boxes that tumble onto a floor and each other.
+/// Returns number i of several boxes that tumble onto a floor and each other.
 inline Body make_tumbling_box(int i, Random* random) {
   Body body = make_body("box_" + std::to_string(i), Box{{0.4, 0.3, 0.5}}, 1.0 + 0.1 * i,
                         {0.3 * i, 0.1 * (*random)(), 0.5 + 0.4 * (i % 3)});
@@ -68,7 +68,7 @@ inline void run(World& world, int steps) {
 
 // ---- figures
 
-/// What rounding leaves of a rod, by the project's definition.
+/// Returns the rounding error allowed for a rod, by the project's definition [m].
 inline double round_off(const World& world) {
   double coordinate = 0.0;
   for (const BodyId id : world.body_ids())
@@ -81,7 +81,7 @@ inline Eigen::Vector3d inertia_of(const Body& body) {
                                   : body.inertia;
 }
 
-/// Of all dynamic bodies [kg m/s].
+/// Returns the momentum of all dynamic bodies [kg m/s].
 inline Eigen::Vector3d momentum(const World& world) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const BodyId id : world.body_ids())
@@ -90,7 +90,7 @@ inline Eigen::Vector3d momentum(const World& world) {
   return sum;
 }
 
-/// Of all dynamic bodies about the world's origin [kg m²/s].
+/// Returns the angular momentum of all dynamic bodies about the world's origin [kg m²/s].
 inline Eigen::Vector3d angular_momentum(const World& world) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const BodyId id : world.body_ids()) {
@@ -105,7 +105,7 @@ inline Eigen::Vector3d angular_momentum(const World& world) {
   return sum;
 }
 
-/// The order p of errors that fall as step^p, by least squares over all of them.
+/// Returns the order p of errors that fall as step^p, by least squares.
 inline double order(const std::vector<double>& steps, const std::vector<double>& errors) {
   const auto n = static_cast<double>(steps.size());
   double x = 0.0, y = 0.0, xx = 0.0, xy = 0.0;
@@ -120,7 +120,7 @@ inline double order(const std::vector<double>& steps, const std::vector<double>&
   return (n * xy - x * y) / (n * xx - x * x);
 }
 
-/// What all contacts of a body do to it together [N].
+/// Returns the sum of all contact forces on a body [N].
 inline Eigen::Vector3d contact_force_on(const World& world, BodyId body) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Contact& contact : world.contacts()) {

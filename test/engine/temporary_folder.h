@@ -7,8 +7,8 @@
 
 namespace constraint_sim::engine {
 
-/// A folder with a name of its own, removed with its content at the end of its life: several
-/// processes of one test program run at the same time.
+/// A folder with a unique name, removed with its content in the destructor: several processes of a
+/// test program run at a time.
 class TemporaryFolder {
  public:
   TemporaryFolder() {

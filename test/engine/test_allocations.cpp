@@ -1,4 +1,4 @@
-// A step after the first ones allocates nothing.
+// Steps allocate no memory once the first steps are done.
 
 #include <algorithm>
 #include <filesystem>
@@ -20,7 +20,7 @@ std::size_t allocations_in(World& world, int steps) {
   return counted_allocations() - before;
 }
 
-/// Ticks long enough that some take several substeps and some are rejected.
+/// Makes ticks long enough that some take several substeps, and some substeps are rejected.
 World warmed_up(World world) {
   WorldOptions options = world.options();
   options.time_step = 0.1;
@@ -31,7 +31,7 @@ World warmed_up(World world) {
 
 TEST(Allocations, AreCounted) {
   const std::size_t before = counted_allocations();
-  ::operator delete(::operator new(1));  // which no compiler may leave out
+  ::operator delete(::operator new(1));  // a pair that no compiler may remove
   EXPECT_EQ(counted_allocations(), before + 1);
   World world = problems::chain(2);
   EXPECT_GT(allocations_in(world, 1), 0u);  // the first step makes the islands
@@ -53,9 +53,9 @@ World shipped(const std::filesystem::path& name, bool may_sleep) {
   return world;
 }
 
-// As they are shipped, after so long that lists have had their longest. But who is awake is listed
-// anew where bodies fall asleep and wake, as balls of the cradle do from blow to blow; and what a
-// body may hit that moves far in a step, as the ball does by then, is in two lists of that step.
+// Shipped scenes, after so long that lists have reached their largest size. Exceptions: the awake
+// list is rebuilt where bodies fall asleep and wake, as balls of the cradle do; and possible hits
+// of a body that moves far in a step are in two lists of that step.
 TEST(Allocations, AreNoneInTheShippedScenes) {
   int scenes = 0;
   for (const auto& entry : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
@@ -69,12 +69,11 @@ TEST(Allocations, AreNoneInTheShippedScenes) {
   EXPECT_GE(scenes, 10);
 }
 
-// Steps in which bodies hit, slip and stick, and motors come to their limits: once storage has had
-// its largest. But events of several groups in one step are sorted with a buffer, and a cone
-// problem in which something is at a bound without leaving it is solved by passes that take
-// storage.
+// Steps with impacts, slipping, sticking and saturated motors, once storage has reached its largest
+// size. Exceptions: events of several groups in one step are sorted with a buffer, and a degenerate
+// cone problem is solved by passes that allocate.
 TEST(Allocations, AreFewInStepsWithEvents) {
-  constexpr int kFirst = 10, kSteps = 1000;  // the first ones make islands again
+  constexpr int kFirst = 10, kSteps = 1000;  // the first steps rebuild islands
   for (const char* name : {"rocking_block.yaml", "newtons_cradle.yaml", "weak_winch.yaml"}) {
     World world = shipped(name, false);
     run(world, kSteps);

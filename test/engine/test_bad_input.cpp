@@ -1,4 +1,4 @@
-// Bad input: refused with field and value, and nothing changed.
+// Bad input is rejected with field and value, and changes nothing.
 
 #include <functional>
 
@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A world in motion with one of each, to try bad edits on.
+/// A moving world with one element of each kind, as the target of bad edits.
 struct Victim {
   World world{options(0.01)};
   BodyId ball, point;
@@ -51,7 +51,7 @@ const std::vector<double> kNotPositive{kNaN, kInfinity, -kInfinity, 0.0, -0.0, -
 const std::vector<double> kNegative{kNaN, kInfinity, -kInfinity, -1.5, -1e-300};
 const std::vector<double> kNoShare{kNaN, kInfinity, -kInfinity, -0.25, 1.25};
 
-/// One number of a T, and what it must not be.
+/// A number of a T, and its invalid values.
 template <class T>
 struct Field {
   std::string name;
@@ -99,7 +99,7 @@ TEST(BadInput, Bodies) {
          b.shape = Box{{1.0, 1.0, v}};
        }},
   };
-  for (int i = 0; i < 3; ++i)  // one zero beside numbers > 0 is neither given nor left out
+  for (int i = 0; i < 3; ++i)  // a zero beside positive numbers is neither given nor left out
     fields.push_back({"inertia", kNotPositive, [i](Body& b, double v) {
                         b.inertia = {1.0, 1.0, 1.0};
                         b.inertia[i] = v;
@@ -262,7 +262,7 @@ TEST(BadInput, JointsThatCannotBe) {
   two_springs.frequency = 1.25;
   refused("frequency", "1.25", with_type(two_springs));
   DistanceJoint too_stiff = rod(1.0);
-  too_stiff.frequency = 1e15;  // ω² of it is 4e31
+  too_stiff.frequency = 1e15;  // ω² is 4e31
   refused("stiffness", "e+31", with_type(too_stiff));
 
   const Vector3d zero = Vector3d::Zero();
@@ -275,11 +275,11 @@ TEST(BadInput, JointsThatCannotBe) {
   refused("anchor_a", "0.5", make_joint("new", victim.point, {0.5, 0.0, 0.0}, victim.ball, zero));
   Joint driven =
       make_joint("new", kWorldBody, victim.world.state(victim.ball).position, victim.ball, zero);
-  driven.motor.bias = 0.75;  // of no length, so a ball joint
+  driven.motor.bias = 0.75;  // without a length, so a ball joint
   refused("motor", "0.75", driven);
 }
 
-// The distance of these is beyond that of any coordinate.
+// Bodies whose distance exceeds the largest coordinate.
 TEST(BadInput, LengthThatIsTooLong) {
   Victim victim;
   const BodyId far = victim.world.add_body(make_body("far", Point{}, 1.0, {1e20, 1e20, 0.0}));

@@ -1,4 +1,4 @@
-// Settings of a body and options changed while it moves.
+// Settings of a body and options changed while the body moves.
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ Body ball(const std::string& name, double x, double z, double mass = 1.0) {
   return body;
 }
 
-// A mass on a spring: ω = √(k/m). Quartered, it swings twice as fast about the same point.
+// A mass on a spring: ω = √(k/m). A quarter of the mass swings twice as fast about the same point.
 TEST(BodySettings, ANewMassSwingsAsFastAsItsSpringSays) {
   WorldOptions options;
   options.gravity.setZero();
@@ -41,7 +41,7 @@ TEST(BodySettings, ANewMassSwingsAsFastAsItsSpringSays) {
       world.step();
       const double t = world.time() - t0;
       const double x = x0 * std::cos(omega * t) + v0 / omega * std::sin(omega * t);
-      // tolerance: 1e-10 m of local error per second, over 1 s, grown by what a swing makes of it
+      // tolerance: 1e-10 m/s of local error over 1 s, amplified by the swing
       EXPECT_NEAR(world.state(id).position.x() - 1.0, x, 1e-9) << t;
     }
   };
@@ -52,7 +52,7 @@ TEST(BodySettings, ANewMassSwingsAsFastAsItsSpringSays) {
   expect_swings(10.0);
 }
 
-// A force that turns a body gives it τ/I: with three times the inertia a third of it.
+// A torque gives a body τ/I: three times the inertia, a third of the angular acceleration.
 TEST(BodySettings, ANewInertiaTurnsAsSlowlyAsItSays) {
   WorldOptions options;
   options.gravity.setZero();
@@ -70,7 +70,7 @@ TEST(BodySettings, ANewInertiaTurnsAsSlowlyAsItSays) {
   EXPECT_NEAR(world.state(id).angular_velocity.z(), 2.0, 1e-12);  // 0.6 / 0.3 · 1 s
 }
 
-// A block on a slope of friction above tan 30° stays, and below it slides with g (sin − μ cos).
+// A block on a slope stays where friction exceeds tan 30°, and else slides with g (sin − μ cos).
 TEST(BodySettings, ANewFrictionLetsABodySlideThatWasAtRest) {
   World world;
   const double angle = 3.14159265358979323846 / 6.0;
@@ -92,7 +92,7 @@ TEST(BodySettings, ANewFrictionLetsABodySlideThatWasAtRest) {
   const BodyId id = world.add_body(block);
   for (int i = 0; i < 300; ++i) world.step();
   EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-6);
-  EXPECT_EQ(world.report().asleep, 1u);  // at rest, and woken by what follows
+  EXPECT_EQ(world.report().asleep, 1u);  // at rest, and woken by the edit
   Body smooth = world.body(id);
   smooth.friction = 0.04;  // a pair has the geometric mean, 0.2
   world.set_body(id, smooth);

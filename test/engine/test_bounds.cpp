@@ -1,5 +1,5 @@
-// What has a bound: beyond it a number is refused and a step fails, each in bounded time and
-// memory, and tells why. No bound is silent.
+// Bounds: beyond them a number is rejected and a step fails, each in bounded time and memory and
+// with a reason. No bound is silent.
 
 #include <pthread.h>
 
@@ -26,7 +26,7 @@ std::string refusal_of(Action action) {
   return "";
 }
 
-/// Of this process, for others take their share of the processor.
+/// Returns processor time of this process: others share the processor.
 double seconds_since(std::clock_t start) {
   return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
 }
@@ -107,8 +107,8 @@ TEST(Bounds, OfMagnitudes) {
             "length: must be from 1e-20 to 1e+20, got 1e-300");
 }
 
-// Whatever is accepted makes steps whose every number is finite, or that fail: the corners of all
-// ranges, each with each.
+// Accepted input makes steps with finite numbers, or failed steps: all combinations of the ends of
+// all ranges.
 TEST(Bounds, AcceptNothingWhoseStepsAreNotFinite) {
   const std::vector<double> magnitudes{1e-20, 1.0, 1e20};
   int cases = 0;
@@ -171,7 +171,7 @@ TEST(Bounds, NameTheBodyThatLeavesThem) {
 TEST(Bounds, OfTimesThatHaveNoNextTick) {
   World world(options(0.01));
   world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
-  // a double of 2^53 · 0.01 is a whole number of 0.0156
+  // the double nearest to 2^53 · 0.01 is a multiple of 0.0156
   EXPECT_EQ(refusal_of([&] { world.set_time(1e14, 0); }),
             "time: a tick of 0.01 s is lost beside a time of 100000000000000 s");
   EXPECT_EQ(refusal_of([&] { world.set_time(-1e14, 0); }).substr(0, 6), "time: ");
@@ -185,7 +185,7 @@ TEST(Bounds, OfTimesThatHaveNoNextTick) {
   EXPECT_FALSE(world.step().failed);
 }
 
-// From 2^46 s on doubles are 2^-6 s apart, more than the tick of 0.01 s.
+// Doubles beyond 2^46 s are 2^-6 s apart, more than the tick of 0.01 s.
 TEST(Bounds, StopTheTimeBeforeATickIsLost) {
   World world(options(0.01));
   world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
@@ -203,7 +203,7 @@ TEST(Bounds, StopTheTimeBeforeATickIsLost) {
 
 // ---- work
 
-// A few tenths of a second each and some 100 MB, measured; 2.7 GB without a bound.
+// Measured: a few tenths of a second each and about 100 MB; 2.7 GB without a bound.
 TEST(Bounds, OfContactsEndAStepOfAHeap) {
   const auto start = std::clock();
   const MemoryPeak memory;
@@ -223,7 +223,7 @@ TEST(Bounds, OfContactsEndAStepOfAHeap) {
   EXPECT_LT(memory.grown_by(), 1e9);
 }
 
-// Ten seconds a tick without a bound; here every body is told to be refused.
+// Ten seconds a tick without a bound; with it every body is reported as rejected.
 TEST(Bounds, OfSubstepsEndAStepOfBodiesThatTurnTooFast) {
   World world;
   const auto start = std::clock();
@@ -237,7 +237,7 @@ TEST(Bounds, OfSubstepsEndAStepOfBodiesThatTurnTooFast) {
   for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kRefused);
 }
 
-// The system has no room for so many stacks: the work gets done all the same, with the same bits.
+// The system cannot start so many threads; the work is done nevertheless, with the same bits.
 TEST(Bounds, OfThreadsThatCannotBeAreDoneWithout) {
   WorldOptions options;
   options.threads = 256;
@@ -259,7 +259,7 @@ TEST(Bounds, OfThreadsThatCannotBeAreDoneWithout) {
     EXPECT_EQ(world.state(id).position, alone.state(id).position);
 }
 
-// ---- what is told and not refused
+// ---- warnings
 
 TEST(Warnings, NameAnInertiaThatNoMassHas) {
   const auto inertia = [](const Vector3d& I) {
@@ -270,7 +270,7 @@ TEST(Warnings, NameAnInertiaThatNoMassHas) {
     return warnings(world);
   };
   EXPECT_TRUE(inertia({0.0, 0.0, 0.0}).empty());
-  EXPECT_TRUE(inertia({1.0, 2.0, 3.0}).empty());  // of a plate
+  EXPECT_TRUE(inertia({1.0, 2.0, 3.0}).empty());  // a plate
   EXPECT_TRUE(inertia({0.1, 0.2, 0.1 + 0.2}).empty());
   ASSERT_EQ(inertia({1.0, 2.0, 4.0}).size(), 1u);
   EXPECT_EQ(inertia({1.0, 2.0, 4.0}).front().rfind("body 'a': inertia (1, 2, 4) is", 0), 0u);

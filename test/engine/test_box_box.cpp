@@ -1,6 +1,6 @@
-// Contacts of boxes beside an oracle in long double that shares nothing with the engine: depths
-// along all axes by projecting vertices, and the polygon in which two faces overlap by testing all
-// of its possible corners one by one.
+// Contacts of boxes against an independent oracle in long double: depths along all axes by
+// projecting vertices, and the overlap polygon of two faces by testing each of its possible
+// corners.
 
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ using Vector3 = Eigen::Matrix<Real, 3, 1>;
 using Vector2 = Eigen::Matrix<Real, 2, 1>;
 using Matrix3 = Eigen::Matrix<Real, 3, 3>;
 
-/// Uniform in [0, 1), the same with every standard library.
+/// Random numbers, uniform in [0, 1), equal with every standard library.
 class Random {
  public:
   double between(double low, double high) {
@@ -52,16 +52,16 @@ struct Boxes {
   BodyState a, b;
 
   Manifold contact() const { return collide_box_box(size_a, a, size_b, b); }
-  /// Of all lengths [m].
+  /// Sum of the largest edges [m].
   double scale() const { return size_a.maxCoeff() + size_b.maxCoeff(); }
-  /// By which rounding moves vertices [m]: coordinates have half a unit of the last place each, and
-  /// some ten operations follow; a quaternion is of unit length to a few of them.
+  /// Motion of vertices by rounding [m]: half a unit in the last place per coordinate, and some ten
+  /// operations; quaternions are normalized to a few units.
   double rounding() const {
     return 4e-15 * (scale() + a.position.cwiseAbs().sum() + b.position.cwiseAbs().sum());
   }
 };
 
-/// A box in long double; the centre of B is the origin, so that nothing is lost far away.
+/// A box in long double; the centre of B is the origin, so that distant boxes lose no digits.
 struct OracleBox {
   OracleBox(const Vector3d& size, const BodyState& state, const Vector3d& origin)
       : half(size.cast<Real>() / 2), centre(state.position.cast<Real>() - origin.cast<Real>()) {
@@ -77,7 +77,7 @@ struct OracleBox {
     return all;
   }
 
-  /// The corners of the face across axis k, in order, of a face that is wider at each side.
+  /// Returns the corners of the face across axis k, in order, widened by `wider` on each side.
   std::array<Vector3, 4> face(int k, bool upper, Real wider = 0) const {
     const Vector3 middle = centre + (upper ? half[k] : -half[k]) * axes.col(k);
     const Vector3 u = (half[(k + 1) % 3] + wider) * axes.col((k + 1) % 3);
@@ -89,7 +89,7 @@ struct OracleBox {
   Matrix3 axes;
 };
 
-/// How far A is to move along n to be past B.
+/// Returns the distance that A has to move along n to be past B.
 Real depth_along(const Vector3& n, const OracleBox& a, const OracleBox& b) {
   Real lowest_a = kInfinity;
   Real highest_b = -kInfinity;
@@ -103,7 +103,7 @@ struct OracleAxis {
   Real depth;
 };
 
-/// All directions that may be that of least depth.
+/// Returns all possible directions of least depth.
 std::vector<OracleAxis> all_axes(const OracleBox& a, const OracleBox& b) {
   std::vector<Vector3> directions;
   for (int i = 0; i < 3; ++i) {
@@ -140,12 +140,12 @@ bool is_within(const Vector2& p, const std::array<Vector2, 4>& polygon, Real sla
 
 struct Corner {
   Vector3 p;
-  Real off;  ///< by which it moves where a side moves by the slack [m]
+  Real off;  ///< motion of the corner where a side moves by the slack [m]
 };
 
-/// The corners of the overlap of a face with the face over it, on that one: each corner of one that
-/// is within the other, and each crossing of their sides. Those that may be corners, or where
-/// `is_sure` is set those that are, if sides are off by `slack`.
+/// Returns the corners of the overlap of two faces, on the face above: corners of one face within
+/// the other, and crossings of sides. With sides off by `slack`: the possible corners, or the sure
+/// ones where `is_sure`.
 std::vector<Corner> corners_of_overlap(const std::array<Vector3, 4>& under,
                                        const std::array<Vector3, 4>& over, Real slack,
                                        bool is_sure) {
@@ -191,7 +191,7 @@ std::vector<Corner> corners_of_overlap(const std::array<Vector3, 4>& under,
   return corners;
 }
 
-/// What an oracle has to say of a contact of two boxes.
+/// Oracle for the contact of two boxes.
 struct Oracle {
   explicit Oracle(const Boxes& pair)
       : boxes(pair),
@@ -208,13 +208,13 @@ struct Oracle {
       return;
     }
     if (contact.count == 0) {
-      // only where rounding decides, or the border of a widened face
+      // only where rounding decides, or at the border of a widened face
       EXPECT_LE(least, rounding);
       return;
     }
     const Vector3 n = contact.normal.cast<Real>();
-    // some ten operations on numbers of size 1, and for cross products their growth by 1/sine up to
-    // 1e4, from where on the engine does not trust them
+    // Rounding: some ten operations on numbers of size 1; cross products amplify it by 1/sine up to
+    // 1e4, beyond which the engine does not use them.
     EXPECT_NEAR(static_cast<double>(n.norm()), 1.0, 1e-14);
     expect_allowed(n);
     for (int k = 0; k < 3; ++k) {
@@ -228,7 +228,7 @@ struct Oracle {
     return std::abs(n.dot(box.axes.col(k))) > 1 - 1e-15L;
   }
 
-  /// The normal is that of least depth, or of a face within the cosine that the engine allows.
+  /// Expects the normal of least depth, or of a face within the cosine that the engine allows.
   void expect_allowed(const Vector3& n) const {
     Real best = -1;
     for (const OracleAxis& axis : axes)
@@ -236,8 +236,8 @@ struct Oracle {
     EXPECT_GE(static_cast<double>(best), 0.999 - 1e-9);
   }
 
-  /// The points are the corners of the overlap: all below the face, each of them once. The engine
-  /// widens the face by 1e-6 of the smallest half edge.
+  /// Expects the corners of the overlap as points: all below the face, each once. The engine widens
+  /// the face by 1e-6 of the smallest half edge.
   void expect_overlap(const Manifold& contact, const OracleBox& under, const OracleBox& over, int k,
                       bool is_of_b) const {
     const Vector3 to_over = over.centre - under.centre;
@@ -252,7 +252,7 @@ struct Oracle {
     for (int j = 0; j < 3; ++j) best = std::max(best, std::abs(outward.dot(over.axes.col(j))));
     for (int j = 0; j < 3; ++j) {
       const Real cosine = outward.dot(over.axes.col(j));
-      if (std::abs(cosine) < best - 1e-9L) continue;  // which of two that tie is not said
+      if (std::abs(cosine) < best - 1e-9L) continue;  // either face is right in a tie
       if (is_overlap(contact, found, face, over.face(j, cosine < 0), outward)) return;
     }
     ADD_FAILURE() << "no overlap of faces has these points";
@@ -274,7 +274,7 @@ struct Oracle {
       if (std::abs(level - outward.dot(found[i]) - contact.points[i].depth) > slack) return false;
     }
     for (const Corner& corner : corners_of_overlap(face, opposite, slack, true)) {
-      if (level - outward.dot(corner.p) <= 10 * corner.off) continue;  // not below the face
+      if (level - outward.dot(corner.p) <= 10 * corner.off) continue;  // corner above the face
       if (std::none_of(found.begin(), found.end(),
                        [&](const Vector3& p) { return is_at(corner, p); }))
         return false;
@@ -282,7 +282,7 @@ struct Oracle {
     return true;
   }
 
-  /// The point of a contact on the box that is over the face.
+  /// Returns the point of a contact on the box above the face.
   Vector3 point_on(const Manifold& contact, int i, bool is_of_b) const {
     const Manifold::Point& point = contact.points[i];
     const Vector3 on_b = (point.position - boxes.b.position).cast<Real>();
@@ -290,7 +290,7 @@ struct Oracle {
                    : on_b;
   }
 
-  /// One point, on an edge of each box, as deep as the direction is.
+  /// Expects one point, on an edge of each box, with the depth of the direction.
   void expect_crossing(const Manifold& contact, const Vector3& n) const {
     ASSERT_EQ(contact.count, 1);
     const Real depth = contact.points[0].depth;
@@ -321,7 +321,7 @@ struct Oracle {
 
 constexpr int kTrials = 3000;
 
-/// Checks boxes that `make` arranges; at least a part of them has to touch.
+/// Checks boxes arranged by `make`; at least this share of them has to touch.
 template <class Make>
 void check_pairs(double least_share, Make make) {
   Random random;
@@ -351,7 +351,7 @@ TEST(BoxBoxOracle, Random) {
   });
 }
 
-// all edges parallel, or nearly
+// Boxes with all edges parallel, or nearly.
 TEST(BoxBoxOracle, Parallel) {
   check_pairs(0.4, [](Random& random) {
     Boxes boxes;
@@ -365,7 +365,8 @@ TEST(BoxBoxOracle, Parallel) {
   });
 }
 
-// on its face, turned about the vertical, hanging over, with a little tilt and depth
+// A box on the face of another, rotated about the vertical, overhanging, with slight tilt and
+// depth.
 TEST(BoxBoxOracle, VertexAndFaceOnFace) {
   check_pairs(0.6, [](Random& random) {
     Boxes boxes;
@@ -380,7 +381,7 @@ TEST(BoxBoxOracle, VertexAndFaceOnFace) {
   });
 }
 
-// beams on their edges that cross, also flatly
+// Crossing beams on their edges, also at small angles.
 TEST(BoxBoxOracle, EdgeOnEdge) {
   check_pairs(0.9, [](Random& random) {
     Boxes boxes;

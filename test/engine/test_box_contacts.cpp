@@ -1,5 +1,5 @@
-// Boxes against boxes from event to event: `method: event_driven`. Oracles: closed forms, impulses
-// by hand, and what is conserved.
+// Event-driven contacts of boxes with boxes: `method: event_driven`. Oracles: closed forms,
+// impulses by hand, and conserved quantities.
 
 #include <array>
 
@@ -17,7 +17,7 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// With its top at z = 0.
+/// Adds a static table with its top at z = 0.
 BodyId add_table(World* world, const Vector3d& size, double friction, double restitution) {
   Body table = make_body("table", Box{size}, 1.0, {0.0, 0.0, -0.5 * size.z()});
   table.type = BodyType::kStatic;
@@ -35,10 +35,10 @@ class BoxContactsAt : public testing::TestWithParam<Carried> {};
 INSTANTIATE_TEST_SUITE_P(Ticks, BoxContactsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
 INSTANTIATE_TEST_SUITE_P(Poses, BoxContactsAt, testing::ValuesIn(with_poses()));
 
-// ---- on a box that does not move
+// ---- on a static box
 
 TEST_P(BoxContactsAt, ABoxDropsFlatOnABoxAndBouncesToItsRest) {
-  for (const double yaw : {0.0, 0.5}) {  // without edges that cross, and with
+  for (const double yaw : {0.0, 0.5}) {  // without crossing edges, and with
     for (const double e : {0.0, 0.5, 1.0}) {
       World world(by_events(GetParam()));
       add_table(&world, {0.6, 0.5, 1.0}, 0.3, e);
@@ -71,7 +71,7 @@ TEST_P(BoxContactsAt, ABoxSlidesToRestOnABox) {
   expect_box_slides_to_rest(&world, kMu, GetParam());
 }
 
-// Housner, on a box that is as deep as the block, or narrower: then edges cross
+// Housner's block on a box as deep as the block, or narrower: then edges cross.
 TEST_P(BoxContactsAt, ABlockRocksOnABoxAsHousnerSays) {
   constexpr double kWidth = 0.4, kHeight = 1.2, kMass = 10.0;
   for (const double depth : {2.0, 1.0, 0.6}) {
@@ -96,11 +96,11 @@ TEST_P(BoxContactsAt, ABlockRocksOnABoxAsHousnerSays) {
   }
 }
 
-// Without friction a box that slides over the edge of a table begins to tip where its centre passes
-// that, and not before. Then its energy is that of its start.
+// Without friction a box that slides over the edge of a table tips once its centre passes the edge,
+// and not earlier. Its energy is conserved.
 TEST_P(BoxContactsAt, ABoxSlidesOverAnEdgeAndTips) {
   constexpr double kSpeed = 0.7, kStart = -0.31;
-  for (const double width : {0.5, 2.0}) {  // of the table, which is narrower than the box, or wider
+  for (const double width : {0.5, 2.0}) {  // width of the table: narrower or wider than the box
     for (const double yaw : {0.0, 0.4}) {
       World world(by_events(GetParam()));
       add_table(&world, {4.0, width, 1.0}, 0.0, 0.0);
@@ -121,8 +121,8 @@ TEST_P(BoxContactsAt, ABoxSlidesOverAnEdgeAndTips) {
   }
 }
 
-// Over an edge that it sticks to a box falls as a pendulum: ½ I ω² = m g (fall of its centre), and
-// the edge stays where it is on it.
+// A box that sticks to an edge falls over it as a pendulum: ½ I ω² = m g (fall of its centre), and
+// the contact stays at the same place of the box.
 TEST_P(BoxContactsAt, ABoxTipsOverAnEdgeThatHoldsIt) {
   World world(by_events(GetParam()));
   add_table(&world, {4.0, 2.0, 1.0}, 2.0, 0.0);
@@ -170,16 +170,16 @@ TEST_P(BoxContactsAt, AStackStaysAtRest) {
     EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-12);
     EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-12);
   }
-  // what each carries: its own weight from below, and that of those above
+  // force on each box: its own weight from below, and the weight above it
   for (std::size_t i = 0; i < ids.size(); ++i)
     EXPECT_LT((contact_force_on(world, ids[i]) - Vector3d(0.0, 0.0, masses[i] * kGravity)).norm(),
               1e-8);
   EXPECT_FALSE(is_by_impulses(world));
 }
 
-// ---- hits
+// ---- impacts
 
-/// The impulse that parts two bodies without friction, by hand.
+/// Returns the impulse of a frictionless impact, computed by hand.
 double impulse_by_hand(const World& world, BodyId a, BodyId b, const Vector3d& p, const Vector3d& n,
                        double e) {
   double response = 0.0, rate = 0.0;
@@ -197,8 +197,7 @@ double impulse_by_hand(const World& world, BodyId a, BodyId b, const Vector3d& p
   return -(1.0 + e) * rate / response;
 }
 
-// A of 1.3 kg flies onto B of 3 kg, which is at rest, and hits it after `hits` [s] at `place` along
-// z.
+// A of 1.3 kg hits B of 3 kg, at rest, after `hits` [s] at `place` along z.
 void expect_hit(World* world, BodyId a, BodyId b, const Vector3d& place, double hits, double e) {
   const Vector3d v = world->state(a).linear_velocity;
   const double before = world->energy();
@@ -222,7 +221,7 @@ void expect_hit(World* world, BodyId a, BodyId b, const Vector3d& place, double 
   EXPECT_GT(gap_of(*world, a, b), -1e-9);
 }
 
-// A corner of a box that flies hits the face of another one beside its middle, which is at rest.
+// A corner of a flying box hits the face of another box at rest, off its centre.
 TEST_P(BoxContactsAt, ACornerHitsAFace) {
   for (const bool is_first : {false, true}) {
     for (const double e : {0.0, 0.5, 1.0}) {
@@ -253,12 +252,12 @@ TEST_P(BoxContactsAt, ACornerHitsAFace) {
   }
 }
 
-// Two boxes whose edges cross at a right angle, beside their middles
+// Two boxes whose edges cross at a right angle, off their centres.
 TEST_P(BoxContactsAt, AnEdgeHitsAnEdge) {
   for (const double e : {0.0, 0.5, 1.0}) {
     World world(by_events(GetParam(), 0.0));
     constexpr double kSide = 0.4, kLong = 1.0;
-    const double reach = kSide * std::sqrt(0.5);  // from the axis of a bar to an edge
+    const double reach = kSide * std::sqrt(0.5);  // distance of an edge from the axis of a bar
     Body lower = make_body("lower", Box{{kLong, kSide, kSide}}, 3.0, {0.2, 0.0, 0.0});
     lower.state.orientation = Quaterniond(AngleAxisd(kPi / 4.0, Vector3d::UnitX()));
     Body upper = make_body("upper", Box{{kSide, kLong, kSide}}, 1.3, {0.0, 0.1, 0.0});
@@ -274,7 +273,7 @@ TEST_P(BoxContactsAt, AnEdgeHitsAnEdge) {
   }
 }
 
-// ---- pairs at random
+// ---- random pairs
 
 struct Pair {
   World world;
@@ -334,13 +333,14 @@ TEST(BoxContacts, PairsKeepTheirMomentumAndGainNoEnergy) {
   EXPECT_GT(hit, kPairs / 3);
 }
 
-// Onto a table and over its edges, with friction and restitution. Some are given up (3 of 40 now).
+// Two boxes fall onto a table and over its edges, with friction and restitution. The engine gives
+// up some scenes (3 of 40).
 TEST(BoxContacts, TwoBoxesThatFallOnATableGainNoEnergy) {
   const unsigned kScenes = 40 / kSeedShare;
   unsigned given_up = 0, events = 0;
   for (unsigned seed = 0; seed < kScenes; ++seed) {
     Draw draw(seed);
-    World world(by_events(1.0 / 240));  // so that none is fast
+    World world(by_events(1.0 / 240));  // short ticks, so that no body is fast
     const double mu = seed % 3 == 0 ? 0.0 : draw.share(), e = seed % 2 == 0 ? 0.0 : draw.share();
     std::array<BodyId, 3> ids{add_table(&world, {1.2, 1.0, 1.0}, mu, e)};
     for (std::size_t i = 1; i < ids.size(); ++i) {
@@ -363,7 +363,7 @@ TEST(BoxContacts, TwoBoxesThatFallOnATableGainNoEnergy) {
           ASSERT_GT(gap_of(world, ids[i], ids[k]), -1e-9) << seed << " at " << world.time();
     }
     if (!is_by_impulses(world)) continue;
-    ++given_up;  // and told
+    ++given_up;  // event-driven motion given up must be reported
     bool is_told = false;
     for (const Island& island : world.islands())
       is_told = is_told || island.why == MethodReason::kContactsGivenUp;

@@ -1,5 +1,5 @@
-// Joints that break while something touches in the same group, which is carried from event to
-// event. Oracles: closed forms of when a force is what a joint bears, and of the fall after that.
+// Joints that break in an event-driven group with contacts. Oracles: closed forms of the time at
+// which the force reaches the joint's limit, and of the fall after that.
 
 #include "by_events.h"
 #include "support.h"
@@ -9,8 +9,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Forces are followed to the tolerance of 1e-10 m/s, and a force that grows with some 10 N/s is
-// found to 1e-12 of it.
+// Forces are accurate to the tolerance of 1e-10 m/s; a force that grows with some 10 N/s reaches
+// its limit at a time accurate to 1e-12 s.
 constexpr double kBreaks = 1e-11;  // [s]
 constexpr double kFalls = 1e-10;   // [m]
 
@@ -20,9 +20,9 @@ INSTANTIATE_TEST_SUITE_P(Ticks, BreakingBesideContactsAt,
                          testing::ValuesIn(each_way(Method::kEventDriven)));
 
 // A box hangs by rods from a mast on another box, which stands on the floor on four corners. The
-// rods are let out and in as a sin ωt, so that they bear m (g − a ω cos ωt) together; they break
-// where cos ωt is kWhere, and the box falls onto the other one, e = 0. One rod, or two in the same
-// place, which share the load: where the first lets go the second has too much at once.
+// rods' length changes as a sin ωt, so they carry m (g − a ω cos ωt) together; they break where cos
+// ωt is kWhere, and the box falls onto the other one, e = 0. One rod, or two in the same place that
+// share the load: where the first breaks, the second is overloaded at once.
 TEST_P(BreakingBesideContactsAt, ARodBreaksAboveABoxOnTheFloor) {
   constexpr double kMass = 2.0, kBase = 5.0, kSpeed = 0.5, kWhere = -0.3, kTop = 1.05;
   constexpr double kOmega = 2.0 * kPi;
@@ -73,9 +73,9 @@ TEST_P(BreakingBesideContactsAt, ARodBreaksAboveABoxOnTheFloor) {
   }
 }
 
-// A ball slides along a shelf that is welded to the world at its end and bears so much of a moment.
-// Then both fall, and neither turns. Not at the end of a tick, where a force is its bound to 1e-9
-// of it.
+// A ball slides along a shelf that is welded to the world at its end and breaks at a limit of its
+// moment. Both fall, and neither rotates. The time is not at the end of a tick, where the force
+// equals its bound to 1e-9.
 TEST_P(BreakingBesideContactsAt, AShelfBreaksUnderABallThatSlides) {
   constexpr double kShelf = 3.0, kBall = 2.0, kSpeed = 1.0, kWhere = 0.56347;
   World world(by_events(GetParam()));
@@ -109,8 +109,8 @@ TEST_P(BreakingBesideContactsAt, AShelfBreaksUnderABallThatSlides) {
   EXPECT_NEAR(broken[0].time, breaks, kBreaks);
 }
 
-// A ball is thrown back by a bob that a rod holds as a wall would, e = 1. What the rod had to do
-// counts in the mean force of the tick, 2 m v/h, at whose end it breaks.
+// A ball rebounds from a bob that a rod holds like a wall, e = 1. The rod's impulse counts in the
+// mean force of the tick, 2 m v/h, at the end of which it breaks.
 TEST_P(BreakingBesideContactsAt, AnImpactCountsInTheMeanOfTheTick) {
   constexpr double kMass = 0.5, kSpeed = 3.0, kHits = 0.1039;
   for (const double bears : {0.99, 1.01}) {
@@ -135,8 +135,8 @@ TEST_P(BreakingBesideContactsAt, AnImpactCountsInTheMeanOfTheTick) {
   }
 }
 
-// A box on a floor without friction is held by two rods, one of which breaks: the other one, which
-// then is what that was in its group, is whole, and holds.
+// Two rods hold a box on a frictionless floor, and one of them breaks: the other, which takes over
+// its number in the group, stays intact and holds.
 TEST_P(BreakingBesideContactsAt, OneThatBreaksLeavesTheOther) {
   World world(by_events(GetParam()));
   world.add_body(with_surface(make_floor(0.0), 0.0, 0.0));
@@ -159,7 +159,7 @@ TEST_P(BreakingBesideContactsAt, OneThatBreaksLeavesTheOther) {
   EXPECT_GT(world.state(box).position.y(), 0.1);
 }
 
-// as scenes have it: what would be saved could not be loaded
+// Scene files refuse a torque limit of a distance joint too, so a saved joint could not be loaded.
 TEST(Breaking, ALengthBearsNoTorque) {
   World world(by_events(1.0 / 60));
   Joint joint = hang("length", world.add_body(make_body("bob", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0})));

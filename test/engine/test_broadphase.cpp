@@ -14,7 +14,7 @@ namespace {
 using Eigen::Vector3d;
 using Pairs = List<Broadphase::Pair>;
 
-/// Uniform in [0, 1), the same with every standard library.
+/// Random numbers, uniform in [0, 1), equal with every standard library.
 class Random {
  public:
   double operator()() { return static_cast<double>(generator_()) / 4294967296.0; }
@@ -150,14 +150,15 @@ TEST(Broadphase, PairsEverythingAtOnePlace) {
 
 TEST(Broadphase, AgreesWithAllPairs) {
   Random random;
-  Broadphase broadphase;  // one for all, so that what a call leaves behind would show
+  Broadphase broadphase;  // shared by all trials, so that leftovers of a call would show
   std::size_t found = 0;
   for (int trial = 0; trial < 300; ++trial) {
     const int n = static_cast<int>(120.0 * random());
     const double extent = 1.0 + 10.0 * random();
     List<Proxy> proxies;
     for (int i = 0; i < n; ++i) {
-      // sizes over four decades; every tenth a plane, of which some move; some half-bounded
+      // Sizes over four decades; one in ten is a plane, some of them moving; some boxes are
+      // half-bounded.
       const double size = std::pow(10.0, 4.0 * random() - 3.0);
       Proxy proxy = cube(3 * i + 1, extent * random.vector(), size, random() < 0.7);
       if (random() < 0.1) proxy.box = plane(0).box;
@@ -202,14 +203,14 @@ double tests_of(const List<Proxy>& proxies) {
   return static_cast<double>(broadphase.tests());
 }
 
-/// The exponent of the tests' growth from 100 to 10 000 bodies.
+/// Returns the exponent of the growth of tests from 100 to 10 000 bodies.
 template <class Arrangement>
 double slope(const Arrangement& arrangement) {
   return std::log10(tests_of(arrangement(10000)) / tests_of(arrangement(100))) / 2.0;
 }
 
-// where each body touches a bounded number of others, a tree has a bounded number of tests to make
-// for it, and a little more near its border with many: 1.1 leaves room for that
+// Each body touches a bounded number of others, so the tree needs a bounded number of tests per
+// body, and slightly more near its border: the bound is an exponent of 1.1.
 
 TEST(Broadphase, TestsGrowWithTheBodiesInAColumnOfAnyOrder) {
   const auto column = [](int n) {

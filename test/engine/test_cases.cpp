@@ -1,6 +1,6 @@
-// Scenes of test/engine/cases whose result is known, at time steps of 1/30, 1/60, 1/240 and
-// 1/1000 s. The first comment of each scene says how its value is known. The value is met to 1e-6,
-// or the run reports by name what is off.
+// Scenes of test/engine/cases with known results, at time steps of 1/30, 1/60, 1/240 and 1/1000 s.
+// The first comment of each scene states the source of its result. The result agrees to 1e-6, or
+// the run reports the error by name.
 
 #include "constraint_sim/engine/scene.h"
 #include "support.h"
@@ -25,7 +25,7 @@ void run_case_until(World& world, double time) {
   for (long i = 0; i < steps; ++i) ASSERT_FALSE(world.step().failed) << "at t = " << world.time();
 }
 
-/// Where a body is after a time [s].
+/// Position of a body after a time [s].
 struct Place {
   const char* scene;
   double duration;
@@ -53,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Place{"parallel_keeps_momentum", 1.0, "tray", {1.0, 2.0, 3.0}}),
     [](const auto& place) { return std::string(place.param.scene); });
 
-// x and z as runge_kutta has them at tolerances of 1e-8 and 1e-13.
+// Expected x and z come from runge_kutta at tolerances of 1e-8 and 1e-13.
 TEST(Case, SlenderArmsFollowTheirServo) {
   for (const double h : kCaseTimeSteps) {
     World world = load_case("slender_arm_servo", h);
@@ -64,7 +64,7 @@ TEST(Case, SlenderArmsFollowTheirServo) {
   }
 }
 
-// Sent exactly to its joint's limit, a finger rests there: it reaches its stop once or not at all.
+// A finger driven exactly to its joint's limit rests there: it reaches its stop once or not at all.
 TEST(Case, MotorsRestOnTheirStops) {
   World world = load_scene_file(CONSTRAINT_SIM_SOURCE_DIR "/test/engine/cases/arm_slow.yaml");
   const JointId finger = world.find_joint("finger_joint");
@@ -82,7 +82,7 @@ TEST(Case, MotorsRestOnTheirStops) {
   EXPECT_LE(std::abs(world.joint_state(finger).coordinates[0].velocity), 1e-9);
 }
 
-// The same of motors of any strength, from stop to stop, with what presses them against these.
+// Motors of any strength move from stop to stop, pressed against the stops or not.
 TEST(Case, MotorsGoFromStopToStop) {
   for (const double max_force : {0.0, 1.0, 9.0, 11.0, 100.0}) {
     for (const double h : kCaseTimeSteps) {
@@ -108,7 +108,7 @@ TEST(Case, MotorsGoFromStopToStop) {
           ASSERT_FALSE(world.step().failed);
           events += static_cast<int>(world.events().size());
         }
-        const bool is_weak = max_force > 0.0 && max_force < 9.81;  // for its weight
+        const bool is_weak = max_force > 0.0 && max_force < 9.81;  // weaker than its weight
         EXPECT_NEAR(world.joint_state(id).coordinates[0].position, is_weak ? 0.0 : goal, 1e-9)
             << max_force << " N at 1/" << 1.0 / h;
       }
@@ -117,7 +117,7 @@ TEST(Case, MotorsGoFromStopToStop) {
   }
 }
 
-// A target that is sent again in each step, as a topic does, is reached.
+// A target that is sent in each step, as by a topic, is reached.
 TEST(Case, RepeatedTargetsAreReached) {
   for (const double h : kCaseTimeSteps) {
     WorldOptions options;

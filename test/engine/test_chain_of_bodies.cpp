@@ -1,5 +1,5 @@
-// The kernel for chains of bodies against the equations that it is a shorter way to solve, and its
-// elimination against dense solutions.
+// The kernel for chains of bodies against the general equations, and its elimination against dense
+// solutions.
 
 #include <gtest/gtest.h>
 
@@ -24,11 +24,11 @@ using Eigen::VectorXd;
 
 constexpr double kStep = 0.01;  // [s]
 
-/// Random bodies, each hung on the one before by a ball joint with either of them for its A, bodies
-/// and joints in any order. An end that is held is on a body that moves at constant velocities.
+/// Random bodies, each hung on the previous one by a ball joint with either body as A; bodies and
+/// joints in any order. A held end is on a body that moves at constant velocity.
 struct Chain {
   Chain(std::size_t links, bool holds_first, bool holds_last, Random& random) {
-    List<std::size_t> place(links + 1);  // of bodies along the chain, in the lists
+    List<std::size_t> place(links + 1);  // index in the lists of each body along the chain
     std::iota(place.begin(), place.end(), 0);
     const auto shuffle = [&](auto& list) {
       for (std::size_t i = list.size(); i-- > 1;)
@@ -82,7 +82,7 @@ struct Chain {
   List<int> order;
 };
 
-/// A chain's equations, started, and carried on by one System or another.
+/// A chain's equations, started, and advanced by one System or another.
 class Motion {
  public:
   explicit Motion(const Chain& chain)
@@ -116,7 +116,7 @@ class Motion {
   List<double> numbers_;
 };
 
-/// Calls `check` with chains of all kinds of ends.
+/// Calls `check` with chains of all combinations of ends.
 template <class Check>
 void for_chains(const Check& check) {
   Random random;
@@ -134,7 +134,7 @@ void for_chains(const Check& check) {
   }
 }
 
-// The same up to rounding, which the masses and arms of these chains amplify to some 1e-13.
+// Equal up to rounding, which the masses and arms of these chains amplify to some 1e-13.
 TEST(ChainOfBodies, HasTheDerivativeOfTheEquations) {
   for_chains([](const Chain& chain) {
     Motion expected(chain), motion(chain);
@@ -166,7 +166,7 @@ TEST(ChainOfBodies, StepsAsTheEquationsDo) {
   });
 }
 
-// A body held at two points has a row too many: what solves it are the equations, to the bit.
+// A body held at two points has a redundant row: the general equations solve it, to the bit.
 TEST(ChainOfBodies, LeavesRowsThatDependToTheEquations) {
   Random random;
   Chain chain(2, true, true, random);
@@ -196,7 +196,7 @@ TEST(ChainOfBodies, KeepsJointsAndEnergy) {
       const StepReport& report = world.step();
       ASSERT_EQ(report.dependent_rows, 0);
       ASSERT_LE(report.max_constraint_error, 1e-12 + 4.0 * kEpsilon * links) << i;
-      ASSERT_LE(std::abs(report.energy_drift), 1e-8) << i;  // of the tolerance
+      ASSERT_LE(std::abs(report.energy_drift), 1e-8) << i;  // energy drift by the tolerance
     }
   }
 }

@@ -1,5 +1,5 @@
-// Joints that are added open: from any orientation, to the solution that is meant, with the momenta
-// of free bodies kept.
+// Joints that are added open: they close from any orientation to the intended solution, and momenta
+// of free bodies are kept.
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint_kinds.h"
@@ -20,8 +20,8 @@ struct Opening {
   double angle;  // [rad]
 };
 
-/// Two boxes in free space in a joint that was met before B was turned by the angle about a random
-/// axis, and moved by a tenth of a metre.
+/// Two boxes in free space, whose joint fitted until B was rotated by the angle about a random axis
+/// and moved by a tenth of a metre.
 World open_pair(const Opening& opening, Method method, double h, int trial, double gap = 0.1) {
   Random random;
   for (int i = 0; i < 31 * trial; ++i) random();
@@ -37,7 +37,7 @@ World open_pair(const Opening& opening, Method method, double h, int trial, doub
   a.state.angular_velocity *= 0.3;
   b.state = attached(joint, a.state, &random);
   const JointVectors met(joint, a.state, b.state);
-  // about an axis that opens the joint by all of the angle
+  // an axis about which the rotation opens the joint by the full angle
   Vector3d axis = met.axes_B * random.vector();
   const Vector3d z = met.axes_B.col(2), z_A = met.axes_A.col(2);
   if (info(opening.kind).alignment == Alignment::kParallelZ) axis -= z * z.dot(axis);
@@ -61,7 +61,7 @@ std::vector<Opening> openings() {
     if (info(kind).alignment == Alignment::kFree) continue;
     const bool is_universal = info(kind).alignment == Alignment::kPerpendicularZ;
     const std::vector<double> most_are{5.0, 60.0, 90.0, 120.0, 150.0, 175.0, 179.9};
-    // further, the other side is nearer
+    // beyond 90° the other solution is nearer
     for (const double degrees : is_universal ? std::vector<double>{5.0, 60.0, 89.9} : most_are)
       list.push_back({kind, degrees * kPi / 180.0});
   }
@@ -70,8 +70,8 @@ std::vector<Opening> openings() {
 
 class Closing : public testing::TestWithParam<Opening> {};
 
-// Errors are rounding of the bodies' coordinates and turns. Momenta are exact by energy_momentum,
-// and to the tolerance by runge_kutta.
+// Errors are rounding of the bodies' coordinates and orientations. Momenta are exact by
+// energy_momentum, and within the tolerance by runge_kutta.
 TEST_P(Closing, EndsInTheSolutionThatIsMeantAndKeepsMomenta) {
   for (int trial = 0; trial < kTrials; ++trial) {
     for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
@@ -97,7 +97,8 @@ TEST_P(Closing, EndsInTheSolutionThatIsMeantAndKeepsMomenta) {
   }
 }
 
-// A share of the error a step, as the tutorial has it; what is left is less each step.
+// Each step removes a share of the error, as in the tutorial; the remaining error decreases in each
+// step.
 TEST_P(Closing, EndsThereByImpulses) {
   World world = open_pair(GetParam(), Method::kSequentialImpulses, 0.01, 1);
   WorldOptions chosen = world.options();
@@ -109,7 +110,7 @@ TEST_P(Closing, EndsThereByImpulses) {
   EXPECT_LE(state.error, 0.01);
 }
 
-// What is saved on the way goes on, to the same place.
+// A scene saved while closing continues to the same place.
 TEST_P(Closing, GoesOnFromWhatWasSaved) {
   for (const Method method : {Method::kRungeKutta, Method::kSequentialImpulses}) {
     World world = open_pair(GetParam(), method, 0.02, 2);
@@ -131,7 +132,8 @@ INSTANTIATE_TEST_SUITE_P(Openings, Closing, testing::ValuesIn(openings()), [](co
          std::to_string(static_cast<int>(param.param.angle * 180.0 / kPi + 0.5));
 });
 
-// A ball joint is a frame that moves while it is open, and three rows along the world's axes after.
+// A ball joint has a moving frame while it is open, and three rows along the world's axes
+// afterwards.
 TEST(ClosingBall, KeepsMomentaAndGoesOnFromWhatWasSaved) {
   for (int trial = 0; trial < kTrials; ++trial) {
     for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
@@ -159,8 +161,8 @@ TEST(ClosingBall, KeepsMomentaAndGoesOnFromWhatWasSaved) {
 }
 
 // Trees of four boxes 1 km away, some held at their centres, all joints open by up to half a metre.
-// A coordinate there is rounded to 1e-13 m, so that angular momentum about the origin is known to
-// some 1e-10 of itself, here 1e-7; momenta know nothing of places.
+// Coordinates there are rounded to 1e-13 m, so the angular momentum about the origin is known to
+// about 1e-10 relative, here 1e-7; momenta do not depend on positions.
 TEST(ClosingBall, OfRandomTreesKeepsMomenta) {
   Random random;
   for (int trial = 0; trial < 4 * kTrials; ++trial) {
@@ -199,7 +201,7 @@ TEST(ClosingBall, OfRandomTreesKeepsMomenta) {
   }
 }
 
-// Joints that hold a point of B on a line or in a plane of A have no orientation to close, but a
+// Joints that hold a point of B on a line or in a plane of A have no orientation to close, only a
 // distance.
 TEST(ClosingPoint, KeepsMomenta) {
   for (const JointKind kind : {JointKind::kPointOnLine, JointKind::kPointOnPlane}) {
@@ -223,7 +225,7 @@ TEST(ClosingPoint, KeepsMomenta) {
   }
 }
 
-// Where B cannot turn the offset goes down as it lies in space: in a straight line.
+// Where B cannot rotate, the offset closes along a straight line in space.
 TEST(ClosingBall, OfAPointGoesStraight) {
   World world = open_pair({JointKind::kBall, 0.3}, Method::kRungeKutta, 0.02, 0);
   const BodyId box = world.body_ids().front();
@@ -245,7 +247,7 @@ TEST(ClosingBall, OfAPointGoesStraight) {
   EXPECT_FALSE(world.joint_state(id).closing);
 }
 
-// The smooth methods follow the same course of the frame.
+// Both smooth methods follow the same motion of the frame.
 TEST(ClosingFrame, IsFollowedAlike) {
   const Opening opening{JointKind::kHinge, 2.0};
   World exact = open_pair(opening, Method::kRungeKutta, 0.01, 3);
@@ -256,7 +258,7 @@ TEST(ClosingFrame, IsFollowedAlike) {
     EXPECT_LE((exact.state(id).position - implicit.state(id).position).norm(), 1e-6);
 }
 
-// Open on a body that is fixed, on either side, with a motor that runs meanwhile.
+// A joint to a fixed body on either side, opened, with a motor running.
 TEST(ClosingFrame, GoesHomeOnFixedBodiesWhileAMotorRuns) {
   for (const bool world_is_b : {false, true}) {
     for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
@@ -286,8 +288,8 @@ TEST(ClosingFrame, GoesHomeOnFixedBodiesWhileAMotorRuns) {
   }
 }
 
-// A coordinate that a motor holds is that of the moving frame, so a world loaded meanwhile closes
-// what is left in the time that is left, and does not begin anew.
+// The coordinate held by a motor is that of the moving frame, so a loaded world closes the
+// remaining error in the remaining time and does not start anew.
 TEST(ClosingFrame, GoesOnFromWhatWasSavedWhileAMotorRuns) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     WorldOptions chosen = options(0.01);
@@ -315,7 +317,7 @@ TEST(ClosingFrame, GoesOnFromWhatWasSavedWhileAMotorRuns) {
   }
 }
 
-// A rope or rod on a body whose twist is set before each tick closes all the same.
+// A rope or rod to a body whose twist is set before each tick closes nevertheless.
 TEST(ClosingDistance, GoesOnWhileAKinematicBodyIsDriven) {
   WorldOptions chosen = options(0.005);
   chosen.method = Method::kAuto;

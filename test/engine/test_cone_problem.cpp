@@ -1,4 +1,4 @@
-// Contacts with friction on their own and together: against references, and what they cost.
+// Contacts with friction, single and coupled: against references, and their cost.
 
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// The impulse of a contact that slips, in long double, by 400 bisections of κ.
+/// Returns the impulse of a slipping contact, in long double, by 400 bisections of κ.
 Vector3d slipping_impulse(const Matrix3d& A, const Vector3d& b, double mu) {
   using Real = long double;
   using Vector = Eigen::Matrix<Real, 2, 1>;
@@ -44,7 +44,7 @@ Vector3d slipping_impulse(const Matrix3d& A, const Vector3d& b, double mu) {
   return impulse(high).cast<double>();
 }
 
-// Rates over 16 orders, friction over 9, responses over 6 and up to singular.
+// Rates over 16 orders of magnitude, friction over 9, responses over 6 and up to singular.
 TEST(ConeProblem, AContactThatSlipsIsTheOneOfLongDouble) {
   Draw draw(5);
   int slipping = 0;
@@ -62,13 +62,13 @@ TEST(ConeProblem, AContactThatSlipsIsTheOneOfLongDouble) {
     if (p.tail<2>().norm() < (1.0 - 1e-12) * mu * p[0]) continue;  // sticks
     ++slipping;
     const Vector3d reference = slipping_impulse(A, b, mu);
-    // A is singular to 1e-6, which takes six of sixteen digits, and another where p_n ends near 0
+    // A is singular to 1e-6, which costs six of sixteen digits, and one more where p_n ends near 0
     EXPECT_LT((p - reference).norm(), 1e-9 * reference.norm()) << k;
   }
   EXPECT_GT(slipping, 5000);
 }
 
-/// A box of 1 kg at rest on a floor with one of `mass` on it, four points each.
+/// A box of 1 kg at rest on a floor with a box of `mass` on top, four points each.
 ConeProblem column(double mass) {
   const double half = 0.15;
   const auto inverse = [&](double m) {
@@ -113,7 +113,7 @@ TEST(ConeProblem, AColumnOfAnyMassesCostsLittle) {
     ASSERT_TRUE(ConeSolver().solve(problem, &found, &effort)) << mass;
     const Eigen::Map<const Eigen::VectorXd> p(found.data(), 24), b(problem.b.data(), 24);
     const Eigen::Map<const Eigen::MatrixXd> A(problem.A.data(), 24, 24);
-    EXPECT_LT(effort.spent, 300.0) << mass;  // of 1000 that a step has
+    EXPECT_LT(effort.spent, 300.0) << mass;  // a step has 1000
     double lower = 0.0, upper = 0.0;
     for (int i = 0; i < 4; ++i) {
       lower += p[3 * i];
@@ -121,7 +121,7 @@ TEST(ConeProblem, AColumnOfAnyMassesCostsLittle) {
       EXPECT_GE(p[3 * i], 0.0);
       EXPECT_LE(p.segment<2>(3 * i + 1).norm(), 0.5 * p[3 * i] * (1.0 + 1e-12));
     }
-    // weights, to what solve() takes for solved: 1e-9
+    // weights, within the tolerance of solve(), 1e-9
     EXPECT_NEAR(lower / (9.81 * (1.0 + mass)), 1.0, 1e-9) << mass;
     EXPECT_NEAR(upper / (9.81 * mass), 1.0, mass < 1.0 ? 1e-9 / mass : 1e-9) << mass;
     EXPECT_LT((b + A * p).lpNorm<Eigen::Infinity>(), 1e-8 * 9.81) << mass;
@@ -134,7 +134,7 @@ TEST(ConeProblem, EndsWhereItsEffortIsOver) {
   SolveEffort little;
   little.most = 2.0;
   EXPECT_FALSE(ConeSolver().solve(problem, &p, &little));
-  EXPECT_LT(little.spent, 4.0);  // one step of Newton's method more
+  EXPECT_LT(little.spent, 4.0);  // the limit is exceeded by at most one Newton step
   const std::atomic<bool> flag{true};
   SolveEffort stopped;
   stopped.stop = &flag;
@@ -142,7 +142,7 @@ TEST(ConeProblem, EndsWhereItsEffortIsOver) {
   EXPECT_EQ(stopped.spent, 0.0);
 }
 
-// 1e6 kg rest on 1 kg, by events: the work of a step does for what its forces cost.
+// A box of 1e6 kg rests on one of 1 kg, event-driven: the work limit of a step is sufficient.
 TEST(ConeProblem, AHeavyBoxRestsOnALightOneByEvents) {
   World world;
   world.add_body(make_floor(0.5));

@@ -1,4 +1,4 @@
-// What energy_momentum keeps of each kind of joint and of loops, over thousands of steps.
+// Conservation by energy_momentum for each kind of joint and for loops, over thousands of steps.
 
 #include "conserved_mechanisms.h"
 #include "sanitized.h"
@@ -7,10 +7,10 @@
 namespace constraint_sim::engine::mechanisms {
 namespace {
 
-// 1e4 steps of rounding, of which each leaves 1e-16 and some add up: energy 1.1e-12 of the kinetic
-// energy, angular momentum 1.1e-11 about an origin that the bodies leave by 20 m and more. What
-// slides for 2 km is off by rounding of that. Of the extreme one, whose light box turns at up to
-// 1e4 rad/s, substeps may carry some ticks, and that is told.
+// Bounds: 1e4 steps with a rounding error of 1e-16 each, some of which accumulate: energy 1.1e-12
+// of the kinetic energy, angular momentum 1.1e-11 about an origin that bodies leave by 20 m and
+// more. Bodies that slide 2 km have rounding errors of that distance. In the extreme scene, whose
+// light box turns at up to 1e4 rad/s, substeps may take over some ticks, which is reported.
 TEST(Conserved, AreEnergyAndMomentaOfAllKinds) {
   for (Conserved scene : conserved()) {
     scene.steps /= kSanitizedShare;

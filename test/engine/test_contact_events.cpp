@@ -1,6 +1,6 @@
-// Contacts of few bodies from event to event: `method: event_driven`, and `auto` with the tolerance
-// of scenes that name none. Oracles: closed forms. What is left of errors is rounding, which grows
-// with the number of ticks, and for what turns the tolerance.
+// Event-driven contacts of few bodies: `method: event_driven`, and `auto` with the default
+// tolerance. Oracles: closed forms. Errors are rounding, which grows with the number of ticks, and
+// the tolerance for rotating bodies.
 
 #include <array>
 #include <tuple>
@@ -32,7 +32,7 @@ class ContactEventsAt : public testing::TestWithParam<Carried> {};
 INSTANTIATE_TEST_SUITE_P(Ticks, ContactEventsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
 INSTANTIATE_TEST_SUITE_P(Poses, ContactEventsAt, testing::ValuesIn(with_poses()));
 
-/// When it comes to rest.
+/// Returns the time at which the ball comes to rest.
 double rest_time(double h, double e) {
   return std::sqrt(2.0 * h / kGravity) * (1.0 + e) / (1.0 - e);
 }
@@ -61,15 +61,15 @@ TEST_P(ContactEventsAt, ABallBouncesAndComesToRest) {
     }
     EXPECT_EQ(world.state(id).linear_velocity.z(), 0.0) << e;
     EXPECT_EQ(events.back().kind, EventKind::kContactBegan);
-    // the bounces that are not followed are a geometric series; what is left is rounding of some
-    // hundred ticks, which the bounces add up by 1/(1 − e)
+    // The bounces that are not followed are a geometric series. Rounding of some hundred ticks
+    // remains, amplified by 1/(1 − e).
     EXPECT_NEAR(events.back().time, rest_time(0.5, e), e == 0.9 ? 6e-13 : 2e-14) << e;
     ASSERT_EQ(world.contacts().size(), 1u);
     EXPECT_NEAR(world.contacts()[0].normal_force, 2.0 * kGravity, 1e-9);
   }
 }
 
-// μ g until v = 5/7 v₀, t = 2 v₀/(7 μ g); then it rolls on
+// A sliding sphere decelerates with μ g until v = 5/7 v₀ at t = 2 v₀/(7 μ g); then it rolls.
 TEST_P(ContactEventsAt, ASphereSlidesAndThenRolls) {
   constexpr double kMu = 0.2, kRadius = 0.1;
   for (const bool on_box : {false, true}) {
@@ -100,7 +100,7 @@ TEST_P(ContactEventsAt, ASphereSlidesAndThenRolls) {
   }
 }
 
-// Newton's cradle in flight: with e = 1 the last one leaves with all of the speed, with less each
+// Newton's cradle in flight: with e = 1 the last ball leaves with the full speed, with less each
 // pair keeps some of it. Balls touch, or are 1e-6 m apart.
 TEST_P(ContactEventsAt, OfARowOfBallsOnlyTheLastLeaves) {
   for (const double gap : {0.0, 1e-6}) {
@@ -139,8 +139,8 @@ TEST_P(ContactEventsAt, OfARowOfBallsOnlyTheLastLeaves) {
   }
 }
 
-// A bob on a rod falls against a wall below its pivot: there its speed is √(2 g L), and e of that
-// after each hit, so that it comes back for higher ones ever sooner. Its energy says how high.
+// A bob on a rod falls against a wall below its pivot, with speed √(2 g L), and e of the speed
+// after each impact, so impacts follow ever faster. Its energy gives its height.
 TEST_P(ContactEventsAt, ABobOnARodHitsAWall) {
   constexpr double kRestitution = 0.8, kLength = 1.0, kRadius = 0.1;
   World world(by_events(GetParam()));
@@ -159,7 +159,8 @@ TEST_P(ContactEventsAt, ABobOnARodHitsAWall) {
     const Vector3d place = kLength * Vector3d(std::sin(angle), 0.0, -std::cos(angle));
     worst = std::max(worst, (world.state(bob).position - place).norm());
   }
-  EXPECT_LT(worst, 1.7e-11);  // ten times what the tolerance leaves of substeps of 1/30 s
+  EXPECT_LT(worst,
+            1.7e-11);  // ten times the error that the tolerance allows for substeps of 1/30 s
   ASSERT_GE(events.size(), 4u);
   EXPECT_EQ(events[0].kind, EventKind::kContactBegan);
   EXPECT_NEAR(events[0].time, time_of_fall(0.5 * kPi, 0.0, kLength), 1e-11);  // at 4 m/s
@@ -197,9 +198,9 @@ TEST_P(ContactEventsAt, ABoxDropsFlatAndDoesNotTurn) {
   }
 }
 
-// A box of half its height in width is pushed at its centre. Below the lesser of μ m g and m g w/h
-// it stays. With μ just below w/h it slides with F/m − μ g and does not tip, with μ just above it
-// turns about the edge that holds it: 4/3 m r² θ̈ = F r sin φ − m g r cos φ, φ the angle of its
+// A box half as wide as high is pushed at its centre. Below the lesser of μ m g and m g w/h it
+// stays. With μ just below w/h it slides with F/m − μ g and does not tip; with μ just above it
+// rotates about the edge that holds: 4/3 m r² θ̈ = F r sin φ − m g r cos φ, φ the angle of its
 // centre.
 TEST_P(ContactEventsAt, ABoxThatIsPushedTipsOrSlidesAtItsThreshold) {
   constexpr double kMass = 2.0, kRatio = 0.5;
@@ -221,7 +222,7 @@ TEST_P(ContactEventsAt, ABoxThatIsPushedTipsOrSlidesAtItsThreshold) {
       wrench.force.x() = push * kMass * kGravity;
       world.add_wrench(wrench);
       frame_anew(&world, GetParam());
-      problems::Reals turned{0, 0};  // and its rate
+      problems::Reals turned{0, 0};  // angle and its rate
       const auto turns = [&, push = static_cast<long double>(push)](const problems::Reals& y) {
         const long double phi = start + y[0], per_arm = 3 * kGravity / (4 * r);
         return problems::Reals{y[1], per_arm * (push * std::sin(phi) - std::cos(phi))};
@@ -244,9 +245,9 @@ TEST_P(ContactEventsAt, ABoxThatIsPushedTipsOrSlidesAtItsThreshold) {
   }
 }
 
-// A box is pushed with three quarters of what friction can bear, and a ball without friction slides
-// over it from one end to the other. A quarter of the push is at either end more than the points
-// there can bear; the others bear the rest, nothing but the ball moves, and nothing happens.
+// A box is pushed with three quarters of its friction limit, and a ball slides over it without
+// friction from end to end. At either end a quarter of the push exceeds the limit of the points
+// there; the other points carry the rest, only the ball moves, and no event occurs.
 TEST_P(ContactEventsAt, PointsShareFrictionAsTheLoadGoesFromOneToTheOther) {
   constexpr double kMass = 1.0, kMu = 0.5, kSpeed = 0.4, kRadius = 0.05;
   const Vector3d half(0.5, 0.4, 0.1);
@@ -262,7 +263,7 @@ TEST_P(ContactEventsAt, PointsShareFrictionAsTheLoadGoesFromOneToTheOther) {
   wrench.body = box;
   wrench.force.x() = 0.75 * kMu * 2.0 * kMass * kGravity;
   world.add_wrench(wrench);
-  unsigned events = 0;  // those that change nothing among them
+  unsigned events = 0;  // including events that change nothing
   while (world.time() < 2.0 - 1e-9) {
     advance(&world, GetParam());
     events += world.report().events;
@@ -273,8 +274,7 @@ TEST_P(ContactEventsAt, PointsShareFrictionAsTheLoadGoesFromOneToTheOther) {
   EXPECT_LE(events, 20u);
 }
 
-// on a slope of less than its friction it stays where it is; of more it slides with
-// g (sin α − μ cos α)
+// On a slope below its friction angle a box stays; above, it slides with g (sin α − μ cos α).
 TEST_P(ContactEventsAt, ABoxOnASlopeStaysOrSlides) {
   const double mu = std::tan(0.3);
   for (const double slope : {0.2, 0.4}) {
@@ -295,8 +295,8 @@ TEST_P(ContactEventsAt, ABoxOnASlopeStaysOrSlides) {
     const double a = std::max(0.0, kGravity * (std::sin(slope) - mu * std::cos(slope)));
     const Vector3d place = start + turn * Vector3d(0.5 * a * world.time() * world.time(), 0.0, 0.0);
     EXPECT_LT((world.state(id).position - place).norm(), kPlace) << slope;
-    // m g cos α along the normal, and up the slope m g sin α or μ of that; rounding of h·force over
-    // h
+    // Forces: m g cos α along the normal, and up the slope m g sin α or μ times the normal force;
+    // rounding of h·force over h.
     const Vector3d force = turn.conjugate() * contact_force_on(world, id);
     const double normal = 2.0 * kGravity * std::cos(slope);
     const double friction = std::min(2.0 * kGravity * std::sin(slope), mu * normal);
@@ -309,8 +309,8 @@ TEST_P(ContactEventsAt, ABoxOnASlopeStaysOrSlides) {
   }
 }
 
-// what a box is lifted by as it begins within the floor is booked, though nothing moves then: m g
-// times the overlap, and no energy that rises without a cause
+// The work that lifts a box out of an initial overlap is reported as m g times the overlap,
+// although nothing moves then, and no unexplained rise of energy.
 TEST_P(ContactEventsAt, ABoxThatBeginsInTheFloorIsLiftedAtACostThatIsBooked) {
   constexpr double kOverlap = 5e-8;
   World world(by_events(GetParam()));
@@ -339,12 +339,12 @@ TEST_P(ContactEventsAt, ABounceAndARestWithoutFrictionAreClosed) {
     impulse += GetParam() * contact_force_on(world, id).z();
     for (const Contact& contact : world.contacts()) EXPECT_EQ(contact.state, ContactState::kClosed);
   }
-  // one bounce: 2 m v
+  // a bounce has impulse 2 m v
   EXPECT_NEAR(impulse, 2.0 * 2.0 * std::sqrt(2.0 * kGravity * 0.5), 1e-11);
 }
 
-// Housner: a block of slenderness α rocks on one edge, and keeps (1 − 3/2 sin² α)² of its energy
-// at each change of edges
+// Housner: a block of slenderness α rocks on one edge, and keeps (1 − 3/2 sin² α)² of its energy at
+// each change of edges.
 TEST_P(ContactEventsAt, ARockingBlockLosesWhatHousnerSays) {
   constexpr double kWidth = 0.4, kHeight = 1.2, kMass = 10.0;
   World world(by_events(GetParam()));
@@ -352,7 +352,7 @@ TEST_P(ContactEventsAt, ARockingBlockLosesWhatHousnerSays) {
   const double alpha = std::atan(kWidth / kHeight), radius = 0.5 * std::hypot(kWidth, kHeight);
   const double tilt = 0.5 * alpha;
   Body block = make_body("block", Box{{kWidth, 1.0, kHeight}}, kMass, Vector3d::Zero());
-  // on its edge at x = +width/2, leaning by `tilt` towards it
+  // on its edge at x = +width/2, tilted by `tilt` towards it
   block.state.orientation = Eigen::Quaterniond(Eigen::AngleAxisd(tilt, Vector3d::UnitY()));
   block.state.position = block.state.orientation * Vector3d(-0.5 * kWidth, 0.0, 0.5 * kHeight);
   const BodyId id = world.add_body(with_surface(block, 2.0, 0.0));
@@ -369,7 +369,8 @@ TEST_P(ContactEventsAt, ARockingBlockLosesWhatHousnerSays) {
   const double share = (world.energy() - rest) / before;
   const double changes = std::round(std::log(share) / std::log(kept));
   EXPECT_GE(changes, 1.0);
-  EXPECT_NEAR(std::pow(share / std::pow(kept, changes), 0.5 / changes), 1.0, kPlace);  // of speeds
+  EXPECT_NEAR(std::pow(share / std::pow(kept, changes), 0.5 / changes), 1.0,
+              kPlace);  // per change, in speed
 }
 
 TEST(ContactEvents, EnergyNeverRisesOfBoxesAndBallsThatFall) {
@@ -420,11 +421,12 @@ TEST(ContactEvents, AreChosenByAutoAndNotByOtherMethods) {
   }
 }
 
-// SimBenchmark's: a box is pulled over the ground under 25 balls that roll on it. Accelerations are
-// constant: those of the balls 2/7 of the box's, driven by friction in their lowest points.
+// SimBenchmark's scene: a box is pulled over the ground under 25 balls that roll on it.
+// Accelerations are constant: those of the balls are 2/7 of the box's, by friction at their lowest
+// points.
 TEST(ContactEvents, ABoxRollsAwayUnderTwentyFiveBalls) {
   World world(by_events(0.05));
-  world.add_body(with_surface(make_floor(0.0), 0.2, 0.0));  // with 0.8 a geometric mean of 0.4
+  world.add_body(with_surface(make_floor(0.0), 0.2, 0.0));  // friction with 0.8: geometric mean 0.4
   const auto add = [&](const std::string& name, const Shape& shape, double mass, Vector3d at) {
     return world.add_body(with_surface(make_body(name, shape, mass, at), 0.8, 0.0));
   };
@@ -452,7 +454,7 @@ TEST(ContactEvents, ABoxRollsAwayUnderTwentyFiveBalls) {
       squares += (world.state(ball).linear_velocity - 2.0 / 7.0 * speed).squaredNorm();
     count += 26;
   }
-  EXPECT_LE(squares / count, 1e-12);  // [m²/s²], SimBenchmark's measure
+  EXPECT_LE(squares / count, 1e-12);  // SimBenchmark's measure [m²/s²]
   const double way = 0.5 * a * world.time() * world.time();
   const Vector3d moved = world.state(box).position - Vector3d(0.0, 0.0, 0.5);
   EXPECT_LE((moved - way * direction).norm(), 1e-6);
@@ -462,8 +464,8 @@ TEST(ContactEvents, ABoxRollsAwayUnderTwentyFiveBalls) {
   }
 }
 
-// A ball hits two others at the same moment, e = 1: the pair that was added first takes all of its
-// speed along their line, and the other what is left of that along the other line.
+// A ball hits two others at the same time, e = 1: the pair that was added first takes the full
+// speed along its line, the other the remaining speed along its own line.
 TEST(ContactEvents, ATieGoesToThePairThatWasAddedFirst) {
   for (const double side : {1.0, -1.0}) {
     World world(by_events(0.01, 0.0));
@@ -485,7 +487,7 @@ TEST(ContactEvents, ATieGoesToThePairThatWasAddedFirst) {
   }
 }
 
-// cylinders are more than events are for: told
+// Cylinders cannot be event-driven, which is reported.
 TEST(ContactEvents, WhatEventsCannotCarryIsLeftToImpulses) {
   World world(by_events(1.0 / 60));
   add_floor(&world, 0.5);
@@ -514,8 +516,8 @@ TEST(ContactEvents, ACopyAndASavedWorldGoOnWithTheSameBits) {
   EXPECT_EQ(saved.state(saved.find_body("box")).position, world.state(id).position);
 }
 
-// A copy begins without the storage of groups, its world goes on with what the steps before left in
-// it: in each step of scenes whose groups change.
+// A copy starts without the storage of groups, while its world reuses the storage of earlier steps:
+// bits agree in each step of scenes with changing groups.
 TEST(ContactEvents, GoOnWithTheSameBitsInStorageThatWasUsedBefore) {
   for (const char* name : {"rocking_block", "newtons_cradle", "weak_winch", "two_boxes"}) {
     World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR) + "/" + name + ".yaml");

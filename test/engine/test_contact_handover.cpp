@@ -1,6 +1,6 @@
-// Contacts that go from events to impulses and back. Oracles: closed forms of what is lifted; the
-// energy less what was booked, which nothing can raise; counts of changes; the same bits of a copy
-// and of a snapshot.
+// Contacts that switch from events to impulses and back. Oracles: closed forms of lifting work;
+// energy less the reported work, which nothing can raise; counts of switches; the same bits of a
+// copy and of a snapshot.
 
 #include <array>
 #include <set>
@@ -31,7 +31,7 @@ bool is_by_events(const World& world) {
                      [](const Island& island) { return island.why == MethodReason::kFewContacts; });
 }
 
-// Reach was that of the fastest body of all: two metres either way of a bird at 50 m/s.
+// A fast body far away is in no group, and changes nothing.
 TEST(ContactHandover, WhatIsFastFarAwayChangesNothing) {
   for (const double speed : {0.0, 50.0}) {
     World world(by_auto(0.01));
@@ -51,7 +51,7 @@ TEST(ContactHandover, WhatIsFastFarAwayChangesNothing) {
   }
 }
 
-// One that is far from all but one of a row moves that one against its neighbour, and so on: all
+// A body far from all but one of a row pushes that one against its neighbour, and so on: all bodies
 // that may be hit within the step are one group.
 TEST(ContactHandover, GroupsReachAsFarAsTheirFastestDrives) {
   World world(by_auto(0.01));
@@ -66,19 +66,19 @@ TEST(ContactHandover, GroupsReachAsFarAsTheirFastestDrives) {
   }
   world.step();
   EXPECT_EQ(world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u);
-  // 0.15 m between them each: 0.45 m of the way at 50 m/s
+  // 0.15 m between neighbours: 0.45 m of the path at 50 m/s
   EXPECT_NEAR(world.state(world.find_body("ball3")).position.x(), 3 * 0.35 + 50.0 * 0.01 - 0.45,
               1e-12);
 }
 
-// By impulses before, for ever: m g d is what lifting it costs.
+// Bodies added in a small overlap are lifted in the first step, at a reported work of m g d.
 TEST(ContactHandover, WhatIsPutDownTooDeepIsLiftedAndBooked) {
   for (const double depth : {1e-6, 1e-5, 1e-4, 1e-3}) {
     World world(by_auto(0.01));
     world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
     const BodyId below = world.add_body(box_at("below", {0.0, 0.0, 0.2 - depth}, 2.0));
     const BodyId above = world.add_body(box_at("above", {0.02, 0.01, 0.6 - 3.0 * depth}, 1.0));
-    // of every other one shapes have poses
+    // every second scene has shape poses
     frame_anew(&world, {0.01, Method::kAuto, 1e-8, depth == 1e-5 || depth == 1e-3});
     const double before = world.energy();
     const StepReport& report = world.step();
@@ -96,20 +96,20 @@ TEST(ContactHandover, WhatIsPutDownTooDeepIsLiftedAndBooked) {
   }
 }
 
-// Deeper than impulses leave anything at rest is not lifted in one step.
+// An overlap deeper than that of impulses at rest is not closed in one step.
 TEST(ContactHandover, WhatIsMuchTooDeepIsLeftAndToldSo) {
   World world(by_auto(0.01));
   world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
   world.add_body(box_at("box", {0.0, 0.0, 0.19}));
   world.step();
   EXPECT_EQ(world.islands().front().why, MethodReason::kOverlap);
-  EXPECT_EQ(world.report().handed_over, 0u);  // it never was by events
+  EXPECT_EQ(world.report().handed_over, 0u);  // the contact was never event-driven
   for (int i = 0; i < 500; ++i) world.step();
   EXPECT_TRUE(is_by_events(world));
 }
 
-/// Six balls lie in a row; three more are thrown past them, near enough to be a group of nine,
-/// which is too many: that goes to impulses, and is back by events once those three have gone.
+/// Six balls at rest in a row, and three more thrown past them, near enough for a group of nine,
+/// which is too many: the group switches to impulses, and back to events once the three are gone.
 World balls_that_pass(double h, double* weight) {
   World world(by_auto(h));
   world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
@@ -124,14 +124,14 @@ World balls_that_pass(double h, double* weight) {
   return world;
 }
 
-// What was done from outside is booked, so energy less the books never rises; and a copy and a
-// snapshot, after each 25 steps, go on with the same bits.
+// External work is reported, so energy less the reported work never rises; a copy and a snapshot,
+// every 25 steps, continue with the same bits.
 TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
   for (const double h : {0.01, 0.005}) {
     double weight = 0.0;
     World world = balls_that_pass(h, &weight);
     unsigned handed_over = 0, taken_back = 0, switches = 0;
-    std::set<std::uint32_t> away;  // bodies that are by impulses, as events tell
+    std::set<std::uint32_t> away;  // bodies advanced by impulses, according to events
     bool was_by_impulses = false;
     double booked = 0.0, least = world.energy();
     World copy = world, again = world;
@@ -139,7 +139,7 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
       const StepReport& report = world.step();
       handed_over += report.handed_over;
       const bool is_now = is_by_impulses(world);
-      // told in turn, of each at the beginning of the step
+      // switches alternate for each body, at the beginning of a step
       std::array<unsigned, 2> told{};
       for (const Event& event : world.events()) {
         const bool goes = event.kind == EventKind::kHandedOver;
@@ -169,14 +169,14 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
     EXPECT_EQ(handed_over, taken_back + away.size()) << h;
     EXPECT_TRUE(away.empty()) << h;
     EXPECT_GE(switches, 2u) << h;
-    EXPECT_LE(switches, 6u) << h;  // once for those that lie, and for each that comes down
+    EXPECT_LE(switches, 6u) << h;  // once for the resting balls, and once for each that lands
     EXPECT_TRUE(!is_by_impulses(world)) << h;
     for (int i = 0; i < 6; ++i)
       EXPECT_NEAR(world.state(world.find_body("lies" + std::to_string(i))).position.z(), 0.1, 1e-9);
   }
 }
 
-// Impulses leave ½ g h² to g h² of overlap: those that sleep as soon as they may would keep it.
+// Impulses leave ½ g h² to g h² of overlap, which bodies would keep if they slept at once.
 TEST(ContactHandover, NothingFallsAsleepInAnOverlap) {
   for (const double sleep_after : {0.3, 0.5}) {
     double weight = 0.0;

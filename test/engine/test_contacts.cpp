@@ -7,7 +7,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// What contacts at rest may sink in by: the fall of one step [m].
+/// Returns the overlap allowed for contacts at rest: the fall of one step [m].
 double slop(const World& world) {
   const double h = world.options().time_step;
   return world.options().gravity.norm() * h * h;
@@ -31,7 +31,7 @@ TEST(Resting, BallOnAPlane) {
   for (int step = 0; step < 1000; ++step) {
     world.step();
     ASSERT_EQ(world.contacts().size(), 1u);
-    // one row, solved exactly: round-off of h·force over h
+    // a single row is solved exactly: rounding of h·force over h
     ASSERT_NEAR(world.contacts()[0].normal_force, 3.0 * kGravity, 1e-10);
     ASSERT_GT(world.contacts()[0].depth, 0.0);
     ASSERT_LT(world.contacts()[0].depth, slop(world) * (1.0 + 1e-9));
@@ -50,15 +50,15 @@ TEST(Resting, BoxOnBoxOnAPlane) {
   const BodyId id_lower = world.add_body(lower);
   const BodyId id_upper = world.add_body(upper);
   run(world, 500);
-  // each of the two interfaces sinks by no more than the slop, and a tenth of it for the share that
-  // ten sweeps leave unsolved
+  // Each interface sinks by at most the slop, and a tenth of it for the share that ten sweeps leave
+  // unsolved.
   EXPECT_NEAR(world.state(id_lower).position.z(), 0.25, 1.1 * slop(world));
   EXPECT_NEAR(world.state(id_upper).position.z(), 0.75, 2.2 * slop(world));
   EXPECT_LT(world.state(id_upper).position.z(), 0.75);
   double on_floor = 0.0;
   for (const Contact& contact : world.contacts())
     if (contact.body_a != id_upper && contact.body_b != id_upper) on_floor += contact.normal_force;
-  // warm started sweeps converge: to 1 % of the weights after 5 s
+  // warm-started sweeps converge to 1 % of the weights after 5 s
   EXPECT_NEAR(on_floor, 6.0 * kGravity, 0.06 * kGravity);
   EXPECT_NEAR(total_normal_force(world) - on_floor, 2.0 * kGravity, 0.06 * kGravity);
   EXPECT_LT(world.state(id_upper).linear_velocity.norm(), 1e-3);
@@ -67,7 +67,7 @@ TEST(Resting, BoxOnBoxOnAPlane) {
 
 // ---- bouncing
 
-/// The height [m] to which a ball dropped by 1 m comes back.
+/// Returns the height to which a ball dropped by 1 m rebounds [m].
 double bounce_height(double restitution, double h) {
   World world(options(h));
   world.add_body(make_floor(0.0));
@@ -79,7 +79,7 @@ double bounce_height(double restitution, double h) {
   return world.state(ball).position.z() - 0.1;
 }
 
-// Speeds are met to g h and the place of the impact to v h, with v = 4.43 m/s.
+// Speeds are accurate to g h, the place of the impact to v h, with v = 4.43 m/s.
 TEST(Bouncing, HeightIsRestitutionSquared) {
   const double h = 1e-3;
   const double v = std::sqrt(2.0 * kGravity);
@@ -95,7 +95,7 @@ TEST(Bouncing, HeightConvergesToRestitutionSquared) {
 
 TEST(Bouncing, WithoutRestitutionItStays) {
   WorldOptions awake = options(0.01);
-  awake.sleep_after = kInfinity;  // it sinks in by less and less for ever
+  awake.sleep_after = kInfinity;  // sinks in by ever less
   World world(awake);
   world.add_body(make_floor(0.0));
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.5}));
@@ -106,13 +106,13 @@ TEST(Bouncing, WithoutRestitutionItStays) {
     if (touched)
       highest_after_impact = std::max(highest_after_impact, world.state(ball).position.z());
   }
-  // it comes up from what it sank in during one step at 2.8 m/s, at β of that a step: 0.28 m/s and
-  // so no higher than v²/2g above
+  // The overlap of a step at 2.8 m/s makes the ball rebound with β of the overlap per step: 0.28
+  // m/s, hence at most v²/2g above the floor.
   EXPECT_LT(highest_after_impact, 0.1 + 0.28 * 0.28 / (2.0 * kGravity));
   EXPECT_NEAR(world.state(ball).position.z(), 0.1, slop(world) * (1.0 + 1e-9));
 }
 
-/// Two spheres about to meet, weightless.
+/// Two weightless spheres about to collide.
 struct Meeting {
   World world{weightless(0.001)};
   BodyId a, b;
@@ -139,14 +139,14 @@ TEST(Collision, OfEqualBallsExchangesVelocities) {
             1e-12);
 }
 
-// Both forces of a contact act in one point, so that momenta are kept to the rounding of each step.
+// Both forces of a contact act at one point, so momenta are kept to the rounding of each step.
 TEST(Collision, WithFrictionKeepsMomenta) {
   Meeting meeting(0.6, 0.5, 0.4);
   const Vector3d p = momentum(meeting.world);
   const Vector3d L = angular_momentum(meeting.world);
   const double spin = meeting.world.state(meeting.b).angular_velocity.norm();
   run(meeting.world, 2000);
-  EXPECT_GT(meeting.world.state(meeting.b).angular_velocity.norm(), spin + 0.1);  // it did rub
+  EXPECT_GT(meeting.world.state(meeting.b).angular_velocity.norm(), spin + 0.1);  // friction acted
   EXPECT_LT((momentum(meeting.world) - p).norm(), 2000 * 4 * kEpsilon);
   EXPECT_LT((angular_momentum(meeting.world) - L).norm(), 2000 * 16 * kEpsilon);
 }
@@ -163,7 +163,7 @@ TEST(Collision, PairHasMeanFrictionAndTheLargerRestitution) {
   const BodyId ball = world.add_body(body);
   while (world.state(ball).linear_velocity.z() < 0.0) world.step();
   const BodyState& state = world.state(ball);
-  // gravity of the step is braked in the same impulse
+  // the impulse also stops gravity of the step
   EXPECT_NEAR(state.linear_velocity.z(), 0.9 * 2.0, 0.9 * 10 * kGravity * 1e-3);
   const double normal = state.linear_velocity.z() + 2.0;
   EXPECT_NEAR(state.linear_velocity.x(), 5.0 - 0.2 * normal, 0.2 * 10 * kGravity * 1e-3);
@@ -173,7 +173,7 @@ TEST(Collision, PairHasMeanFrictionAndTheLargerRestitution) {
 
 constexpr double kSlope = kPi / 6.0;  // tan = 0.577
 
-/// A flat box on an incline, as deep in it as it is at rest.
+/// A flat box on an incline, as deep in it as at rest.
 struct Incline {
   World world{options(0.01)};
   BodyId box;
@@ -200,8 +200,8 @@ TEST(Incline, SteeperThanFrictionAllowsSlidesByTheClosedForm) {
   for (int step = 1; step <= 200; ++step) {
     incline.world.step();
     const double t = incline.world.time();
-    // velocities first, positions after, is ½ a t (t + h); the sweeps of the first steps, which
-    // start from nothing, may lose a fifth of one step's speed
+    // Velocities before positions give ½ a t (t + h); the first, cold-started sweeps may lose a
+    // fifth of a step's speed.
     ASSERT_NEAR(incline.way(), 0.5 * a * t * (t + 0.01), 0.2 * a * 0.01 * t) << t;
   }
   EXPECT_NEAR(incline.downhill.dot(incline.world.state(incline.box).linear_velocity), 2.0 * a,
@@ -211,12 +211,12 @@ TEST(Incline, SteeperThanFrictionAllowsSlidesByTheClosedForm) {
 TEST(Incline, WithinFrictionStaysPut) {
   Incline incline(0.7);
   run(incline.world, 1000);
-  // without friction it would have gone 245 m; what is left of the sweeps may not add up
+  // Without friction the box would slide 245 m; residuals of the sweeps must not accumulate.
   EXPECT_LT((incline.world.state(incline.box).position - incline.start).norm(),
             slop(incline.world));
   EXPECT_LT(incline.world.state(incline.box).linear_velocity.norm(), 1e-6);
   EXPECT_NEAR(total_normal_force(incline.world), 3.0 * kGravity * std::cos(kSlope), 0.01);
-  // friction bears the rest of the weight, within what the sweeps leave
+  // friction carries the rest of the weight, within the sweeps' residual
   const Vector3d force = contact_force_on(incline.world, incline.box);
   EXPECT_LT((force - Vector3d(0.0, 0.0, 3.0 * kGravity)).norm(), 0.01);
   for (const Contact& contact : incline.world.contacts())
@@ -224,7 +224,7 @@ TEST(Incline, WithinFrictionStaysPut) {
 }
 
 // Angular momentum about the line of contact is kept: m r v₀ = (m r² + ⅖ m r²) v/r. The contact is
-// up to the slop nearer to the centre than r, which moves v by 4/7 of their ratio.
+// nearer to the centre than r by up to the slop, which changes v by 4/7 of their ratio.
 TEST(Rolling, SlidingSphereEndsAtFiveSeventhsOfItsSpeed) {
   World world(options(0.01));
   world.add_body(make_floor(0.3));
@@ -236,7 +236,7 @@ TEST(Rolling, SlidingSphereEndsAtFiveSeventhsOfItsSpeed) {
   const BodyState state = world.state(ball);
   EXPECT_NEAR(state.linear_velocity.x(), 5.0, 7.0 * 4.0 / 7.0 * slop(world) / 0.5);
   EXPECT_NEAR(state.angular_velocity.y() * 0.5, state.linear_velocity.x(), 7.0 * slop(world) / 0.5);
-  run(world, 100);  // and rolls on
+  run(world, 100);  // the ball rolls from now on
   EXPECT_NEAR(world.state(ball).linear_velocity.x(), state.linear_velocity.x(), 1e-9);
 }
 
@@ -249,23 +249,23 @@ TEST(Sliding, FrictionSlowsByMuG) {
   body.state.linear_velocity = {3.0, 4.0, 0.0};
   const BodyId box = world.add_body(body);
   run(world, 100);
-  // without a preferred direction: along the velocity, not along the tangents
+  // friction is isotropic: along the velocity, not along the tangents
   const Vector3d expected = Vector3d(0.6, 0.8, 0.0) * (5.0 - 0.3 * kGravity);
-  // sweeps that start from the step before leave less than a hundredth of a step's braking
+  // warm-started sweeps leave less than a hundredth of a step's deceleration
   EXPECT_LT((world.state(box).linear_velocity - expected).norm(), 0.01 * 0.3 * kGravity * 0.01);
   EXPECT_LT(world.state(box).angular_velocity.norm(), 1e-3);
   ASSERT_FALSE(world.contacts().empty());
   for (const Contact& contact : world.contacts()) {
     EXPECT_EQ(contact.state, ContactState::kSlipping);
     const Vector3d friction = contact.force - contact.normal_force * contact.normal;
-    // at Coulomb's limit to rounding, against the slip to what the sweeps leave
+    // at Coulomb's limit to rounding, opposite to the slip within the sweeps' residual
     const Vector3d on_box = contact.body_a == box ? friction : Vector3d(-friction);
     EXPECT_NEAR(friction.norm(), 0.3 * contact.normal_force, 1e-9 * contact.normal_force);
     EXPECT_LT(on_box.normalized().dot(Vector3d(0.6, 0.8, 0.0)), -0.999);
   }
 }
 
-// ---- rows, and who collides
+// ---- rows, and pairs that collide
 
 TEST(Rows, OfAFrictionlessContactIsOneAndOtherwiseThree) {
   for (const double friction : {0.0, 0.5}) {

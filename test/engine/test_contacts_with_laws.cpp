@@ -1,6 +1,6 @@
-// Contacts together with ropes, limits, friction and motors with a force limit on joints, all in
-// one group that is carried from event to event. Oracles: closed forms. What is left of errors is
-// rounding, and for what turns the tolerance.
+// Contacts together with ropes, limits, friction and force-limited motors of joints, in one
+// event-driven group. Oracles: closed forms. Errors are rounding, and the tolerance for rotating
+// bodies.
 
 #include "bouncing.h"
 #include "by_events.h"
@@ -12,7 +12,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A slider along x from the world to a body.
+/// Returns a slider along x from the world to a body.
 Joint slider_along_x(BodyId body, const Vector3d& place) {
   Joint joint;
   joint.name = "slider";
@@ -28,8 +28,9 @@ class ContactsWithLawsAt : public testing::TestWithParam<Carried> {};
 INSTANTIATE_TEST_SUITE_P(Ticks, ContactsWithLawsAt,
                          testing::ValuesIn(each_way(Method::kEventDriven)));
 
-// A bob on a taut rope swings from 60° against a wall below its pivot, as one on a rod would: the
-// first hit after a quarter of its period, with √(2 g L (1 − cos 60°)) and e of that after each.
+// A bob on a taut rope swings from 60° against a wall below its pivot, as on a rod: the first
+// impact is after a quarter of its period, with √(2 g L (1 − cos 60°)), and e of the speed after
+// each.
 TEST_P(ContactsWithLawsAt, ABobOnARopeHitsAWall) {
   constexpr double kRestitution = 0.8, kLength = 1.0, kRadius = 0.1;
   World world(by_events(GetParam()));
@@ -48,7 +49,7 @@ TEST_P(ContactsWithLawsAt, ABobOnARopeHitsAWall) {
     worst = std::max(worst, (world.state(bob).position - place).norm());
   }
   const std::vector<Event> hits = of_kind(events, EventKind::kContactBegan);
-  EXPECT_LT(worst, 1.7e-11);  // as on a rod
+  EXPECT_LT(worst, 1.7e-11);  // a taut rope acts as a rod
   ASSERT_GE(hits.size(), 3u);
   EXPECT_NEAR(hits[0].time, time_of_fall(angle, 0.0, kLength), 1e-11);  // at 3 m/s
   double speed = std::sqrt(2.0 * kGravity * kLength * (1.0 - std::cos(angle)));
@@ -61,7 +62,7 @@ TEST_P(ContactsWithLawsAt, ABobOnARopeHitsAWall) {
   EXPECT_TRUE(of_kind(events, EventKind::kRopeSlack).empty());
 }
 
-// A ball between a wall, e = 0.5, and the end of its rope, which stops it. No gravity.
+// A ball between a wall, e = 0.5, and the end of its rope, which stops it, without gravity.
 TEST_P(ContactsWithLawsAt, ARopeStopsWhatAWallThrowsBack) {
   World world(by_events(GetParam(), 0.0));
   world.add_body(plane("wall", {0.6, 0.0, 0.0}, -Vector3d::UnitX(), 0.3, 0.5));
@@ -84,9 +85,9 @@ TEST_P(ContactsWithLawsAt, ARopeStopsWhatAWallThrowsBack) {
   EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-14);
 }
 
-// A winch of 30 N pulls a box of 5 kg over a floor: with μ = 0.3 at (30 − μ m g)/m up to the 0.8
-// m/s that it asks for, and then with μ m g; with μ = 0.7 not at all. By a rope that is wound, and
-// by a motor on the length.
+// A winch of 30 N pulls a box of 5 kg over a floor: with μ = 0.3 at (30 − μ m g)/m up to its target
+// of 0.8 m/s, and then with μ m g; with μ = 0.7 not at all. By a rope that is wound, and by a motor
+// on the length.
 TEST_P(ContactsWithLawsAt, AWinchPullsABoxOverAFloor) {
   constexpr double kForce = 30.0, kMass = 5.0, kSpeed = 0.8;
   for (const bool by_rope : {true, false}) {
@@ -127,7 +128,7 @@ TEST_P(ContactsWithLawsAt, AWinchPullsABoxOverAFloor) {
   }
 }
 
-// A box on a spring slides over a floor: about ±μ m g/k in turn, until it sticks.
+// A box on a spring slides over a floor: about ±μ m g/k alternately, until it sticks.
 TEST_P(ContactsWithLawsAt, ABoxOnASpringSlidesOverAFloor) {
   constexpr double kMass = 2.0, kMu = 0.1, kStiffness = 40.0, kStart = 0.3;
   World world(by_events(GetParam()));
@@ -150,7 +151,7 @@ TEST_P(ContactsWithLawsAt, ABoxOnASpringSlidesOverAFloor) {
   EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-12);
 }
 
-// A ball bounces to its rest on an arm that its hinge's stop holds up: as on a floor.
+// A ball bounces to rest on an arm held by its hinge's stop, as on a floor.
 TEST_P(ContactsWithLawsAt, ABallBouncesOnAnArmAtItsStop) {
   for (const double e : {0.0, 0.5, 0.9}) {
     World world(by_events(GetParam()));
@@ -179,8 +180,8 @@ TEST_P(ContactsWithLawsAt, ABallBouncesOnAnArmAtItsStop) {
   }
 }
 
-// A ball of m strikes a block of M on a slider with friction, e = 1: the block leaves with
-// 2 m v/(m + M) and stops after V²/(2 f/M), the ball keeps (m − M) v/(m + M).
+// A ball of m strikes a block of M on a slider with friction, e = 1: the block leaves with 2 m v/(m
+// + M) and stops after V²/(2 f/M), the ball keeps (m − M) v/(m + M).
 TEST_P(ContactsWithLawsAt, FrictionOfASliderStopsWhatABallStrikes) {
   constexpr double kBall = 1.0, kBlock = 3.0, kFriction = 5.0, kSpeed = 4.0;
   World world(by_events(GetParam(), 0.0));
@@ -203,8 +204,8 @@ TEST_P(ContactsWithLawsAt, FrictionOfASliderStopsWhatABallStrikes) {
   EXPECT_NEAR(sticks[0].time, hit + V / decelerates, 1e-11);
 }
 
-// A motor of 12 N drives a ball of 2 kg on a slider against a wall, e = 0: there the wall bears all
-// of it, and the motor is at its limit.
+// A motor of 12 N drives a ball of 2 kg on a slider against a wall, e = 0: there the wall carries
+// the full force, and the motor is at its limit.
 TEST_P(ContactsWithLawsAt, AMotorDrivesABallAgainstAWall) {
   World world(by_events(GetParam(), 0.0));
   world.add_body(plane("wall", {1.0, 0.0, 0.0}, -Vector3d::UnitX(), 0.0, 0.0));
@@ -215,7 +216,7 @@ TEST_P(ContactsWithLawsAt, AMotorDrivesABallAgainstAWall) {
   joint.coordinates[0].motor->max_force = 12.0;
   const JointId id = world.add_joint(joint);
   const std::vector<Event> events = advance(&world, 1.0);
-  // at 6 m/s² to 2 m/s in 1/3 s and 1/3 m, then 0.9 − 1/3 m at that
+  // at 6 m/s² to 2 m/s in 1/3 s and 1/3 m, then 0.9 − 1/3 m at that speed
   const std::vector<Event> hits = of_kind(events, EventKind::kContactBegan);
   ASSERT_EQ(hits.size(), 1u);
   EXPECT_NEAR(hits[0].time, 1.0 / 3.0 + (0.9 - 1.0 / 3.0) / 2.0, kTime);
@@ -226,8 +227,8 @@ TEST_P(ContactsWithLawsAt, AMotorDrivesABallAgainstAWall) {
   EXPECT_NEAR(world.joint_state(id).coordinates[0].effort, 12.0, 1e-9);
 }
 
-// The same on a cylindrical joint, that a second motor turns at 0.5 rad/s with 0.08 N m: one of the
-// two at its limit is not told of the other.
+// The ball on a cylindrical joint, which a second motor turns at 0.5 rad/s with 0.08 N m:
+// saturation is reported for each motor separately.
 TEST_P(ContactsWithLawsAt, MotorsOfOneJointAreToldApart) {
   World world(by_events(GetParam(), 0.0));
   world.add_body(plane("wall", {1.0, 0.0, 0.0}, -Vector3d::UnitX(), 0.0, 0.0));
@@ -245,7 +246,7 @@ TEST_P(ContactsWithLawsAt, MotorsOfOneJointAreToldApart) {
   std::vector<Event> told;
   for (const Event& event : advance(&world, 1.0))
     if (event.joint) told.push_back(event);
-  // 2/5 m r² turned by 0.08 N m
+  // 2/5 m r² accelerated by 0.08 N m
   ASSERT_EQ(told.size(), 3u);
   EXPECT_EQ(told[0].kind, EventKind::kReleased);
   EXPECT_EQ(told[0].coordinate, 1);
@@ -260,7 +261,7 @@ TEST_P(ContactsWithLawsAt, MotorsOfOneJointAreToldApart) {
 }
 
 // A servo of 20 N/m about 1.2 m and 12 N drives a ball of 2 kg on a slider against a wall, e = 0:
-// at its limit up to 0.6 m, then by the spring, and the wall bears what that has left.
+// at its limit up to 0.6 m, then with its spring, and the wall carries the remaining force.
 TEST_P(ContactsWithLawsAt, AServoDrivesABallAgainstAWall) {
   constexpr double kStiffness = 20.0, kForce = 12.0, kMass = 2.0;
   World world(by_events(GetParam(), 0.0));
@@ -288,8 +289,8 @@ TEST_P(ContactsWithLawsAt, AServoDrivesABallAgainstAWall) {
   EXPECT_FALSE(world.joint_state(id).saturated);
 }
 
-// A ball knocks a block off the position that its motor holds: it brakes, comes back with all of
-// its force and is at rest where it was.
+// A ball pushes a block off the position that its motor holds: the motor stops it, returns it with
+// its full force, and the block ends at rest in its place.
 TEST_P(ContactsWithLawsAt, AMotorBringsBackWhatABallStruck) {
   constexpr double kForce = 5.0, kBall = 1.0, kBlock = 2.0, kSpeed = 2.0;
   World world(by_events(GetParam(), 0.0));
@@ -323,7 +324,7 @@ TEST_P(ContactsWithLawsAt, AMotorBringsBackWhatABallStruck) {
   EXPECT_NEAR(released[0].time, brakes, 1e-10);
 }
 
-// One without a limit of its force is as good as a wall.
+// A motor without a force limit acts like a wall.
 TEST_P(ContactsWithLawsAt, AMotorOfAnyForceHoldsABlockThatABallStrikes) {
   World world(by_events(GetParam(), 0.0));
   const BodyId block = world.add_body(
@@ -340,8 +341,8 @@ TEST_P(ContactsWithLawsAt, AMotorOfAnyForceHoldsABlockThatABallStrikes) {
   EXPECT_NEAR(world.state(id).position.x(), 0.7 - 2.0 * (world.time() - 0.35), kPlace);
 }
 
-// A slider's stop and a wall reached at once share one force that nothing else says how to share:
-// within its bounds, and in sum.
+// A slider's stop and a wall reached at the same time share one force, which is determined only in
+// sum and by its bounds.
 TEST_P(ContactsWithLawsAt, AStopAndAWallShareAForce) {
   World world(by_events(GetParam(), 0.0));
   world.add_body(plane("wall", {1.0, 0.0, 0.0}, -Vector3d::UnitX(), 0.0, 0.0));
@@ -364,7 +365,7 @@ TEST_P(ContactsWithLawsAt, AStopAndAWallShareAForce) {
   EXPECT_NEAR(stop + wall, 7.0, 1e-9);
 }
 
-// A slack rope changes nothing: the ball bounces as without.
+// A slack rope changes nothing: the ball bounces as without it.
 TEST_P(ContactsWithLawsAt, ASlackRopeChangesNothing) {
   World with(by_events(GetParam())), without(by_events(GetParam()));
   BodyId id;
@@ -381,8 +382,8 @@ TEST_P(ContactsWithLawsAt, ASlackRopeChangesNothing) {
   EXPECT_LT((with.state(id).angular_velocity - without.state(id).angular_velocity).norm(), 1e-11);
 }
 
-// What an event takes beside the substep of a tick in which nothing happens, at a tick that needs
-// only one: at most five substeps, those that are taken again to find it among them.
+// Cost of an event beyond the substep of an undisturbed tick, at a tick that needs only one: at
+// most five substeps, including those repeated to find the event.
 TEST(ContactsWithLaws, AnEventCostsAtMostFiveSubsteps) {
   for (const bool on_rope : {false, true}) {
     World world(by_events(1.0 / 240));

@@ -16,8 +16,8 @@ using Eigen::Vector3d;
 
 constexpr std::array<Method, 2> kSmoothMethods{Method::kRungeKutta, Method::kEnergyMomentum};
 
-// κ and Δφ by their end against differences of fourth order over 1e-3, which leave 1e-12 of a fifth
-// derivative of some hundred.
+// κ and Δφ, by their end, against fourth-order differences over 1e-3, whose error is 1e-12 of a
+// fifth derivative of a few hundred.
 TEST(AngleForms, StepsHaveTheirDerivatives) {
   constexpr double kStep = 1e-3;
   for (const double turn : {-2.5, -1.0, -1e-4, 0.0, 1e-5, 0.3, 1.5, 2.8}) {
@@ -42,8 +42,8 @@ TEST(AngleForms, StepsHaveTheirDerivatives) {
   }
 }
 
-/// A bar of 1 m and 2 kg on a hinge at its end, about z, without weight unless asked for; its
-/// moment of inertia about the hinge is kInertia.
+/// A bar of 1 m and 2 kg on a hinge at its end, about z, weightless by default. Its moment of
+/// inertia about the hinge is kInertia.
 constexpr double kMass = 2.0, kArm = 0.5;
 constexpr double kInertia = kMass * (1.0 + 0.01) / 12.0 + kMass * kArm * kArm;
 
@@ -87,11 +87,11 @@ CoordinateLaw driven(double bias, double amplitude = 0.0, double frequency = 0.0
   return law;
 }
 
-// q(t) = ∫ζ whatever the tick, whole turns counted, to the rounding of 80 rad in 1000 sums.
+// q(t) = ∫ζ for any tick, counting whole turns, to the rounding of 80 rad in 1000 sums.
 TEST(AngleMotor, IsExactAndCountsTurns) {
   for (const Method method : kSmoothMethods) {
     for (const double h : {0.1, 0.01, 0.002}) {
-      if (method == Method::kEnergyMomentum && h > 0.04) continue;  // two radians a tick at most
+      if (method == Method::kEnergyMomentum && h > 0.04) continue;  // at most two radians a tick
       Bar bar(method, h, driven(40.0, 3.0, 1.5));
       bar.run(2.0);
       const double omega = 2.0 * kPi * 1.5;
@@ -106,8 +106,8 @@ TEST(AngleMotor, IsExactAndCountsTurns) {
   }
 }
 
-// The rate jumps while the sinusoid goes on: the bodies get an impulse then, and not what a
-// projection of where they would have come to makes of it. The tick divides nothing here.
+// The motor's rate jumps while its sinusoid continues: the bodies then get an impulse, instead of a
+// projection of an overshoot. The jump is not at the end of a tick.
 TEST(AngleMotor, EndsInTimeWhileItsSinusoidGoesOn) {
   const auto end = [](Method method, double h) {
     CoordinateLaw law = driven(2.0, 1.0, 1.5);
@@ -132,7 +132,7 @@ TEST(AngleMotor, EndsInTimeWhileItsSinusoidGoesOn) {
   EXPECT_LE((end(Method::kEnergyMomentum, 0.002) - exact).norm(), 1e-6);
 }
 
-// sequential_impulses: first order by its closing of a share of the error.
+// sequential_impulses is of first order, since it closes a share of the error.
 TEST(AngleMotor, IsFollowedByImpulses) {
   Bar bar(Method::kSequentialImpulses, 0.001, driven(3.0));
   bar.run(1.0);
@@ -173,7 +173,7 @@ TEST(TorsionSpring, ByFrequencyGoesByTheMomentAboutTheHinge) {
   EXPECT_NEAR(filled.damping, 0.2 * omega * kInertia, 1e-12 * filled.damping);
 }
 
-// A spring wound up by more than whole turns keeps its energy, and swings back through them.
+// A spring wound up by several turns keeps its energy, and swings back through them.
 TEST(TorsionSpring, WindsUpOverWholeTurns) {
   CoordinateLaw law;
   law.stiffness = 1.0;
@@ -218,7 +218,7 @@ TEST(AngleMotor, GoesToAPositionWithinTheClosingTimeAndHoldsIt) {
                                           {Method::kSequentialImpulses, 2e-2}}) {
     Bar bar(method, 0.01, law, 0.0, kGravity);
     EXPECT_TRUE(bar.world.joint_state(bar.hinge).closing);
-    bar.run(0.25);  // half of it, and half the way
+    bar.run(0.25);  // half the time, and half the way
     if (method != Method::kSequentialImpulses) {
       EXPECT_NEAR(bar.angle().position, 0.6, 1e-12);
     }
@@ -272,7 +272,7 @@ TEST(AngleLimits, ThrowBackWithTheirShareOfTheSpeed) {
   EXPECT_NEAR(bar.angle().velocity, -1.0, 1e-12);
 }
 
-// Coulomb friction takes off τ/I a second, and then holds.
+// Coulomb friction decelerates by τ/I, and then holds.
 TEST(AngleFriction, BrakesEvenlyAndHolds) {
   CoordinateLaw law;
   law.friction = 0.5;
@@ -295,8 +295,8 @@ TEST(AngleMotor, GivesWayAtItsForceLimit) {
   EXPECT_NEAR(bar.angle().effort, 0.6, 1e-9);
 }
 
-// The crank of a slider-crank from rest: its motor is at the limit, also where closing errors of
-// other rows takes back a little of its impulse.
+// The crank of a slider-crank from rest: its motor is saturated, also where closing errors of other
+// rows reduces its impulse slightly.
 TEST(AngleMotor, TellsItsForceLimitByImpulses) {
   World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR) + "/slider_crank.yaml");
   WorldOptions chosen = world.options();
@@ -321,7 +321,7 @@ TEST(AngleMotor, TellsItsForceLimitByImpulses) {
   EXPECT_GT(with_corrections, 0);
 }
 
-// A servo and a force are at their limits as motors by velocity are.
+// Servos and forces report saturation like rate motors.
 TEST(AngleMotor, TellsTheForceLimitOfAServoAndOfAForce) {
   CoordinateLaw servo;
   servo.motor.emplace();
@@ -382,7 +382,7 @@ TEST(SliderLaws, AreThoseOfATranslation) {
     Joint slider =
         make_joint("slider", kWorldBody, {0.1, 0.2, 0.3}, id, Vector3d::Zero(), JointKind::kSlider);
     slider.coordinates[0].stiffness = k;
-    slider.coordinates[0].position = 0.5;  // reads half a metre there
+    slider.coordinates[0].position = 0.5;  // value in the initial pose
     slider.coordinates[0].rest = 0.5;
     const JointId joint = world.add_joint(slider);
     for (int i = 0; i < static_cast<int>(std::lround(t / h)); ++i) world.step();
@@ -392,8 +392,8 @@ TEST(SliderLaws, AreThoseOfATranslation) {
   }
 }
 
-// At the hinge of a bar that hangs straight down: its weight, and no torque; held level by a motor:
-// m g times the arm.
+// Wrench at the hinge of a bar that hangs straight down: its weight, and no torque; of a bar that a
+// motor holds level: m g times the arm.
 TEST(JointWrench, IsTheWeightAndItsMoment) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     WorldOptions chosen = options(0.01);
@@ -408,7 +408,7 @@ TEST(JointWrench, IsTheWeightAndItsMoment) {
     world.step();
     const World::JointWrench wrench = world.joint_wrench(hinge);
     EXPECT_NEAR(wrench.force.norm(), kMass * kGravity, 1e-9);
-    // gravity turns the bar positively about y, and the joint holds against that
+    // gravity turns the bar positively about y, and the joint resists
     EXPECT_NEAR(wrench.torque.z(), -kMass * kGravity * kArm, 1e-9);
     EXPECT_NEAR(world.joint_state(hinge).force, -kMass * kGravity * kArm, 1e-9);
   }
@@ -473,7 +473,7 @@ TEST_P(SpringsOfEachKind, KeepEnergyAndMomenta) {
       ASSERT_LE(report.max_constraint_error, 1e-13) << name(method);
       ASSERT_EQ(report.changes, 0u) << name(method);
     }
-    // energy_momentum to rounding of 300 steps, runge_kutta to its tolerance at some m/s
+    // energy_momentum to rounding of 300 steps, runge_kutta to its tolerance at a few m/s
     const bool is_exact = method == Method::kEnergyMomentum;
     EXPECT_NEAR(world.energy(), energy, (is_exact ? 5e-11 : 1e-8) * energy) << name(method);
     EXPECT_LE((momentum(world) - p).norm(), 1e-12 * p.norm()) << name(method);
@@ -527,7 +527,7 @@ std::vector<JointKind> kinds_with_coordinates() {
 INSTANTIATE_TEST_SUITE_P(JointKinds, SpringsOfEachKind, testing::ValuesIn(kinds_with_coordinates()),
                          [](const auto& kind) { return std::string(name(kind.param)); });
 
-// Two motors on one shaft that ask for different rates cannot both be met, and that is told.
+// Two motors on one shaft with different target rates contradict each other, which is reported.
 TEST(AngleMotors, ThatContradictAreTold) {
   Bar bar(Method::kAuto, 0.01, driven(1.0));
   Joint second = bar.world.joint(bar.hinge);
@@ -566,8 +566,7 @@ TEST(Laws, OfAResetAreThoseOfTheStart) {
   EXPECT_NEAR(bar.angle().position, 0.6, 1e-13);
 }
 
-// A spring that is taken off in the middle of a swing leaves the speed; one that is put on begins
-// where the coordinate is.
+// A spring removed in mid-swing leaves the speed; a spring added starts at the present coordinate.
 TEST(Laws, AreReplacedWhileRunning) {
   for (const Method method : kSmoothMethods) {
     CoordinateLaw law;
@@ -578,11 +577,11 @@ TEST(Laws, AreReplacedWhileRunning) {
     const double speed = bar.angle().velocity, position = bar.angle().position;
     bar.world.set_law(bar.hinge, 0, CoordinateLaw{});
     bar.run(0.2);
-    // energy_momentum carries on with the end of a step, whose velocity is of order 4 there
+    // energy_momentum continues with velocities at the end of a step, which are of order 4
     const double tolerance = method == Method::kRungeKutta ? 1e-9 : 1e-6;
     EXPECT_NEAR(bar.angle().velocity, speed, tolerance) << name(method);
     EXPECT_NEAR(bar.angle().position, position + 0.2 * speed, tolerance) << name(method);
-    law.position = 1.0;  // reads so from here on
+    law.position = 1.0;  // the coordinate has this value from here on
     law.rest = 1.0;
     bar.world.set_law(bar.hinge, 0, law);
     const double omega = std::sqrt(30.0 / kInertia);

@@ -1,6 +1,5 @@
-// Gears, racks, pulleys and screws as users have them: edits, refusals, whole turns,
-// contradictions, and what their forces do. Their motion is held in test_mechanisms.cpp and
-// test_joint_kinds.cpp.
+// Gears, racks, pulleys and screws as used: edits, rejections, whole turns, contradictions, and
+// forces. Their motion is tested in test_mechanisms.cpp and test_joint_kinds.cpp.
 
 #include <array>
 
@@ -16,7 +15,7 @@ using Eigen::Vector3d;
 
 constexpr Method kSmooth[] = {Method::kRungeKutta, Method::kEnergyMomentum};
 
-/// Wheels on hinges to the world about z, a metre apart, 0.5 kg m² each; none touches another.
+/// Wheels on hinges to the world about z, a metre apart, 0.5 kg m² each, not in contact.
 struct Wheels {
   World world;
   std::vector<BodyId> bodies;
@@ -67,10 +66,10 @@ struct Wheels {
   }
 };
 
-// A torque τ on the first of two wheels of inertia I turns it by ½ τ/(I + I/ratio²) t², and what
-// the gear does along q₁ is −τ/(1 + ratio²) of it, by Newton's law of the second wheel. Cayley's
-// turns of hω = 0.05 rad are off by (hω)²/12 of themselves: composed to order 4 they leave 1e-10
-// rad of two, and of the mean force as many shares as of one turn.
+// A torque τ on the first of two wheels of inertia I turns it by ½ τ/(I + I/ratio²) t²; the gear's
+// effort along q₁ is −τ/(1 + ratio²), by Newton's law of the second wheel. Cayley's rotations of hω
+// = 0.05 rad have a relative error of (hω)²/12: composed to order 4 they leave 1e-10 rad of two,
+// and in the mean force the share of one rotation.
 TEST(Gear, SharesATorqueByItsRatio) {
   for (const double ratio : {2.0, -0.5, std::sqrt(2.0)}) {
     for (const Method method :
@@ -83,7 +82,7 @@ TEST(Gear, SharesATorqueByItsRatio) {
       wheels.world.add_wrench(wrench);
       for (int i = 0; i < 100; ++i) wheels.world.step();
       const double rate = 3.0 / (0.5 + 0.5 / (ratio * ratio));
-      const bool is_first_order = method == Method::kSequentialImpulses;  // off by ½ h t
+      const bool is_first_order = method == Method::kSequentialImpulses;  // error ½ h t
       const bool is_order_4 = method == Method::kEnergyMomentum;
       const double allowed = is_first_order ? 0.011 * rate : (is_order_4 ? 3e-10 : 1e-11);
       const double of_force = is_order_4 ? 4e-4 : 1e-9;
@@ -100,8 +99,8 @@ TEST(Gear, SharesATorqueByItsRatio) {
   }
 }
 
-// A gear of √2 for hundreds of turns: its constant is kept to rounding of the angles, saved with
-// the turns, and taken anew by a reset.
+// A gear of ratio √2 for hundreds of turns: its constant is kept to rounding of the angles, saved
+// with the turns, and redetermined by a reset.
 TEST(Gear, CountsWholeTurns) {
   for (const Method method : kSmooth) {
     if (kSanitizedShare > 1 && method == Method::kEnergyMomentum) break;
@@ -116,7 +115,7 @@ TEST(Gear, CountsWholeTurns) {
       ASSERT_NEAR(wheels.angle(0) + std::sqrt(2.0) * wheels.angle(1), constant,
                   8.0 * kEpsilon * 600.0);
     }
-    // both share the angular momentum along the first: ω₁ = 40/(1 + 1/2)
+    // both share the first one's angular momentum: ω₁ = 40/(1 + 1/2)
     EXPECT_NEAR(wheels.angle(0), 120.0 + 10.0 * 40.0 / 1.5, 1e-6);
 
     World loaded = load_scene(save_scene(wheels.world), "saved");
@@ -129,9 +128,8 @@ TEST(Gear, CountsWholeTurns) {
   }
 }
 
-// More than half a turn in one step of runge_kutta, as without a tolerance: the gear is met with
-// all turns counted, and the wheel is where its speed takes it, but for what such steps do to
-// rotations.
+// More than half a turn in one step of runge_kutta, as without a tolerance: the gear holds with all
+// turns counted, and the wheel follows its speed, up to the integration error of such steps.
 TEST(Gear, CountsTurnsOfLongSteps) {
   Wheels wheels(2, Method::kRungeKutta, 1.0 / 60.0);
   WorldOptions chosen = wheels.world.options();
@@ -147,9 +145,9 @@ TEST(Gear, CountsTurnsOfLongSteps) {
   EXPECT_NEAR(wheels.angle(0), 200.0, 0.1);
 }
 
-// A nut of mass m and inertia I that falls along a screw of lead k: m a = −m g + F along it and
-// I a/k = −k F about it. What holds it is told along both coordinates and as the joint's wrench,
-// and breaks it where that is too much.
+// A nut of mass m and inertia I on a screw of lead k: m a = −m g + F along it and I a/k = −k F
+// about it. The screw's force is reported along both coordinates and as the joint's wrench, and
+// breaks the joint beyond its limit.
 TEST(Screw, TellsWhatItsRowDoesAlongBothCoordinates) {
   constexpr double kMass = 2.0, kInertia = 0.5, kLead = 0.3;
   const double a = -kMass * kGravity / (kMass + kInertia / (kLead * kLead));
@@ -175,7 +173,7 @@ TEST(Screw, TellsWhatItsRowDoesAlongBothCoordinates) {
       const bool breaks = break_force != 0.0 && break_force < force;
       EXPECT_EQ(world.joint_state(id).broken, breaks) << name(method) << break_force;
       if (breaks) continue;
-      // Cayley's turns leave shares of (hω)²
+      // Cayley's rotations have errors of (hω)²
       const double allowed = method == Method::kRungeKutta ? 1e-10 : 1e-3;
       const JointState& state = world.joint_state(id);
       EXPECT_NEAR(state.force, force, allowed * force) << name(method);
@@ -196,7 +194,7 @@ TEST(Coupling, HasNoWrenchOfItsOwn) {
             "constraint: 'gear_0_1' is a gear, which couples others and has no wrench of its own");
 }
 
-// One that acts again is not warm started with what it did before, when bodies moved otherwise.
+// A joint that is enabled again is not warm-started with its old impulse.
 TEST(Coupling, ForgetsItsImpulseWhileItDoesNotAct) {
   Wheels wheels(2, Method::kSequentialImpulses);
   const JointId gear = wheels.gear(0, 1, 1.0);
@@ -207,7 +205,7 @@ TEST(Coupling, ForgetsItsImpulseWhileItDoesNotAct) {
   EXPECT_EQ(wheels.world.joint_state(gear).coupling.impulse, 0.0);
 }
 
-// Where a body is put elsewhere the gear closes by the world's course, both wheels giving way.
+// After an edit of a pose the gear closes along the common closing motion, moving both wheels.
 TEST(Gear, ClosesWhatAnEditLeavesOpen) {
   for (const Method method :
        {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {
@@ -229,7 +227,7 @@ TEST(Gear, ClosesWhatAnEditLeavesOpen) {
   }
 }
 
-// One gear twice is one; of a loop of three that fit each other nothing more can turn.
+// A duplicated gear acts as one; three consistent gears in a loop lock all wheels.
 TEST(Gear, MayBeRedundantOrLock) {
   for (const Method method : kSmooth) {
     Wheels twice(2, method);
@@ -240,7 +238,7 @@ TEST(Gear, MayBeRedundantOrLock) {
     EXPECT_EQ(twice.world.report().dependent_rows, 1u);
     EXPECT_NEAR(twice.angle(0), 3.0 / 1.25, 1e-9);
     EXPECT_LE(twice.world.report().max_constraint_error, 1e-13);
-    // of the start's impulse nothing; by Cayley's turns a share of rounding over h
+    // no remainder of the initial impulse; with Cayley's rotations a share of rounding over h
     EXPECT_NEAR(twice.world.joint_state(one).force, 0.0, 1e-4);
 
     Wheels locked(3, method);
@@ -253,7 +251,7 @@ TEST(Gear, MayBeRedundantOrLock) {
   }
 }
 
-// Where a motor drives what gears lock, nobody can have what he asks for, and it is told.
+// A motor against wheels that gears lock is a contradiction, which is reported.
 TEST(Gear, TellsALoopThatContradictsAMotor) {
   for (const Method method : kSmooth) {
     Wheels wheels(3, method);
@@ -275,8 +273,8 @@ TEST(Gear, TellsALoopThatContradictsAMotor) {
   }
 }
 
-// Gears that cannot be met together are refused by name, when they are added or begin to act, and
-// nothing changes. What they say is the same around the loop in all directions.
+// Contradictory gears are rejected by name, when they are added or enabled, and nothing changes.
+// Conditions around a loop are consistent in all directions.
 TEST(Gear, RefusesALoopThatContradicts) {
   Wheels wheels(4);
   wheels.gear(0, 1, 1.0);
@@ -297,8 +295,8 @@ TEST(Gear, RefusesALoopThatContradicts) {
             "value: contradicts 'gear_0_1', 'gear_2_1', by which it is 0, got 0.5");
   EXPECT_FALSE(wheels.world.joint(idle).enabled);
   wheels.world.remove_joint(idle);
-  wheels.gear(0, 2, 1.0, 0.3);  // which stops all of them, the first at 0.15
-  wheels.gear(3, 0, 1.0, 7.0);  // in no loop
+  wheels.gear(0, 2, 1.0, 0.3);  // stops all of them, the first at 0.15
+  wheels.gear(3, 0, 1.0, 7.0);  // closes no loop
   for (int i = 0; i < 100; ++i) ASSERT_FALSE(wheels.world.step().failed);
   EXPECT_NEAR(wheels.angle(0), 0.15, 1e-12);
   EXPECT_NEAR(wheels.angle(3), 6.85, 1e-12);
@@ -306,8 +304,8 @@ TEST(Gear, RefusesALoopThatContradicts) {
             "value: contradicts 'gear_0_1', 'gear_2_1', 'gear_0_2', by which it is 0.3, got 0");
 }
 
-// Those that impulses leave off a little fit each other, also when they are loaded, and those that
-// came to contradict each other before.
+// Gears that impulses left slightly off count as consistent, also when loaded, and so do gears that
+// contradicted before.
 TEST(Gear, MayBeAddedOnceMoreWhileItIsOff) {
   Wheels wheels(2, Method::kSequentialImpulses);
   wheels.gear(0, 1, 1.3);
@@ -386,7 +384,7 @@ TEST(Coupling, ActsWhileWhatItCouplesDoes) {
   for (int i = 0; i < 50; ++i) wheels.world.step();
   EXPECT_NEAR(wheels.angle(0), 1.0, 1e-9);
   EXPECT_NEAR(wheels.angle(1), 0.0, 1e-12);
-  wheels.world.set_enabled(gear, true);  // and closes by what has opened
+  wheels.world.set_enabled(gear, true);  // closes the error since
   EXPECT_NEAR(wheels.world.joint_state(gear).error, 1.0, 1e-9);
   for (int i = 0; i < 60; ++i) ASSERT_FALSE(wheels.world.step().failed);
   EXPECT_LE(wheels.world.joint_state(gear).error, 1e-12);
@@ -405,14 +403,14 @@ TEST(Coupling, BreaksByItsEffortOrWithAHinge) {
     const JointId id = wheels.world.add_joint(gear);
     Wrench wrench;
     wrench.body = wheels.bodies[0];
-    wrench.torque = {0.0, 0.0, 1.9};  // half of it goes through the gear
+    wrench.torque = {0.0, 0.0, 1.9};  // the gear carries half of it
     const auto pull = [&] {
       wheels.world.add_wrench(wrench);
       for (int i = 0; i < 5; ++i) wheels.world.step();
     };
     pull();
     EXPECT_FALSE(wheels.world.joint_state(id).broken) << name(method);
-    wrench.torque.z() = 0.3;  // and 1.9 that still act
+    wrench.torque.z() = 0.3;  // the 1.9 N m still act
     pull();
     EXPECT_TRUE(wheels.world.joint_state(id).broken) << name(method);
   }
@@ -451,7 +449,8 @@ TEST(Coupling, RefusesWhatItCannotCouple) {
   EXPECT_EQ(wheels.world.joint_ids().size(), before);
 }
 
-// Free lengths measure, and may have laws: a spring along one is the spring of a distance joint.
+// A free length measures and may have laws: a spring along it equals the spring of a distance
+// joint.
 TEST(FreeDistance, HasLawsOfItsOwn) {
   for (const Method method : kSmooth) {
     const auto swing = [&](bool is_free) {
@@ -485,9 +484,9 @@ TEST(FreeDistance, HasLawsOfItsOwn) {
   }
 }
 
-// Two masses on a pulley, straight below it: the heavier one pulls the other up to it, where its
-// length has no direction any more and ends as an inelastic impact does. All of the energy that is
-// lost there, and no more, is told: to the tolerance, by which substeps near there are off.
+// Two masses on a pulley, straight below it: the heavier one pulls the other up to it, where the
+// length has no direction and the motion ends like an inelastic impact. The reported loss is the
+// full loss of energy, within the tolerance, which limits substeps there.
 TEST(Pulley, TellsWhatALengthOfZeroLoses) {
   double largest = 0.0;
   for (const double h : {0.01, 0.003, 0.001}) {
@@ -521,7 +520,7 @@ TEST(Pulley, TellsWhatALengthOfZeroLoses) {
     largest = std::max(largest, told);
     if (kSanitizedShare > 1 && largest > 0.5) break;
   }
-  EXPECT_GT(largest, 0.5);  // some of them pass it so
+  EXPECT_GT(largest, 0.5);  // some pass it like this
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// Constraints and forces of other packages: the same motion as the engine's own where there is one,
-// closed forms, and what is said where they are wrong.
+// Constraints and forces of other packages: the motion of equivalent joints of the engine, closed
+// forms, and messages for errors.
 
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
@@ -41,7 +41,8 @@ WorldOptions by(Method method, double time_step) {
 const Method kMethods[] = {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum,
                            Method::kSequentialImpulses, Method::kEventDriven};
 
-/// The largest difference of position [m], velocity [m/s] and spin [rad/s] of two worlds' bodies.
+/// Returns the largest difference of position [m], velocity [m/s] and spin [rad/s] between the
+/// bodies of two worlds.
 double difference(const World& a, const World& b) {
   double most = 0.0;
   for (const BodyId id : a.body_ids()) {
@@ -55,7 +56,7 @@ double difference(const World& a, const World& b) {
 
 // ---- forces
 
-// v(t) = v∞ + (v₀ − v∞) exp(−c t/m) with v∞ = w + m g/c
+// v(t) = v∞ + (v₀ − v∞) exp(−c t/m) with v∞ = w + m g/c.
 double error_of_drag(Method method, int order, double time_step, bool* failed) {
   constexpr double kMass = 0.5, kDrag = 0.4, kWind = 3.0, kTime = 2.0;
   WorldOptions options = by(method, time_step);
@@ -72,7 +73,7 @@ double error_of_drag(Method method, int order, double time_step, bool* failed) {
 
 TEST_F(Custom, DragOfASphereIsTheClosedForm) {
   bool failed = false;
-  // a thousand times the tolerance, of seconds
+  // a thousand times the tolerance, for seconds
   EXPECT_LE(error_of_drag(Method::kRungeKutta, 4, 0.01, &failed), 1e-9);
   EXPECT_LE(error_of_drag(Method::kAuto, 4, 0.05, &failed), 1e-9);
   EXPECT_LE(error_of_drag(Method::kEventDriven, 4, 0.05, &failed), 1e-9);
@@ -105,7 +106,7 @@ TEST_F(Custom, ForcesDependOnTimeAndTurnBodies) {
                 100.0 * allowed);
     EXPECT_NEAR(world.joint_state(world.find_joint("custom")).force,
                 kForce * std::abs(std::cos(kOmega)), 1e-9);
-    EXPECT_EQ(world.report().energy_rise, 0.0);  // it has a cause
+    EXPECT_EQ(world.report().energy_rise, 0.0);  // explained by the force
   }
 }
 
@@ -122,8 +123,8 @@ TEST_F(Custom, ForcesBetweenTwoBodiesKeepMomentum) {
     world.add_joint(custom("test/drag", {{"c", 1.0}, {"wind", 0.0}}, b, a));
     run(world, 100);
     EXPECT_LE((momentum(world) - Vector3d(0.0, 1.0, 0.0)).norm(), 1e-12) << name(method);
-    // relative velocities fall as exp(−c t/μ), μ = 3/4 kg; the others are of order 1 and 2: h c/μ
-    // and (h c/μ)²/12 of it
+    // relative velocities fall as exp(−c t/μ), μ = 3/4 kg; the other methods are of order 1 and 2:
+    // relative errors h c/μ and (h c/μ)²/12
     const double apart = (world.state(b).linear_velocity - world.state(a).linear_velocity).norm();
     const double allowed = method == Method::kSequentialImpulses ? 5e-3
                            : method == Method::kEnergyMomentum   ? 1e-5
@@ -137,7 +138,7 @@ TEST_F(Custom, ForcesBetweenTwoBodiesKeepMomentum) {
 struct Pendulum {
   World own, custom_one;
 
-  // by the engine's rod, and by one with the same equation
+  // The pendulum with the engine's rod, and with a custom rod of the same equation.
   Pendulum(Method method, bool is_squared, bool is_pair) : own(by(method, 0.01)) {
     Body first = make_body("first", Sphere{0.1}, 1.0, {0.6, 0.0, -0.8});
     first.state.linear_velocity = {0.0, 0.5, 0.0};
@@ -161,7 +162,7 @@ struct Pendulum {
   }
 };
 
-// The same with the last body off by rounding.
+// Returns a copy with the last body moved by rounding.
 World by_rounding_off(const World& world) {
   World off = world;
   const BodyId last = off.body_ids().back();
@@ -171,8 +172,8 @@ World by_rounding_off(const World& world) {
   return off;
 }
 
-// Impulses have ‖d‖ − ℓ of a rod, all others ½(d·d − ℓ²). To 1e-12 m, or to what becomes of
-// rounding in the engine's own rods, which is more where a pair tumbles.
+// Impulses use ‖d‖ − ℓ for a rod, all other methods ½(d·d − ℓ²). Bound: 1e-12 m, or the effect of
+// rounding with the engine's own rods, which is larger for a tumbling pair.
 TEST_F(Custom, RodMovesAsTheEnginesRodByEveryMethod) {
   for (const bool is_pair : {false, true}) {
     for (const Method method : kMethods) {
@@ -189,7 +190,7 @@ TEST_F(Custom, RodMovesAsTheEnginesRodByEveryMethod) {
   }
 }
 
-// the same manifold by another function: as the tolerance has it
+// One manifold described by another function: motions agree within the tolerance.
 TEST_F(Custom, LengthAndItsSquareAreTheSameRod) {
   Pendulum both(Method::kRungeKutta, false, true);
   run(both.own, 100);
@@ -238,7 +239,7 @@ TEST_F(Custom, BowlKeepsEnergyAndItsEquation) {
       drift = std::max(drift, std::abs(world.energy() - energy));
       error = std::max(error, report.max_constraint_error);
     }
-    // of some joules: rounding of a discrete gradient, and of runge_kutta what the tolerance leaves
+    // energy of a few joules: rounding of a discrete gradient, and the tolerance of runge_kutta
     EXPECT_LE(drift, method == Method::kEnergyMomentum ? 1e-10 : 1e-8) << name(method);
     EXPECT_LE(error, 1e-11);
   }
@@ -256,7 +257,7 @@ TEST_F(Custom, ErrorIsClosedSmoothly) {
   EXPECT_LE(std::abs(world.joint_state(joint).error), 1e-11);
 }
 
-// ---- what is refused
+// ---- rejections
 
 TEST_F(Custom, WrongDerivativesAreRefusedInWords) {
   World world;
@@ -296,7 +297,7 @@ TEST_F(Custom, WhatIsNotThereIsRefused) {
   EXPECT_TRUE(world.joint_ids().empty());
 }
 
-// ---- what fails in a step
+// ---- failures in a step
 
 TEST_F(Custom, WhatFailsIsToldByItsNameAndKeepsTheStateBefore) {
   for (const Method method : kMethods) {

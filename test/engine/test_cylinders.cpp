@@ -1,5 +1,5 @@
 // Cylinders that stand, lie, roll, rock, tip, fall in heaps and hit: closed forms, energy and bits.
-// Where they touch: test_narrowphase_cylinders.cpp.
+// Their contact geometry is tested in test_narrowphase_cylinders.cpp.
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 
 const Quaterniond kAlongY(AngleAxisd(-0.5 * kPi, Vector3d::UnitX()));
 
-constexpr int kConverged = 200;  // sweeps, which leave nothing of what ten leave
+constexpr int kConverged = 200;  // sweeps until convergence, beyond ten
 
 WorldOptions with_sweeps(int iterations, double time_step) {
   WorldOptions of = options(time_step);
@@ -25,7 +25,7 @@ WorldOptions with_sweeps(int iterations, double time_step) {
   return of;
 }
 
-/// A contact at rest may sink in by the fall of one step.
+/// Returns the overlap allowed for a contact at rest: the fall of one step [m].
 double slop(const World& world) {
   const double h = world.options().time_step;
   return world.options().gravity.norm() * h * h;
@@ -58,7 +58,7 @@ TEST(Cylinders, StandAndLieAtRest) {
       EXPECT_LT(state.linear_velocity.norm() + state.angular_velocity.norm(), 1e-6);
       EXPECT_LT((axis_of(world, can) - (lies ? Vector3d::UnitY() : Vector3d::UnitZ())).norm(),
                 1e-9);
-      // what 10 sweeps a step leave of the weight
+      // residual of the weight after ten sweeps a step
       EXPECT_LT((contact_force_on(world, can) - Vector3d(0.0, 0.0, 2.0 * kGravity)).norm(), 0.01);
     }
   }
@@ -81,15 +81,15 @@ TEST(Cylinders, RollDownASlope) {
     for (int step = 1; step <= 200; ++step) {
       world.step();
       const double t = world.time();
-      // velocities first, positions after: ½ a t (t + h); the lever is up to the slop shorter
-      // than r, and the first sweeps may lose a fifth of a step's speed
+      // Velocities before positions give ½ a t (t + h); the lever is shorter than r by up to the
+      // slop, and the first sweeps may lose a fifth of a step's speed.
       ASSERT_NEAR(downhill.dot(world.state(roller).position - body.state.position),
                   0.5 * a * t * (t + 0.01), 0.2 * a * 0.01 * t + slop(world) / r * t * t)
           << is_box << " " << t;
     }
     EXPECT_NEAR(world.state(roller).angular_velocity.y() * r,
                 downhill.dot(world.state(roller).linear_velocity), 2.0 * slop(world) / r);
-    EXPECT_LT((axis_of(world, roller) - Vector3d::UnitY()).norm(), 1e-6);  // straight on
+    EXPECT_LT((axis_of(world, roller) - Vector3d::UnitY()).norm(), 1e-6);  // straight ahead
   }
 }
 
@@ -103,13 +103,13 @@ TEST(Cylinders, SlidingOnesEndAtTwoThirdsOfTheirSpeed) {
   body.state.linear_velocity.x() = 6.0;
   const BodyId roller = world.add_body(body);
   run(world, 100);  // slides for v₀/(3 μ g) = 0.68 s
-  // the contact is up to the slop nearer to the axis than r, which moves v by ⅔ of their ratio
+  // the contact is nearer to the axis than r by up to the slop, which changes v by ⅔ of their ratio
   EXPECT_NEAR(world.state(roller).linear_velocity.x(), 4.0, 6.0 * slop(world) / 0.5);
   EXPECT_NEAR(world.state(roller).angular_velocity.y() * 0.5,
               world.state(roller).linear_velocity.x(), 6.0 * slop(world) / 0.5);
 }
 
-// One that stands on a slope falls over where the line of its weight leaves its foot: tan θ = d/l.
+// A standing cylinder on a slope tips where the line of its weight leaves its base: tan θ = d/l.
 TEST(Cylinders, TipOverBeyondTheirFoot) {
   for (const bool is_box : {false, true}) {
     for (const double share : {0.9, 1.1}) {
@@ -132,8 +132,8 @@ TEST(Cylinders, TipOverBeyondTheirFoot) {
   }
 }
 
-// One that lies with its centre of mass d below its axis, without friction: the centre of mass only
-// goes up and down, and it rocks with ω² = m g d / I.
+// A lying cylinder with its centre of mass d below its axis, without friction: the centre of mass
+// moves vertically only, and the cylinder rocks with ω² = m g d / I.
 TEST(Cylinders, RockAboutTheirLowestLine) {
   const double m = 2.0, d = 0.05, inertia = 0.03, r = 0.2;
   const double period = 2.0 * kPi / std::sqrt(m * kGravity * d / inertia);
@@ -154,12 +154,13 @@ TEST(Cylinders, RockAboutTheirLowestLine) {
       if (before * w < 0.0) ++turns;
       before = w;
     }
-    // a tick to see it in, and of amplitude θ the share θ²/16 = 1.6e-4
+    // a tick of resolution, and for an amplitude θ the share θ²/16 = 1.6e-4
     EXPECT_NEAR(time, period, 1.5 * h + 2e-3 * period) << h;
   }
 }
 
-// At 500 m/s, 2 m a tick: a wall of a millimetre is met end on and broadside at its place.
+// At 500 m/s, 2 m a tick, a cylinder hits a wall of one millimetre end on and broadside at the
+// right place.
 TEST(Cylinders, FastOnesDoNotPassThroughThinWalls) {
   for (const bool is_broadside : {false, true}) {
     WorldOptions options = weightless(1.0 / 240.0);
@@ -200,7 +201,7 @@ World heap(unsigned seed) {
   return world;
 }
 
-// Nothing raises the energy but pushing out what has sunk in, and nothing passes through another.
+// Only pushing out overlaps raises the energy, and bodies do not pass through each other.
 TEST(Cylinders, InHeapsGainNoEnergyAndStayApart) {
   for (unsigned seed = 1; seed <= 10u / kSeedShare + 1; ++seed) {
     World world = heap(seed);
@@ -214,7 +215,7 @@ TEST(Cylinders, InHeapsGainNoEnergyAndStayApart) {
       ASSERT_LT(world.energy(), energy + 12.0 * kGravity * 20.0 * slop(world)) << seed << step;
       energy = std::min(energy, world.energy());
     }
-    EXPECT_LT(energy, 0.5 * start) << seed;  // it has fallen
+    EXPECT_LT(energy, 0.5 * start) << seed;  // the heap has fallen
     for (std::size_t i = 0; i < ids.size(); ++i)
       for (std::size_t j = 0; j < i; ++j) {
         const double gap = separation(world.body(ids[i]).shape, world.state(ids[i]),
@@ -247,7 +248,7 @@ TEST(Cylinders, AreSavedHashedAndKeptInSnapshots) {
   EXPECT_NE(hashes[0], hashes[2]);
 }
 
-// Events do not know cylinders: impulses carry what touches one, and plan and islands say so.
+// Cylinders cannot be event-driven: impulses advance their islands, as plan and islands report.
 TEST(Cylinders, AreLeftToImpulsesByEvents) {
   WorldOptions by_events = options(0.01);
   by_events.method = Method::kEventDriven;

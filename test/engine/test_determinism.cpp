@@ -1,4 +1,4 @@
-// The same steps give the same bits, and the hash sees every one of them.
+// Equal steps give equal bits, and the hash covers every bit.
 
 #include <functional>
 #include <map>
@@ -48,7 +48,7 @@ TEST(Determinism, TwoRunsGiveTheSameHash) {
     second.step();
     ASSERT_EQ(first.state_hash(), second.state_hash()) << step;
   }
-  EXPECT_GT(contacts, 1000u);  // or there was little to tell apart
+  EXPECT_GT(contacts, 1000u);  // enough contacts to be distinguishable
 }
 
 TEST(Determinism, CopiesGoOnBitIdentically) {
@@ -105,7 +105,7 @@ TEST(Determinism, GlobalStateIsNone) {
 
 // ---- the hash
 
-// It decides the order of the rows, and so the last bits of the motion.
+// The order of adding decides the order of rows, and thus the last bits of the motion.
 TEST(Hash, SeesTheOrderOfAdding) {
   const auto a = [](World& world) {
     return world.add_body(make_body("a", Sphere{1.0}, 1.0, {0.0, 0.0, 0.0}));
@@ -126,7 +126,7 @@ TEST(Hash, SeesTheOrderOfAdding) {
   EXPECT_NE(first.state_hash(), second.state_hash());
 }
 
-/// All that goes into a world with one body on one joint, and what it is turned into.
+/// All inputs of a world with one body on one joint, and their modifications.
 struct Parts {
   Body body = make_body("body", Box{{1.0, 2.0, 3.0}}, 2.0, {1.1, 1.2, 1.3});
   Body fixture = make_body("fixture", Sphere{1.0}, 2.0, {9.0, 0.0, 0.0});
@@ -263,7 +263,7 @@ TEST(Hash, SeesWrenchesByBodyAndInTheirOrder) {
   EXPECT_NE(hash({{a, 1.0}}), hash({{b, 1.0}}));
   EXPECT_NE(hash({{a, 1.0}}), world.state_hash());
   EXPECT_NE(hash({{a, 1.0}}), hash({{a, 1.0}, {a, 1.0}}));
-  // they are summed in that order, which rounds
+  // wrenches of a body are summed in order of addition, which affects rounding
   EXPECT_NE(hash({{a, 1.0}, {a, 3.0}}), hash({{a, 3.0}, {a, 1.0}}));
 }
 
@@ -280,7 +280,7 @@ TEST(Hash, SeesTheMotorsTravel) {
   World world(weightless(0.01));
   const BodyId id = world.add_body(make_body("body", Point{}, 1.0, {1.0, 0.0, 0.0}));
   Joint joint = hang("joint", id, rope(5.0));
-  joint.motor.bias = 1e-9;  // slack: nothing moves but the travel
+  joint.motor.bias = 1e-9;  // slack: only the motor's travel changes
   world.add_joint(joint);
   World still = world;
   still.set_motor(still.find_joint("joint"), {});

@@ -1,6 +1,6 @@
-// Spheres without friction that keep all energy, more than contacts by events carry otherwise:
-// from hit to hit in closed form. Oracles: closed forms, energy and momentum, and the same motion
-// in other ticks, copied, in a snapshot and with threads.
+// Frictionless elastic spheres, more than event-driven contacts usually allow: from impact to
+// impact in closed form. Oracles: closed forms, energy and momentum, and the same motion in other
+// ticks, copied, in a snapshot and with threads.
 
 #include "bouncing.h"
 #include "by_events.h"
@@ -18,7 +18,7 @@ Body elastic(const std::string& name, double mass, double radius, const Vector3d
 
 Body elastic_floor() { return with_surface(make_floor(0.0), 0.0, 1.0); }
 
-/// SimBenchmark's: layers of six by six balls, a little out of line, fall onto a plane.
+/// SimBenchmark's heap: layers of six by six balls, slightly out of line, fall onto a plane.
 World heap(double time_step, int layers) {
   World world(by_events(time_step));
   world.add_body(elastic_floor());
@@ -35,7 +35,7 @@ bool is_by_events(const World& world) {
   return world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)] == 0;
 }
 
-// the measure of SimBenchmark, of which time stepping leaves 8.4 J² at best in 10 s
+// SimBenchmark's measure, in which time stepping has 8.4 J² at best in 10 s.
 TEST(ElasticSpheres, AHeapKeepsItsEnergy) {
   World world = heap(0.01, kSanitizedShare > 1 ? 2 : 6);
   const double start = world.energy();
@@ -50,12 +50,12 @@ TEST(ElasticSpheres, AHeapKeepsItsEnergy) {
     squares += std::pow(world.energy() - start, 2);
   }
   EXPECT_GT(events, steps);
-  EXPECT_LT(squares / steps, 1e-16);  // 7e3 J to rounding
+  EXPECT_LT(squares / steps, 1e-16);  // rounding of 7e3 J
   EXPECT_LT(largest, 1e-12);
 }
 
-// SimBenchmark's bouncing: 49 balls of 10 kg fall 5 m, and keep on for 20 s what they had. With the
-// options of scenes that name none.
+// SimBenchmark's bouncing scene: 49 balls of 10 kg fall 5 m, and keep their energy for 20 s. With
+// default options.
 TEST(ElasticSpheres, FortyNineBallsBounceForTwentySeconds) {
   for (const Method method : {Method::kAuto, Method::kEventDriven}) {
     WorldOptions options;
@@ -78,29 +78,29 @@ TEST(ElasticSpheres, FortyNineBallsBounceForTwentySeconds) {
             worst, std::abs(world.state(id).position.z() - 0.1 - bouncing(4.9, 1.0, world.time())));
       }
     }
-    EXPECT_LT(squares / steps, 1e-16);  // 2.4e4 J to rounding; SimBenchmark asks for 1e-9 J²
+    EXPECT_LT(squares / steps, 1e-16);  // rounding of 2.4e4 J; SimBenchmark asks for 1e-9 J²
     EXPECT_LT(worst, 1e-12);
   }
 }
 
-// In ticks this long balls are fast, and boxes as wide as what may be hit overlap those of balls a
-// metre off, which nothing can touch within the tick.
+// In long ticks balls are fast, and their search boxes overlap those of balls a metre away that
+// they cannot hit within the tick.
 TEST(ElasticSpheres, AHeapKeepsItsEnergyInLongTicks) {
   for (const double time_step : {1.0 / 60, 1.0 / 30}) {
     World world = heap(time_step, 6);
     const double start = world.energy();
     double largest = 0.0;
-    const double end = kSanitizedShare > 1 ? 2.0 : 5.0;  // the first were lost at 1.3 s and 1.9 s
+    const double end = kSanitizedShare > 1 ? 2.0 : 5.0;  // covers faults at 1.3 s and 1.9 s
     while (world.time() < end) {
       ASSERT_FALSE(world.step().failed);
       ASSERT_TRUE(is_by_events(world)) << time_step << " s: " << world.time();
       largest = std::max(largest, std::abs(world.energy() - start));
     }
-    EXPECT_LT(largest, 1e-8) << time_step;  // 7e3 J to rounding
+    EXPECT_LT(largest, 1e-8) << time_step;  // rounding of 7e3 J
   }
 }
 
-// A row of twelve, the first one moves: only the last leaves, with all of the speed.
+// A row of twelve balls, the first one moving: only the last leaves, with the full speed.
 TEST(ElasticSpheres, OfARowOnlyTheLastLeaves) {
   constexpr int kCount = 12;
   World world(by_events(1.0 / 60, 0.0));
@@ -131,8 +131,8 @@ TEST(ElasticSpheres, OfARowOnlyTheLastLeaves) {
                 i + 1 == kCount ? 30.0 : 0.0, kPlace);
 }
 
-// Twenty columns that do not meet, of ten balls each that bounce on a floor: as one column alone,
-// which is few enough for the other way of carrying contacts.
+// Twenty separate columns of balls that bounce on a floor move like one column alone, which is
+// small enough for the general event-driven method.
 TEST(ElasticSpheres, AgreeWithContactsOfFewBodies) {
   constexpr int kBalls = 4;
   const auto add_column = [](World* world, double x) {
@@ -151,7 +151,7 @@ TEST(ElasticSpheres, AgreeWithContactsOfFewBodies) {
     ASSERT_TRUE(is_by_events(few) && is_by_events(many)) << few.time();
     for (const BodyId id : few.body_ids()) {
       const BodyState& other = many.state(many.find_body(few.body(id).name));
-      // hits grow differences: 1e-15 m by some tens of them
+      // impacts amplify differences: 1e-15 m by a few tens of impacts
       ASSERT_LT((few.state(id).position - other.position).norm(), 1e-9) << few.time();
     }
   }
@@ -181,8 +181,8 @@ TEST(ElasticSpheres, KeepMomentumAndTurnOn) {
   }
 }
 
-// The same bits copied, in a snapshot and with threads; in other ticks the same to what hits make
-// of rounding.
+// Copies, snapshots and threads give the same bits; other ticks agree up to rounding amplified by
+// impacts.
 TEST(ElasticSpheres, AreTheSameInOtherTicksCopiedAndWithThreads) {
   World world = heap(1.0 / 60, 1), fine = heap(1.0 / 240, 1), threaded = heap(1.0 / 60, 1);
   WorldOptions options = threaded.options();
@@ -204,7 +204,7 @@ TEST(ElasticSpheres, AreTheSameInOtherTicksCopiedAndWithThreads) {
   }
 }
 
-// With friction, or what keeps less than all, many bodies go by impulses as before.
+// Many bodies with friction, or with less than full restitution, are left to impulses.
 TEST(ElasticSpheres, OthersAreLeftToImpulses) {
   for (const bool has_friction : {true, false}) {
     World world = heap(1.0 / 60, 1);

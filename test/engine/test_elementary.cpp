@@ -1,5 +1,5 @@
-// Functions that give the same bits on every machine: their errors against numbers with more
-// digits, their bits as a hash, and the dense algebra beside them.
+// Functions with the same bits on every machine: their errors against numbers with more digits,
+// their bits as a hash, and the dense algebra beside them.
 
 #include <Eigen/LU>
 #include <cstdint>
@@ -23,21 +23,21 @@ using Eigen::VectorXd;
 
 constexpr int kArguments = 1000000 / kSanitizedShare;
 
-/// Numbers that are the same with every standard library.
+/// Random numbers that are equal with every standard library.
 class Arguments {
  public:
   double uniform(double least, double most) {
     return least + (most - least) * static_cast<double>(bits_() >> 11) * 0x1p-53;
   }
   double sign() { return (bits_() & 1) != 0 ? -1.0 : 1.0; }
-  /// Of any exponent from `least` to `most`.
+  /// Returns a number with an exponent from `least` to `most`.
   double spread(int least, int most) {
     const auto range = static_cast<std::uint64_t>(most - least);
-    const double signed_one = sign();  // one draw a statement: compilers may turn operands round
+    const double signed_one = sign();  // separate statements: compilers may reorder operands
     const double significand = uniform(1.0, 2.0);
     return signed_one * std::ldexp(significand, least + static_cast<int>(bits_() % range));
   }
-  /// Small and large angles, and such beside multiples of π/2 [rad].
+  /// Returns small and large angles, and angles near multiples of π/2 [rad].
   double angle(int i) {
     switch (i % 5) {
       case 0:
@@ -54,7 +54,7 @@ class Arguments {
       }
     }
   }
-  /// Coordinates of a point: of like or of very different sizes.
+  /// Returns coordinates of a point, of similar or very different sizes.
   double coordinate(int i) { return i % 2 == 0 ? uniform(-1.0, 1.0) : spread(-600, 500); }
 
  private:
@@ -67,7 +67,7 @@ double unit_in_last_place(long double value) {
   return std::ldexp(1.0, std::max(exponent, -1021) - 53);
 }
 
-/// The largest error of `got` [ulp], over arguments that `draw` makes.
+/// Largest error of `got` [ulp] over drawn arguments.
 class Errors {
  public:
   void add(double got, long double exact) {
@@ -80,7 +80,7 @@ class Errors {
   double largest_ = 0.0;
 };
 
-// long double has 11 bits more on x86 and 60 more on ARM
+// long double has 11 more bits on x86 and 60 more on ARM
 static_assert(std::numeric_limits<long double>::digits >= 64);
 
 TEST(Elementary, SineAndCosineAreWithinTheirErrors) {
@@ -146,7 +146,7 @@ TEST(Elementary, ZerosInfinitiesAndNaNAreAsInC) {
   EXPECT_DOUBLE_EQ(math::fifth_root(32.0 * 0x1p-1070), 0x1p-213);
 }
 
-/// FNV-1a.
+/// FNV-1a hash.
 class BitsHash {
  public:
   void add(double value) {
@@ -161,8 +161,8 @@ class BitsHash {
   std::uint64_t hash_ = 0xcbf29ce484222325;
 };
 
-// The hash is that of GCC 12 on x86_64. Another one on another machine breaks what is promised of
-// every scene.
+// The hash was computed by GCC 12 on x86_64. Another value on another machine breaks the promise of
+// equal bits for every scene.
 TEST(Elementary, BitsAreTheSameOnEveryMachine) {
   Arguments draw;
   BitsHash hash;
@@ -182,10 +182,10 @@ TEST(Elementary, RotationVectorIsTheInverseOfRotation) {
     const Vector3d axis = random.vector().normalized();
     for (const double angle : {0.0, 1e-200, 1e-9, 0.3, 2.0, kPi - 1e-6}) {
       const Vector3d w = angle * axis;
-      // of a half turn the axis is known to a rounding of the cosine over its slope
+      // near half a turn the axis is known to the rounding of the cosine over its slope
       EXPECT_LE((rotation_vector(rotation(w)) - w).norm(), 8.0 * kEpsilon * angle) << angle;
     }
-    // angles beyond half a turn come back as the shorter turn
+    // angles beyond half a turn are returned as the shorter rotation
     EXPECT_LE((rotation_vector(rotation((kPi + 0.5) * axis)) + (kPi - 0.5) * axis).norm(), 1e-14);
   }
 }
@@ -199,7 +199,7 @@ TEST(Dense, SemidefiniteSystemsAreSolved) {
       const VectorXd b = A * VectorXd::NullaryExpr(n, [&] { return random.vector().x(); });
       const VectorXd x = math::solve_semidefinite(A, b);
       ASSERT_TRUE(x.allFinite());
-      // singular ones may have pivots of rounding, whose part of x rounding decides
+      // a singular matrix may have pivots of rounding, whose part of x is undetermined
       if (rank < n) continue;
       const double condition = A.norm() * A.inverse().norm();
       EXPECT_LE((A * x - b).norm(), 1e-14 * condition * b.norm()) << n;

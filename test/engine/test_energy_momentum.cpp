@@ -1,5 +1,5 @@
 // Stiff islands: the discrete-gradient midpoint rule against references in minimal coordinates,
-// conserved quantities and finite differences; when `auto` takes it, and what it takes on.
+// conserved quantities and finite differences; when `auto` chooses it, and its limits.
 
 #include <algorithm>
 #include <array>
@@ -23,7 +23,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using problems::largest_distance;
 
-/// One step a tick, whatever the rotations ask for.
+/// Takes one step a tick, even for fast rotations.
 World unrefined(World world) {
   WorldOptions options = world.options();
   options.tolerance = 0.0;
@@ -42,16 +42,16 @@ World with(World world, double time_step, Method method = Method::kAuto, int sti
 
 std::size_t index(Method method) { return static_cast<std::size_t>(method); }
 
-/// What a run of stiff islands showed.
+/// Figures of a run of stiff islands.
 struct Record {
-  double drift = 0.0;       // largest of the energy, as a share of the largest kinetic one
-  double iterations = 0.0;  // Newton's, mean of all midpoint steps
-  double first = 0.0;       // and of those of the first tick
+  double drift = 0.0;       // largest drift of energy over the largest kinetic energy
+  double iterations = 0.0;  // Newton iterations, mean of all midpoint steps
+  double first = 0.0;       // Newton iterations of the first tick
   std::uint32_t changes = 0;
-  std::uint32_t stiff_steps = 0;  // ticks that discrete gradients carried
+  std::uint32_t stiff_steps = 0;  // ticks advanced by discrete gradients
 };
 
-/// Runs, with every rod kept to round-off in every tick, and none left to impulses.
+/// Runs, and expects every rod exact to rounding in every tick, without impulses.
 Record run_exactly(World& world, double duration) {
   Record record;
   double iterations = 0.0, steps = 0.0;
@@ -125,8 +125,9 @@ struct Assembly {
   }
 };
 
-// The derivative D has D⁻¹ (r(u + εe) − r(u − εe))/2ε = e for every unknown; the difference is off
-// by ε² and by rounding over ε, together 1e-9 at ε = 1e-5, and D⁻¹ makes up to 1e3 of it.
+// The derivative D satisfies D⁻¹ (r(u + εe) − r(u − εe))/2ε = e for every unknown. The difference
+// has errors of ε² and rounding over ε, together 1e-9 at ε = 1e-5, and D⁻¹ amplifies it up to 1e3
+// times.
 TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
   struct Case {
     bool is_closed;
@@ -147,7 +148,7 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
     ImplicitStep step(equations);
     step.gather_state(assembly.states, equations);
     step.begin(0.0, 0.1, ImplicitRule::kMidpoint, &equations);
-    if (rule != ImplicitRule::kMidpoint) {  // with a step before it, whatever that found
+    if (rule != ImplicitRule::kMidpoint) {  // after a previous step, with any solution
       step.finish(ImplicitStep::Unknowns(step.size(), 0.01), &equations);
       step.begin(0.1, 0.1, rule, &equations);
     }
@@ -192,7 +193,7 @@ TEST(EnergyMomentum, HasOrder2AndOrder4) {
   EXPECT_NEAR(measured_order(4, {60, 120, 240}), 4.0, 0.2);
 }
 
-/// Boxes on ball joints and a rod, without weight, held by nothing, and turning.
+/// Weightless, free boxes on ball joints and a rod, rotating.
 World linked_boxes() {
   WorldOptions options;
   options.gravity = Vector3d::Zero();
@@ -213,18 +214,18 @@ World linked_boxes() {
 
 TEST(EnergyMomentum, KeepsEnergyAndMomentumOfLinkedBoxes) {
   World world = unrefined(with(linked_boxes(), 0.05, Method::kEnergyMomentum, 2));
-  world.step();  // what the joints do to the velocities at first
+  world.step();  // the joints' projection of initial velocities
   const Vector3d p = momentum(world), L = angular_momentum(world);
   const double energy = world.energy();
   const Record record = run_exactly(world, 50.0);
   EXPECT_EQ(record.stiff_steps, 1000u);
-  // a walk of rounding over 1000 steps
+  // a random walk of rounding over 1000 steps
   EXPECT_LE((momentum(world) - p).norm(), 1e-12 * p.norm() + 1e-12);
   EXPECT_LE((angular_momentum(world) - L).norm(), 1e-11 * L.norm());
   EXPECT_NEAR(world.energy(), energy, 1e-11 * energy);
 }
 
-/// By substeps of order 8, far below what is compared with it.
+/// Returns the reference by substeps of order 8, far more accurate than the compared results.
 World boxes_after_a_second() {
   World world = linked_boxes();
   WorldOptions options = world.options();
@@ -278,7 +279,7 @@ TEST(EnergyMomentum, HasOrder2WithDissipation) {
   EXPECT_NEAR(order(steps, of_boxes), 2.0, 0.2);
 }
 
-// A spring of 1e6 N/m, stretched by 1 mm, at h ω = 100: BDF2 halves such a motion in every step.
+// A spring of 1e6 N/m, stretched by 1 mm, at h ω = 100: BDF2 halves this motion in every step.
 TEST(EnergyMomentum, DissipationTakesOutWhatIsTooFastToBeShown) {
   for (const bool dissipation : {false, true}) {
     World world = with(World(), 0.1);
@@ -297,7 +298,8 @@ TEST(EnergyMomentum, DissipationTakesOutWhatIsTooFastToBeShown) {
       energy = world.energy();
     }
     ASSERT_EQ(world.islands().front().method, Method::kEnergyMomentum);
-    const double left = world.joint_state(line).error - kGravity / 1e6;  // beside the weight's
+    const double left =
+        world.joint_state(line).error - kGravity / 1e6;  // beside the weight's extension
     if (dissipation) {
       EXPECT_LE(std::abs(left), 1e-6);
     } else {
@@ -312,7 +314,7 @@ class HeavyChain : public ::testing::TestWithParam<double> {};
 INSTANTIATE_TEST_SUITE_P(EndMass, HeavyChain, ::testing::Values(1.0, 1e2, 1e3, 1e4, 1e6, 1e8, 1e9));
 
 // Rounding of a potential energy of m g 11 m is 1e-14 of the kinetic energy of m (1 m/s)²/2 per
-// step; what is asked for leaves a random walk of 1e4 steps room.
+// step; the bound allows a random walk of 1e4 steps.
 TEST_P(HeavyChain, KeepsEnergyAndRods) {
   for (const int rate : {30, 100, 240, 1000}) {
     World world = with(problems::heavy_chain(GetParam(), true), 1.0 / rate);
@@ -336,7 +338,7 @@ TEST(EnergyMomentum, AChainInLineEndsWhereItShouldAtLongTicks) {
 }
 
 TEST(EnergyMomentum, AHeavyLoadSwingsAsOnARigidRod) {
-  // links of 0.1 kg change where 1e6 kg are by 1e-7 of the way
+  // links of 0.1 kg change the position of 1e6 kg by 1e-7 relative
   const auto reference = problems::integrate(
       [](const problems::Reals& y) {
         return problems::Reals{y[1], -static_cast<problems::Real>(kGravity) / 11 * std::sin(y[0])};
@@ -351,7 +353,7 @@ TEST(EnergyMomentum, AHeavyLoadSwingsAsOnARigidRod) {
   }
 }
 
-// Only the load moves at first: the links' own motion is not resolved, the load's is.
+// Only the load moves initially: the tick resolves the load's motion, but not that of the links.
 TEST(EnergyMomentum, FollowsTheLoadWhereLinksAreNotResolved) {
   struct Case {
     double mass, duration;
@@ -370,7 +372,7 @@ TEST(EnergyMomentum, StaysBoundedForAnHour) {
   const Record record = run_exactly(world, 3600.0 / kSanitizedShare);
   EXPECT_LE(record.drift, 1e-9);
   EXPECT_EQ(record.stiff_steps, 108000u / kSanitizedShare);
-  // the links are in line but for their own small motion; 1 m/s lifts the load by v²/2g
+  // the links are in line except for a small motion; 1 m/s lifts the load by v²/2g
   const Vector3d end = world.state(world.body_ids().back()).position;
   EXPECT_NEAR(end.norm(), 11.0, 1e-6);
   EXPECT_LE(end.z() + 11.0, 0.5 / kGravity + 1e-6);
@@ -388,7 +390,7 @@ World heavy_box(double mass) {
                           is_load ? Box{{1.0, 1.5, 2.0}} : Box{{0.02, 0.02, 1.0}},
                           is_load ? mass : 0.1, {0.0, 0.0, top - 0.5 * length});
     body.no_collision = true;
-    const double omega = 1.0 / 11.0;  // all turn about the origin as one
+    const double omega = 1.0 / 11.0;  // all rotate about the origin together
     body.state.angular_velocity = {0.0, -omega, 0.0};
     body.state.linear_velocity = {omega * -body.state.position.z(), 0.0, 0.0};
     const BodyId id = world.add_body(body);
@@ -414,7 +416,7 @@ TEST(EnergyMomentum, CarriesAHeavyBoxOnLightRods) {
 }
 
 TEST(EnergyMomentum, TurnsAHeavyWheelAsTheToleranceAsks) {
-  // a spinning load held off its centre by a light bar: it nods and goes round
+  // a spinning load held off its centre by a light bar: it nods and precesses
   const auto make = [](double time_step, Method method, double tolerance) {
     World world;
     Body bar = make_body("bar", Box{{0.02, 0.02, 1.0}}, 0.1, {0.0, 0.0, -0.5});
@@ -451,12 +453,12 @@ TEST(EnergyMomentum, TurnsAHeavyWheelAsTheToleranceAsks) {
   EXPECT_LE(tight, 0.1 * loose);
 }
 
-// ---- the switch
+// ---- choice of method
 
 TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
   World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
   world.step();
-  EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);  // from the first step on
+  EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);  // found stiff at once
   EXPECT_EQ(world.islands().front().why, MethodReason::kStiff);
   EXPECT_EQ(world.report().changes, 1u);
   run_exactly(world, 1.0);
@@ -467,7 +469,7 @@ TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
   double projected = 0.0;
   for (int i = 0; i < 300; ++i) projected += world.step().projected_energy;
   EXPECT_EQ(world.islands().front().method, Method::kRungeKutta);
-  // what the change costs is what the report says
+  // the change costs the reported energy
   EXPECT_NEAR(world.energy(), energy - projected, 1e-9 * 5e5);
 
   world = with(world, 1.0 / 30.0);
@@ -483,14 +485,14 @@ TEST(EnergyMomentum, NamesTheBodiesThatItsStepsCannotShow) {
   EXPECT_EQ(world.unresolved_bodies(), links);
   EXPECT_EQ(world.report().unresolved_bodies, 10u);
   world.remove_body(links.front());
-  EXPECT_TRUE(world.unresolved_bodies().empty());  // until it is known after a step
+  EXPECT_TRUE(world.unresolved_bodies().empty());  // unknown until the next step
   World calm = with(problems::chain(3), 1.0 / 30.0, Method::kEnergyMomentum);
   run(calm, 3);
   EXPECT_TRUE(calm.unresolved_bodies().empty());
 }
 
-/// Two boxes of 100 kg, three of 10 g between them, on ball joints; the first one is held to the
-/// world, too, where `is_held`.
+/// Two boxes of 100 kg with three of 10 g between them, on ball joints; where `is_held` the first
+/// one is also held to the world.
 class LightLinks {
  public:
   explicit LightLinks(bool is_held) {
@@ -568,8 +570,8 @@ class LightLinks {
   std::optional<IslandMotion> motion_;
 };
 
-// A span of 1 ns, in which substeps do nothing but begin. Sums of some 500 J, kg m/s and kg m²/s
-// are off by rounding; what does not fit holds 1e-8 of the energy at least.
+// An interval of 1 ns, in which substeps only start. Sums of about 500 J, kg m/s and kg m²/s have
+// rounding errors; velocities that do not fit hold at least 1e-8 of the energy.
 TEST(EnergyMomentum, KeepsEnergyAndMomentaWhereSubstepsTakeOver) {
   for (const bool is_held : {false, true}) {
     LightLinks links(is_held);
@@ -587,7 +589,7 @@ TEST(EnergyMomentum, KeepsEnergyAndMomentaWhereSubstepsTakeOver) {
       EXPECT_LE((kept.momentum() - P).norm(), 1e-13 * P.norm());
       EXPECT_LE((kept.angular_momentum() - L).norm(), 1e-13 * L.norm());
     }
-    // where something else moved the bodies, what does not fit is lost, and told
+    // after an external change of bodies the misfit is lost, and reported
     links.motion().forget();
     const double lost = links.advance(Integration::kSubsteps, 1e-9).projected;
     EXPECT_GT(lost, 1e-8 * energy);
@@ -595,7 +597,7 @@ TEST(EnergyMomentum, KeepsEnergyAndMomentaWhereSubstepsTakeOver) {
   }
 }
 
-// Substeps are asked once whether they are cheaper, and not every 50 ticks.
+// The cost of substeps is measured once, and not every 50 ticks.
 TEST(EnergyMomentum, RemembersWhatSubstepsCost) {
   World world = with(redundant::crane_boom(), 0.01);
   std::uint32_t changes = 0;
@@ -605,7 +607,7 @@ TEST(EnergyMomentum, RemembersWhatSubstepsCost) {
 }
 
 TEST(EnergyMomentum, ComesAndGoesAsAnIslandGrowsStiffAndCalmAgain) {
-  // a winch pulls a mass on a stretched spring line: the links in it grow stiff with the tension
+  // a winch pulls a mass on a stretched spring line: its links become stiff with the tension
   WorldOptions options;
   options.gravity = Vector3d::Zero();
   options.time_step = 0.02;
@@ -638,7 +640,7 @@ TEST(EnergyMomentum, ComesAndGoesAsAnIslandGrowsStiffAndCalmAgain) {
   EXPECT_GT(ticks[index(Method::kRungeKutta)], 100);
   EXPECT_EQ(ticks[index(Method::kSequentialImpulses)], 0);
   EXPECT_GE(changes, 2u);
-  EXPECT_LE(changes, 20u);  // with hysteresis, and not in every swing
+  EXPECT_LE(changes, 20u);  // hysteresis prevents a change in every swing
 }
 
 TEST(EnergyMomentum, CopiesGoOnBitIdentically) {
@@ -679,7 +681,7 @@ TEST(EnergyMomentum, SpringsOfAnyStiffnessAddNoEnergy) {
       const Record record = run_exactly(world, 10.0);
       const bool is_stiff = time_step * std::sqrt(2.0 * stiffness) > 40.0;
       EXPECT_EQ(record.stiff_steps > 0, is_stiff) << stiffness << " " << time_step;
-      // what rounding of a length of 1 m is worth in this spring, a hundred times
+      // a hundred times the energy of this spring for rounding of a length of 1 m
       const double rounding = 100.0 * stiffness * kEpsilon * kEpsilon + 1e-10;
       EXPECT_LE(record.drift, rounding) << stiffness << " " << time_step;
     }
@@ -687,21 +689,21 @@ TEST(EnergyMomentum, SpringsOfAnyStiffnessAddNoEnergy) {
 }
 
 TEST(EnergyMomentum, AStiffSpringIsAsARodWhereItIsNotExcited) {
-  // hung straight and turned slowly, so that its own oscillation has nothing to start from
+  // hung straight and turned slowly, so that its own oscillation is not excited
   World sprung, rigid;
   for (World* scene : {&sprung, &rigid}) {
     Body body = make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.0});
     body.state.linear_velocity = {0.1, 0.0, 0.0};
     scene->add_body(body);
   }
-  const double stretch = 9.82 / 1e12;  // by weight and turning
+  const double stretch = 9.82 / 1e12;  // weight and centripetal force over stiffness
   sprung.add_joint(hang("spring", sprung.find_body("bob"), spring(1.0 - stretch, 1e12, 0.0)));
   rigid.add_joint(hang("rod", rigid.find_body("bob"), rod(1.0)));
   sprung = with(sprung, 0.01);
   rigid = with(rigid, 0.01);
   run(sprung, 300);
   run(rigid, 300);
-  // of order 4 at h ω = 0.03, and the motion is of 0.03 m
+  // order 4 at h ω = 0.03, for a motion of 0.03 m
   EXPECT_LE(problems::largest_difference(sprung, rigid), 1e-8);
 }
 
@@ -722,10 +724,9 @@ TEST(EnergyMomentum, AStiffDamperTakesEnergyAndNeverGivesAny) {
   }
 }
 
-// ---- rows that depend on each other
+// ---- dependent rows
 
-/// A bar on two uprights of the same length, with a third one in its middle; heavy, on light
-/// uprights.
+/// A heavy bar on two light uprights of equal length, with a third upright in its middle.
 World parallelogram(bool has_third) {
   World world;
   Body bar = make_body("bar", Box{{2.0, 0.1, 0.1}}, 10.0, {0.0, 0.0, 1.0});
@@ -764,7 +765,7 @@ TEST(EnergyMomentum, DoubledRodsOfAHeavyChainChangeNothing) {
   World doubled = with(scene, 1.0 / 30.0);
   run_exactly(single, 3.0);
   const Record record = run_exactly(doubled, 3.0);
-  EXPECT_GE(record.stiff_steps, 86u);  // the first few ticks by substeps, to learn what these cost
+  EXPECT_GE(record.stiff_steps, 86u);  // the first few ticks use substeps, to measure their cost
   EXPECT_EQ(doubled.report().dependent_rows, 3u);
   EXPECT_LE(problems::largest_difference(single, doubled), 1e-9);
 }
@@ -780,7 +781,7 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
   const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
   run(world, 100);
   EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
-  const double middle = 1.1;  // in metres, and of the same mass
+  const double middle = 1.1;  // mean length in metres; both rods pull the mass equally
   double highest = -kInfinity, lowest = kInfinity;
   for (int i = 0; i < 1000; ++i) {
     ASSERT_FALSE(world.step().failed);
@@ -789,7 +790,7 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
     highest = std::max(highest, world.energy());
     lowest = std::min(lowest, world.energy());
   }
-  EXPECT_LE(highest - lowest, 0.05);  // a swing of 10 J: no shaking
+  EXPECT_LE(highest - lowest, 0.05);  // a swing of 10 J, without vibration
   EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
 
   world.remove_joint(longer);
@@ -806,7 +807,7 @@ TEST(EnergyMomentum, WhatIsOutOfReachIsPulledStraight) {
       make_joint("right", kWorldBody, {3.0, 0.0, 0.0}, bob, Vector3d::Zero(), rod(1.0)));
   run(world, 300);
   EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
-  // straight, and below the line by its weight over what holds it there
+  // straight, and below the line by the weight over the stiffness that holds the bob
   EXPECT_LE((world.state(bob).position - Vector3d(1.5, 0.0, 0.0)).norm(), 1e-6);
   EXPECT_LE(world.state(bob).linear_velocity.norm(), 1e-6);
 }
@@ -829,7 +830,7 @@ TEST(EnergyMomentum, MotorsAgainstEachOtherShareTheDifference) {
 
 // ---- extremes
 
-/// A ring of light masses, hung from one rod, with a load at its lowest.
+/// A ring of light masses, hung from one rod, with a load at its lowest point.
 World ring(bool has_crossbar) {
   World world;
   const double offset = has_crossbar ? 0.0 : 0.1;
@@ -859,8 +860,8 @@ TEST(EnergyMomentum, CarriesLoopsOfHeavyAndLightBodies) {
   EXPECT_NEAR(world.energy(), energy, 1e-10 * 0.5e6);
 }
 
-// Without the crossbar the load falls until one side is taut, and jerks up again: 5e7 N for a
-// millisecond. Substeps follow that; the island is not stiff before and after.
+// Without the crossbar the load falls until one side is taut, and rebounds: 5e7 N for a
+// millisecond. Substeps follow the jerk; the island is not stiff before and after.
 TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
   World world = with(ring(false), 1.0 / 60.0);
   world.step();
@@ -872,7 +873,8 @@ TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
     force = std::max(force, std::abs(world.joint_state(world.joint_ids().front()).force));
   }
   EXPECT_GT(force, 1e7);
-  // jerks magnify rounding: with the speed at the start changed by 1e-13, 1e-9 to 4e-8 came out
+  // jerks amplify rounding: a change of the initial speed by 1e-13 changed the energy by 1e-9 to
+  // 4e-8
   EXPECT_NEAR(world.energy(), energy, 1e-7 * 0.5e6);
 }
 
@@ -891,7 +893,7 @@ TEST(EnergyMomentum, LongTicksAreBounded) {
 }
 
 TEST(EnergyMomentum, AScaledSceneMovesAlike) {
-  // lengths by s, masses by m, times by √s: the same angles
+  // lengths times s, masses times m, times times √s: the angles stay the same
   World unit = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
   run_exactly(unit, 1.0);
   for (const double s : {1e-6, 1e-3, 1e3, 1e6}) {
@@ -920,8 +922,8 @@ TEST(EnergyMomentum, AScaledSceneMovesAlike) {
 }
 
 TEST(EnergyMomentum, WhereASceneLiesDoesNotDecideWhenNewtonsStepsEnd) {
-  // two boxes on a rod between corners, thrown: the first change of a step is mostly along what
-  // the rod does not hold, so that rows do not go down as the squares of changes say
+  // Two boxes on a rod between corners, thrown: the first Newton step of a tick is mostly along
+  // directions that the rod leaves free, so rows do not decrease quadratically with the changes.
   for (const double off : {0.0, 1e3}) {
     WorldOptions options;
     options.method = Method::kEnergyMomentum;
@@ -985,8 +987,8 @@ TEST(EnergyMomentum, ABodySpinningAboutItsMiddleAxisKeepsItsEnergy) {
   }
 }
 
-/// A light box, hung up by a ball joint, that holds a load a million times heavier: it turns over
-/// within a tick, again and again.
+/// A light box on a ball joint that holds a load a million times heavier: it turns over within a
+/// tick, repeatedly.
 World light_between(int seed, JointKind kind) {
   Random random;
   for (int i = 0; i < 37 * seed; ++i) random();
@@ -1016,9 +1018,9 @@ World light_between(int seed, JointKind kind) {
   return world;
 }
 
-// Where Newton's method finds no step, substeps and shorter steps stand in, without a tolerance of
-// their own and from velocities that do not fit the joints. 1e-6 of the energies is the report's
-// limit for a rise without a cause; a hundredth of them and more were lost in a tick.
+// Where Newton's method fails, substeps and shorter steps take over, without a tolerance of their
+// own and from velocities that do not fit the joints. The bound 1e-6 of the energies is the
+// report's limit for an unexplained rise.
 TEST(EnergyMomentum, WhatStandsInForItKeepsTheEnergy) {
   for (const auto& [seed, kind] :
        {std::pair(2, JointKind::kDistance), {5, JointKind::kUniversal}}) {

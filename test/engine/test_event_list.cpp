@@ -1,5 +1,5 @@
-// What World::events() tells of a step: kinds, whose, and the moments within the tick. Oracles:
-// closed forms of the moments, right to 1e-9 s at any tick, and of the impulses.
+// Events of a step in World::events(): kind, joint or bodies, and time within the tick. Oracles:
+// closed forms of the times, correct to 1e-9 s at any tick, and of the impulses.
 
 #include "by_events.h"
 #include "constraint_sim/engine/scene.h"
@@ -12,11 +12,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTime = 1e-9;  // [s], as the events themselves are located in test_events.cpp
+constexpr double kTime = 1e-9;  // accuracy of event times [s], as in test_events.cpp
 
 std::size_t at(Method method) { return static_cast<std::size_t>(method); }
 
-/// All events of so many seconds; each is to be within its tick.
+/// Returns all events of a duration; each has to be within its tick.
 std::vector<Event> events_of(World* world, double seconds) {
   std::vector<Event> all;
   while (world->time() < seconds) {
@@ -47,10 +47,10 @@ TEST_P(EventList, ARopeIsToldWhenItIsTaut) {
   EXPECT_EQ(events[0].coordinate, -1);
   EXPECT_EQ(events[0].body_b, id);
   EXPECT_NEAR(events[0].time, taut, kTime);
-  EXPECT_NEAR(events[0].impulse, 2.0 * kGravity * taut, 1e-8);  // all of m v
+  EXPECT_NEAR(events[0].impulse, 2.0 * kGravity * taut, 1e-8);  // the full m v
 }
 
-// each bounce reaches the limit and leaves it at the same time, with (1 + e) m v
+// Each bounce reaches and leaves the limit at one time, with (1 + e) m v.
 TEST_P(EventList, BouncesOnALimitAreTold) {
   constexpr double kRestitution = 0.5, kMass = 3.0, kHeight = 0.5;
   World world(by_events(GetParam()));
@@ -73,12 +73,12 @@ TEST_P(EventList, BouncesOnALimitAreTold) {
     v *= kRestitution;
     t += 2.0 * v / kGravity;
   }
-  EXPECT_EQ(events.back().kind, EventKind::kLimitReached);  // and stays there
+  EXPECT_EQ(events.back().kind, EventKind::kLimitReached);  // the mass stays at its limit
 }
 
-// A ball that bounces on a floor or on the stop of its slider comes to rest after
-// √(2 h/g) (1 + e)/(1 − e). That its place rounds to 7e-18 m moves the time of a bounce of v by as
-// much over v, and with it all that come: by 3e-12 s for e = 0.9 and 4e-5 m/s, the least that is
+// A ball that bounces on a floor or on the stop of its slider comes to rest after √(2 h/g) (1 +
+// e)/(1 − e). Rounding of its position by 7e-18 m shifts the time of a bounce of speed v by 7e-18
+// m/v, and all later ones: by 3e-12 s for e = 0.9 and 4e-5 m/s, the slowest bounce that is
 // followed.
 TEST_P(EventList, ComingToRestIsToldWhereTheLastBounceIs) {
   constexpr double kHeight = 0.05;
@@ -106,7 +106,7 @@ TEST_P(EventList, ComingToRestIsToldWhereTheLastBounceIs) {
   }
 }
 
-/// A load of 2 kg at 0, on a slider along x up to 0.2 m; a motor pushes it there with 3 N.
+/// A load of 2 kg at 0, on a slider along x up to 0.2 m, where a motor pushes it with 3 N.
 JointId push_into_limit(World* world) {
   Body load = make_body("load", Sphere{0.1}, 2.0, Vector3d::Zero());
   load.no_collision = true;
@@ -121,9 +121,9 @@ JointId push_into_limit(World* world) {
   return world->add_joint(joint);
 }
 
-const double kPushed = std::sqrt(2.0 * 0.2 * 2.0 / 3.0);  // [s] until it is there
+const double kPushed = std::sqrt(2.0 * 0.2 * 2.0 / 3.0);  // time of arrival [s]
 
-// The limit holds what the motor pushes with all its force.
+// The limit carries the full force of the motor.
 TEST_P(EventList, AMotorThatPushesIntoItsLimitIsNotReleased) {
   for (const Method method :
        {Method::kAuto, Method::kEventDriven, Method::kRungeKutta, Method::kSequentialImpulses}) {
@@ -134,15 +134,15 @@ TEST_P(EventList, AMotorThatPushesIntoItsLimitIsNotReleased) {
     const std::vector<Event> events = events_of(&world, 1.0);
     EXPECT_TRUE(world.joint_state(slider).saturated) << name(method);
     EXPECT_NEAR(world.joint_state(slider).coordinates[0].position, 0.2, 1e-6) << name(method);
-    if (world.report().islands[at(Method::kEventDriven)] == 0) continue;  // no moments
+    if (world.report().islands[at(Method::kEventDriven)] == 0) continue;  // no times
     ASSERT_EQ(events.size(), 1u) << name(method);
     EXPECT_EQ(events[0].kind, EventKind::kLimitReached);
     EXPECT_NEAR(events[0].time, kPushed, kTime);
   }
 }
 
-// What an edit changes is told where the tick begins: a motor that stops at the limit has none of
-// its force, one that turns back leaves it, with all of it until it has its rate.
+// Changes by an edit are reported at the beginning of the tick: a motor that stops at the limit has
+// no force; one that reverses leaves the limit, at full force until it reaches its rate.
 TEST_P(EventList, WhatEditsOfAMotorChangeIsTold) {
   World world(by_events(GetParam(), 0.0));
   const JointId slider = push_into_limit(&world);
@@ -169,8 +169,8 @@ TEST_P(EventList, WhatEditsOfAMotorChangeIsTold) {
   EXPECT_NEAR(events[2].time, leaves + 2.0 * 0.3 / 3.0, kTime);
 }
 
-// A world that was saved, and one from a snapshot, tell the same of the next tick. What was saved
-// begins its substeps anew.
+// A saved world and one from a snapshot report the same events in the next tick. A saved world
+// restarts its substeps.
 TEST(EventList, WhatWasSavedTellsTheSame) {
   World world(by_events(1.0 / 60));
   world.add_body(make_floor(0.5));
@@ -202,7 +202,7 @@ TEST(EventList, WhatWasSavedTellsTheSame) {
   EXPECT_EQ(told, 3u);  // slips, sticks, limit_reached
 }
 
-// A rope of at least 0.5 m is wound in at 0.25 m/s with 50 N until no more than 1 % of that is
+// A rope of at least 0.5 m is wound in at 0.25 m/s with 50 N until at most 1 % of the length is
 // left, alone and beside a wall that its load touches.
 TEST_P(EventList, AWinchAtTheEndOfItsTravelIsSaturated) {
   constexpr double kEnd = 0.99 * 0.5 / 0.25;
@@ -235,14 +235,14 @@ TEST_P(EventList, AWinchAtTheEndOfItsTravelIsSaturated) {
   }
 }
 
-// What a push does from the beginning of a tick on is told as what happens within.
+// The effect of a push from the beginning of a tick is reported like an event within the tick.
 TEST_P(EventList, WhatBeginsWithATickIsTold) {
   World world(by_events(GetParam()));
   world.add_body(make_floor(0.5));
   Body box = make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.2});
   box.friction = 0.5;
   const BodyId id = world.add_body(box);
-  EXPECT_TRUE(events_of(&world, 0.1).empty());  // that it stands there is no event
+  EXPECT_TRUE(events_of(&world, 0.1).empty());  // initial contact is no event
   Wrench wrench;
   wrench.body = id;
   wrench.force = {1.2 * 0.5 * 2.0 * kGravity, 0.0, 0.0};
@@ -261,7 +261,7 @@ TEST_P(EventList, WhatBeginsWithATickIsTold) {
   EXPECT_EQ(events[0].time, start);
 }
 
-// Without friction too, and from sleep.
+// A lift is reported also without friction, and from sleep.
 TEST_P(EventList, ALiftIsToldOfWhatSleptWithoutFriction) {
   World world(by_events(GetParam()));
   world.add_body(make_floor(0.0));
@@ -279,7 +279,7 @@ TEST_P(EventList, ALiftIsToldOfWhatSleptWithoutFriction) {
   EXPECT_EQ(events[0].time, start);
 }
 
-// A ball that comes to rest in a corner where nothing pulls touches three walls from then on.
+// A ball that comes to rest in a corner without gravity touches three walls from then on.
 TEST_P(EventList, ContactsWithoutForceDoNotComeAndGo) {
   World world(by_events(GetParam(), 0.0));
   for (int i = 0; i < 3; ++i) {
@@ -310,7 +310,7 @@ TEST_P(EventList, AMotorAtItsLimitIsToldUntilItHasCaughtUp) {
   joint.coordinates[0].motor->max_force = kForce;
   world.add_joint(joint);
   const std::vector<Event> events = events_of(&world, 1.0);
-  ASSERT_EQ(events.size(), 1u);  // that it begins at its limit is no event
+  ASSERT_EQ(events.size(), 1u);  // starting at the limit is no event
   EXPECT_EQ(events[0].kind, EventKind::kReleased);
   EXPECT_NEAR(events[0].time, kMass * kSpeed / kForce, kTime);
 }
@@ -331,8 +331,8 @@ TEST_P(EventList, FrictionThatStopsASliderIsTold) {
   EXPECT_NEAR(events[0].time, kSpeed * kMass / kFriction, kTime);
 }
 
-// a rope that breaks by the mean force of an impulse does so at the end of a step; a rod that a
-// growing force breaks at that moment
+// A rope that breaks by the mean force of an impulse breaks at the end of a step; a rod under a
+// growing force breaks at the time of its limit.
 TEST_P(EventList, AJointThatBreaksIsToldOnce) {
   World world(by_events(GetParam()));
   const BodyId id = world.add_body(make_body("bob", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0}));
@@ -345,7 +345,7 @@ TEST_P(EventList, AJointThatBreaksIsToldOnce) {
   EXPECT_EQ(events[0].joint, rod_id);
   EXPECT_STREQ(name(events[0].kind), "broken");
   EXPECT_NEAR(events[0].time, time_of_fall(0.5 * kPi, kPi / 3.0, 1.0), kTime);
-  // from there it flies with v² = 2 g sin φ: where it is says for how long
+  // the free bob flies with v² = 2 g sin φ; its position gives the time of flight
   const double speed = std::sqrt(kGravity);
   const Vector3d x(std::cos(kPi / 6), 0.0, -0.5), v = speed * Vector3d(-0.5, 0.0, -x.x());
   const double since = world.time() - events[0].time;
@@ -371,7 +371,7 @@ TEST(EventList, JointsThatImpulsesBreakAreToldAtTheEndOfTheStep) {
   world.set_broken(rod_id, false);
   world.step();
   EXPECT_EQ(world.events().size(), 1u);
-  world.remove_joint(rod_id);  // whose id the event has
+  world.remove_joint(rod_id);  // the event refers to its id
   EXPECT_TRUE(world.events().empty());
 }
 

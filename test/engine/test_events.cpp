@@ -1,7 +1,7 @@
-// Events on coordinates: ropes, limits, motors with a force limit, friction and joints that break,
-// and what none of these changes. Oracles: closed forms of the motion before and after each event,
-// and the same without what does not act. Times are to be right to 1e-9 s and positions to 1e-8 m
-// at any tick, by tolerances of 1e-10 m/s and the one of scenes that name none.
+// Events on coordinates: ropes, limits, force-limited motors, friction and breaking joints, and
+// elements that do not act. Oracles: closed forms of the motion before and after each event, and
+// the motion without inactive elements. Times are correct to 1e-9 s and positions to 1e-8 m at any
+// tick, with tolerances of 1e-10 m/s and the default.
 
 #include "bouncing.h"
 #include "by_events.h"
@@ -21,7 +21,7 @@ Body ball(const std::string& name, double mass, const Vector3d& position) {
   return make_body(name, Sphere{0.1}, mass, position);
 }
 
-/// A slider of the world along z.
+/// Returns a slider of the world along z.
 Joint slider_along_z(BodyId body, const CoordinateLaw& law) {
   Joint joint = make_joint("slider", kWorldBody, Vector3d::Zero(), body, Vector3d::Zero(),
                            JointKind::kSlider);
@@ -35,9 +35,9 @@ class AtTicks : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Events, AtTicks, testing::ValuesIn(each_way(Method::kAuto)));
 
-// ---- what does not act
+// ---- inactive elements
 
-/// Steps both for so long: the same substeps without an event, and the same bits.
+/// Steps both worlds for a duration: the same substeps without an event, and the same bits.
 void expect_same_bits(World* alone, World* beside, const std::string& body, double seconds) {
   while (alone->time() < seconds) {
     alone->step();
@@ -67,7 +67,7 @@ TEST_P(AtTicks, APendulumBesideASlackRopeIsThePendulum) {
   expect_same_bits(&alone, &beside, "bob", 2.0);
 }
 
-/// A bar on a hinge at its end that turns at a rate, with a law.
+/// A bar on a hinge at its end that rotates at a rate, with a law.
 void hang_bar(World* world, double rate, const CoordinateLaw& law) {
   Body bar = make_body("bar", Box{{1.0, 0.1, 0.1}}, 2.0, {0.5, 0.0, 0.0});
   bar.state.angular_velocity.y() = rate;
@@ -82,7 +82,7 @@ void hang_bar(World* world, double rate, const CoordinateLaw& law) {
   world->add_joint(hinge);
 }
 
-// limits that it does not reach, and a motor on its course with less than it has
+// A bar with limits out of reach, or with a motor within its force limit.
 TEST_P(AtTicks, ABarIsTheSameWithLimitsThatItIsOffAndWithAMotorBelowItsLimit) {
   for (const bool has_motor : {false, true}) {
     World alone(by_events(GetParam())), beside(by_events(GetParam()));
@@ -105,7 +105,7 @@ TEST_P(AtTicks, ABarIsTheSameWithLimitsThatItIsOffAndWithAMotorBelowItsLimit) {
   }
 }
 
-// A floor below the reach of a tick leaves a pendulum alone; one nearer is watched in a group with
+// A floor out of reach within a tick does not affect a pendulum; a nearer one is in a group with
 // it, whose equations are the same in another order.
 TEST_P(AtTicks, APendulumAboveAFloorThatItDoesNotTouchIsThePendulum) {
   for (const double floor : {-1.5, -1.11}) {
@@ -127,11 +127,11 @@ TEST_P(AtTicks, APendulumAboveAFloorThatItDoesNotTouchIsThePendulum) {
       const Vector3d& place = alone.state(alone.find_body("bob")).position;
       worst = std::max(worst, (beside.state(beside.find_body("bob")).position - place).norm());
     }
-    EXPECT_LT(worst, 5e-12);  // what the tolerance leaves of substeps of 1/30 s; else rounding
+    EXPECT_LT(worst, 5e-12);  // error by the tolerance with substeps of 1/30 s; else rounding
   }
 }
 
-// falls until the rope is taut, and hangs
+// A ball falls until its rope is taut, and hangs.
 TEST_P(AtTicks, ABallFallsIntoItsRope) {
   World world(by_events(GetParam()));
   const BodyId id = world.add_body(ball("ball", 2.0, {0.0, 0.0, -0.3}));
@@ -152,13 +152,13 @@ TEST_P(AtTicks, ABallFallsIntoItsRope) {
   EXPECT_EQ(events, 1u);
 }
 
-// the part of the velocity across the rope stays; from there on it is a pendulum
+// The ball keeps the velocity across the rope; from then on it is a pendulum.
 TEST_P(AtTicks, ABallThrownSidewaysSwingsOnItsRope) {
   World world(by_events(GetParam()));
   const BodyId id = world.add_body(ball("ball", 2.0, {0.6, 0.0, 0.0}));
   world.add_joint(hang("rope", id, rope(1.0)));
   const double taut = std::sqrt(2.0 * 0.8 / kGravity);
-  // from the exact state when the rope is taut
+  // starts from the exact state when the rope is taut
   World pendulum(by_events(Carried{1e-3, Method::kAuto}));
   const BodyId bob = pendulum.add_body(ball("bob", 2.0, {0.6, 0.0, -0.8}));
   pendulum.add_joint(hang("rod", bob, rod(1.0)));
@@ -168,7 +168,7 @@ TEST_P(AtTicks, ABallThrownSidewaysSwingsOnItsRope) {
   pendulum.set_state(bob, state);
   const int steps = static_cast<int>(std::lround(0.8 / GetParam()));
   run(world, steps);
-  // to the same time, the last part of a tick by a tick of its own
+  // same end time; the last part of a tick is a separate tick
   const int whole = static_cast<int>((world.time() - taut) * 1000.0);
   run(pendulum, whole);
   WorldOptions options = pendulum.options();
@@ -203,7 +203,8 @@ TEST_P(AtTicks, AStopIsHitWithItsRestitution) {
   }
 }
 
-// A rope on a brake slips with twice the weight: the load stops as far below as it fell, and hangs.
+// A rope on a brake slips with twice the weight: the load stops after falling as far again, and
+// hangs.
 TEST_P(AtTicks, ARopeOnABrakeSlipsUntilItHolds) {
   World world(by_events(GetParam()));
   const BodyId id = world.add_body(ball("ball", 2.0, {0.0, 0.0, -0.8}));
@@ -224,7 +225,7 @@ TEST_P(AtTicks, ARopeOnABrakeSlipsUntilItHolds) {
   }
 }
 
-// a motor takes time to come to its speed, with the most force it has
+// A motor needs time to reach its speed, with its largest force.
 TEST_P(AtTicks, AMotorAtItsLimitAccelerates) {
   constexpr double kMass = 2.0, kForce = 5.0, kSpeed = 1.3;
   World world(by_events(GetParam(), 0.0));
@@ -246,7 +247,7 @@ TEST_P(AtTicks, AMotorAtItsLimitAccelerates) {
   }
 }
 
-// it cannot follow the steepest part of a sinusoid, and catches up later
+// A motor cannot follow the steepest part of a sinusoid, and catches up later.
 TEST_P(AtTicks, AMotorAtItsLimitFollowsASinusoid) {
   constexpr double kForce = 1.0, kFrequency = 0.5, kAmplitude = 0.5;
   const double omega = 2.0 * kPi * kFrequency;
@@ -258,8 +259,8 @@ TEST_P(AtTicks, AMotorAtItsLimitFollowsASinusoid) {
   law.motor->frequency = kFrequency;
   law.motor->max_force = kForce;
   world.add_joint(slider_along_z(id, law));
-  // from 0 with the most force until it has the speed asked for, with it until it asks for more
-  // than −1 N, then with that
+  // starts at 0 with full force until the target speed is reached, along the target until it needs
+  // more than −1 N, then with −1 N
   double low = 0.1, high = 0.9;
   for (int i = 0; i < 60; ++i) {
     const double t = 0.5 * (low + high);
@@ -302,8 +303,8 @@ TEST_P(AtTicks, FrictionStopsASlider) {
   EXPECT_EQ(world.state(id).linear_velocity.z(), 0.0);
 }
 
-// Stick and slip: a body on friction f is pulled by a spring k whose other end goes at speed v. It
-// sticks until k v t = f; from then on y = v τ − (v/ω) sin ωτ.
+// Stick and slip: a spring k, whose other end moves at speed v, pulls a body with friction f. It
+// sticks until k v t = f; then y = v τ − (v/ω) sin ωτ.
 TEST_P(AtTicks, AnAnchorDraggedByASpringSticksAndSlips) {
   constexpr double kMass = 1.5, kFriction = 2.0, kStiffness = 30.0, kSpeed = 0.25;
   World world(by_events(GetParam(), 0.0));
@@ -326,9 +327,9 @@ TEST_P(AtTicks, AnAnchorDraggedByASpringSticksAndSlips) {
   }
 }
 
-// A load of 1e4 kg on a rope, and a bob of 1 kg on a rod that hangs on it. The rope is slack at
-// first: both fall, then the load stops on the rope and the bob goes on with its speed straight
-// down: two links from then on, by Lagrange's equations in long double.
+// A load of 1e4 kg on a rope, and a bob of 1 kg on a rod below it. The rope is slack at first: both
+// fall, then the rope stops the load, and the bob continues straight down: two links from then on,
+// by Lagrange's equations in long double.
 TEST_P(AtTicks, AHeavyLoadOnARopeBesideALightBobOnARod) {
   World world(by_events(GetParam()));
   const BodyId load = world.add_body(ball("load", 1e4, {0.0, 0.0, -0.8}));
@@ -357,12 +358,12 @@ TEST_P(AtTicks, AHeavyLoadOnARopeBesideALightBobOnARod) {
     worst = std::max({worst, (world.state(load).position - places[0]).norm(),
                       (world.state(bob).position - places[1]).norm()});
   }
-  EXPECT_LT(worst, 5e-12);  // the tolerance, of substeps of 1/30 s; of shorter ones rounding
+  EXPECT_LT(worst, 5e-12);  // the tolerance with substeps of 1/30 s; rounding with shorter ones
 }
 
-// A bob let go at the height of its pivot swings down; the rod pulls with 3 m g sin φ.
+// A bob released at the height of its pivot swings down; the rod's tension is 3 m g sin φ.
 TEST_P(AtTicks, ARodBreaksWhereItsForceSays) {
-  constexpr double kShare = 0.6;  // of 3 m g
+  constexpr double kShare = 0.6;  // over 3 m g
   World world(by_events(GetParam()));
   const BodyId id = world.add_body(ball("bob", 1.0, {1.0, 0.0, 0.0}));
   Joint joint = hang("rod", id, rod(1.0));

@@ -1,5 +1,5 @@
-// What is no error is not reported as one: work of corrections, errors that a command is closing,
-// and estimates of what spins.
+// Correct behaviour is not reported as an error: work of corrections, errors that a command is
+// closing, and estimates of spinning bodies.
 
 #include <cmath>
 
@@ -40,7 +40,7 @@ TEST(FalseAlarms, CorrectionsAgainstAWrenchGiveNoEnergy) {
       }
 }
 
-// The wrench loses what the corrections do against it.
+// The wrench loses the work of the corrections against it.
 TEST(FalseAlarms, CorrectionsDoTheWorkThatAWrenchLoses) {
   World world = pressed_ball(Method::kSequentialImpulses, 0.01, 0.005);
   double driven = 0.0, corrections = 0.0;
@@ -58,7 +58,7 @@ TEST(FalseAlarms, CorrectionsDoTheWorkThatAWrenchLoses) {
 
 // ---- commands
 
-/// An arm of 1 kg and 0.5 m on a hinge about y that holds it level by a motor.
+/// An arm of 1 kg and 0.5 m on a hinge about y, held level by a motor.
 World arm(Method method, double max_force) {
   WorldOptions options;
   options.method = method;
@@ -81,7 +81,7 @@ void send(World* world, double position) {
   world->set_motor(hinge, 0, motor);
 }
 
-// 2.45 N m hold it; 20 N m are enough for the motion as well.
+// 2.45 N m hold the arm; 20 N m suffice for the motion too.
 TEST(FalseAlarms, AMotorOnItsWayIsReportedApart) {
   for (const Method method : {Method::kAuto, Method::kEnergyMomentum})
     for (const double max_force : {0.0, 20.0}) {
@@ -100,13 +100,13 @@ TEST(FalseAlarms, AMotorOnItsWayIsReportedApart) {
       }
       const JointState& state = world.joint_state(world.find_joint("hinge"));
       EXPECT_NEAR(state.coordinates[0].position, -0.4, 1e-6) << name(method) << max_force;
-      // the way of 0.4 rad at the radius of gyration, less the first tick
+      // the path of 0.4 rad at the radius of gyration, less the first tick
       EXPECT_GT(largest, 0.9 * 0.4 * state.radius);
       EXPECT_LE(world.report().closing_error, 1e-6);
     }
 }
 
-// A motor that cannot lift the arm is at its limit; the hinge holds all the same.
+// A motor that cannot lift the arm is saturated; the hinge holds nevertheless.
 TEST(FalseAlarms, AMotorWithoutTheForceIsNoUnclosedJoint) {
   World world = arm(Method::kAuto, 1.0);
   for (int i = 0; i < 300; ++i) {
@@ -118,7 +118,7 @@ TEST(FalseAlarms, AMotorWithoutTheForceIsNoUnclosedJoint) {
   EXPECT_GT(std::abs(state.coordinates[0].position), 0.1);
 }
 
-// A joint that nothing closes is still reported, beside a motor that is on its way.
+// An error that nothing closes is still reported, beside a motor on its way.
 TEST(FalseAlarms, AnErrorThatNothingClosesIsNone) {
   WorldOptions options;
   World world(options);
@@ -132,8 +132,8 @@ TEST(FalseAlarms, AnErrorThatNothingClosesIsNone) {
 
 // ---- estimates
 
-// A wheel on a hinge at a constant speed: the angle is known, whatever a tick turns the wheel by. A
-// part of a tick turns it by half a radian at most.
+// A wheel on a hinge at constant speed: its angle is known, whatever the angle per tick. A substep
+// turns it by half a radian at most.
 TEST(FalseAlarms, EstimateOfASpinningWheelIsItsError) {
   const double radius = 0.1;
   for (const int order : {2, 4})
@@ -153,7 +153,7 @@ TEST(FalseAlarms, EstimateOfASpinningWheelIsItsError) {
       const JointState& state = world.joint_state(world.find_joint("hinge"));
       const double gyration = radius / std::sqrt(2.0);
       const double error = gyration * std::abs(state.coordinates[0].position - speed);
-      // leading order of the angle, and half of it in the first tick
+      // leading order of the angle; half of it in the first tick
       EXPECT_NEAR(estimate, error, 0.1 * error) << order << ' ' << speed;
     }
 }

@@ -1,4 +1,4 @@
-// Bodies that would pass through others in a step: closed forms of where they are after their hits.
+// Bodies that would pass through others within a step: closed forms of positions after impacts.
 
 #include <atomic>
 #include <chrono>
@@ -16,8 +16,8 @@ using Eigen::Vector3d;
 constexpr double kTick = 1.0 / 240.0;
 constexpr double kRadius = 0.05;
 constexpr double kWall = 1e-3;  // thickness [m]
-// A hit is met within 1e-9 of the thickness of the wall, and takes 1e-9 of a tick: at 500 m/s that
-// is 2e-9 m.
+// Accuracy of an impact: 1e-9 of the thickness of the wall, and 1e-9 of a tick, which is 2e-9 m at
+// 500 m/s.
 constexpr double kMet = 1e-8;
 
 BodyId add_wall(World* world, const Vector3d& position, int axis = 0, double restitution = 0.0) {
@@ -43,7 +43,7 @@ TEST(FastBodies, BallOf500MetresASecondMeetsAWallOfAMillimetreAtItsPlace) {
   for (const double e : {0.0, 0.5, 1.0}) {
     for (const double start : {-0.06, -1.0, -2.0, -3.3}) {
       WorldOptions integrated = weightless(kTick);
-      integrated.method = Method::kAuto;  // until the tick of the hit
+      integrated.method = Method::kAuto;  // integrated until the tick of the impact
       World world(start < -1.5 ? integrated : weightless(kTick));
       add_wall(&world, Vector3d::Zero());
       const BodyId ball = add_ball(&world, {start, 0.1, 0.2}, {500.0, 0.0, 0.0}, e);
@@ -68,7 +68,7 @@ TEST(FastBodies, HitIsToldWithItsForce) {
   EXPECT_EQ(world.step().hits, 0u);
 }
 
-// a centimetre beside the edge of the wall, straight on as without it
+// A ball that misses the edge of the wall by a centimetre moves straight on.
 TEST(FastBodies, MissStaysAMiss) {
   World world(weightless(kTick));
   add_wall(&world, Vector3d::Zero());
@@ -81,7 +81,7 @@ TEST(FastBodies, MissStaysAMiss) {
     EXPECT_EQ(world.state(ball).linear_velocity, velocity);
     EXPECT_LT((world.state(ball).position - (start + step * kTick * velocity)).norm(), 1e-13);
   }
-  // and a micrometre less far out it is a hit of the edge
+  // a micrometre nearer the ball hits the edge
   World other(weightless(kTick));
   add_wall(&other, Vector3d::Zero());
   const BodyId grazing = add_ball(&other, {-1.0, 2.0 + kRadius - 1e-6, 0.0}, velocity);
@@ -90,7 +90,7 @@ TEST(FastBodies, MissStaysAMiss) {
   EXPECT_NE(other.state(grazing).linear_velocity.y(), 0.0);
 }
 
-// to and fro between two walls: the path is that of a free ball, folded
+// A ball between two walls: its path is that of a free ball, folded.
 TEST(FastBodies, BounceSeveralTimesInAStep) {
   World world(weightless(kTick));
   add_wall(&world, {-0.25, 0.0, 0.0});
@@ -159,8 +159,8 @@ TEST(FastBodies, NoneLeavesARoomOfThinWallsAndNoneGainsEnergy) {
   }
 }
 
-// Boxes of any orientation that turn: how far they are in after a step depends on what ten sweeps
-// leave of several points, but they stay on their side.
+// Rotating boxes of any orientation: their overlap after a step depends on the residual of ten
+// sweeps at several points, but they stay on their side.
 TEST(FastBodies, TurningBoxesStayOnTheirSideAndGainNoEnergy) {
   Random random;
   std::uint32_t hits = 0;
@@ -177,7 +177,7 @@ TEST(FastBodies, TurningBoxesStayOnTheirSideAndGainNoEnergy) {
     double energy = world.energy();
     for (int step = 0; step < 10; ++step) {
       hits += world.step().hits;
-      if (world.report().hits_left_body) {  // corners that strike by turns, too often
+      if (world.report().hits_left_body) {  // corners that strike alternately, too often
         ++told;
         break;
       }
@@ -230,13 +230,13 @@ TEST(FastBodies, WakeWhatTheyHit) {
   EXPECT_NEAR(world.state(ball).linear_velocity.x(), 0.0, 1e-9);
 }
 
-// falling with gravity: met where the step's own parabola meets the floor
+// A falling ball meets the floor where the step's own parabola does.
 TEST(FastBodies, FallOnAThinFloor) {
   World world(options(kTick));
   add_wall(&world, Vector3d::Zero(), 2);
   const BodyId ball = add_ball(&world, {0.0, 0.0, 1.0}, {0.0, 0.0, -300.0}, 0.0);
   run(world, 100);
-  // it rests, as deep in as the fall of a step
+  // at rest, with an overlap of the fall of a step
   const double slop = kGravity * kTick * kTick;
   EXPECT_NEAR(world.state(ball).position.z(), kRadius + 0.5 * kWall, slop * 1.01);
   EXPECT_LT(world.state(ball).linear_velocity.norm(), 1e-3);
@@ -254,10 +254,10 @@ TEST(FastBodies, GoOnAsTheyWereCopied) {
   EXPECT_EQ(world.state_hash(), copy.state_hash());
 }
 
-// Poles of 10 km that turn beside each other: a hit is neared by a small share of the gap at a
-// time, so that the search takes milliseconds for each of 80 000 pairs. A stop flag, which the node
-// sets for who asks meanwhile, ends the step at once all the same, and keeps the state. Measured:
-// 0.5 s of the processor, which is when the flag is set, and 20 s where the search goes on.
+// Rotating poles of 10 km beside each other: the search approaches an impact by a small share of
+// the gap at a time, and takes milliseconds for each of 80 000 pairs. A stop flag, as set by the
+// node, ends the step at once and keeps the state. Measured: 0.5 s of processor time, when the flag
+// is set, and 20 s without.
 TEST(FastBodies, AStepOfManyLongPolesIsStoppedAtOnce) {
   World world(options(0.01));
   for (int i = 0; i < 400; ++i) {
@@ -282,7 +282,7 @@ TEST(FastBodies, AStepOfManyLongPolesIsStoppedAtOnce) {
   EXPECT_EQ(world.state_hash(), before);
 }
 
-// Two of them: a step ends by the number of its parts, and names the pole whose hits it may miss.
+// With two poles a step ends by its number of parts, and names the pole whose impacts it may miss.
 TEST(FastBodies, AStepOfTwoLongPolesSaysThatItMayMissHits) {
   World world(options(0.01));
   for (int i = 0; i < 2; ++i) {

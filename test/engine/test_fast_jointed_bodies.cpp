@@ -1,6 +1,6 @@
-// Fast bodies on joints against plates of a millimetre: nothing is passed through, whoever carries
-// them. Oracles: closed forms where events do, else what cannot be: a body on the other side,
-// energy that rises, a hit of what is missed.
+// Fast bodies on joints against plates of a millimetre: no method lets a body pass through.
+// Oracles: closed forms for events; else impossible results: a body on the other side, a rise of
+// energy, an impact of a body that misses.
 
 #include "constraint_sim/engine/plan.h"
 #include "support.h"
@@ -27,7 +27,7 @@ WorldOptions by(Method method, double time_step) {
   return options;
 }
 
-/// On a rod of 1 m about the origin, at the height of that, downwards.
+/// Adds a bob on a rod of 1 m about the origin, at the origin's height, moving down.
 BodyId add_bob(World* world, const Shape& shape, double restitution) {
   Body bob = make_body("bob", shape, 1.0, {1.0, 0.0, 0.0});
   bob.state.linear_velocity.z() = -kSpeed;
@@ -37,7 +37,7 @@ BodyId add_bob(World* world, const Shape& shape, double restitution) {
   return id;
 }
 
-/// One behind the other on their way along x, joined by a rod.
+/// Adds two balls joined by a rod, one behind the other, moving along x.
 std::vector<BodyId> add_joined_balls(World* world, double x, double z, double restitution,
                                      double break_force = 0.0) {
   std::vector<BodyId> ids;
@@ -54,7 +54,7 @@ std::vector<BodyId> add_joined_balls(World* world, double x, double z, double re
   return ids;
 }
 
-// The bob meets the plate where its circle does, and goes back with e times the speed.
+// The bob meets the plate where its circle does, and returns with e times the speed.
 TEST(FastJointedBodies, EventsMeetAPlateAtItsPlace) {
   constexpr double kRestitution = 0.5;
   for (const Method method : {Method::kAuto, Method::kEventDriven}) {
@@ -77,7 +77,7 @@ TEST(FastJointedBodies, EventsMeetAPlateAtItsPlace) {
   }
 }
 
-// By impulses, asked for or where nothing else carries contacts: e = 0 leaves it on the plate.
+// Impulses, requested or as the fallback for contacts: e = 0 leaves the bob on the plate.
 TEST(FastJointedBodies, ABobStaysOnAPlateWhoeverCarriesIt) {
   const Shape shapes[] = {Sphere{kRadius}, Box{Vector3d::Constant(2.0 * kRadius)},
                           Cylinder{kRadius, 2.0 * kRadius}};
@@ -120,7 +120,7 @@ TEST(FastJointedBodies, JoinedBallsStayOnTheirSideOfAWall) {
   }
 }
 
-// A bar that turns by radians in a tick is stopped by a plate under its arm.
+// A plate under its arm stops a bar that rotates by radians in a tick.
 TEST(FastJointedBodies, ABarOnAHingeStopsAtAPlate) {
   for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kSequentialImpulses}) {
     for (const double tick : {1.0 / 60, 1.0 / 240, 1.0 / 1000}) {
@@ -149,7 +149,8 @@ TEST(FastJointedBodies, ABarOnAHingeStopsAtAPlate) {
   }
 }
 
-// a centimetre beside the plate: nothing is hit, and what is integrated stays integrated
+// A body that misses the plate by a centimetre hits nothing, and integrated islands stay
+// integrated.
 TEST(FastJointedBodies, AMissStaysAMiss) {
   for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kSequentialImpulses}) {
     for (const double tick : {1.0 / 240, 1.0 / 1000}) {
@@ -172,8 +173,8 @@ TEST(FastJointedBodies, AMissStaysAMiss) {
   }
 }
 
-// What a rod has to do when a ball before it stops counts in the mean of the tick, not in that of
-// the part in which it stops.
+// The rod's impulse when the ball ahead stops counts in the mean of the tick, not of a part of the
+// tick.
 TEST(FastJointedBodies, ARodBreaksByTheMeanOfTheTick) {
   constexpr double kTick = 1.0 / 240;
   for (const double bears : {0.9, 1.1}) {
@@ -183,12 +184,12 @@ TEST(FastJointedBodies, ARodBreaksByTheMeanOfTheTick) {
     const JointId rod = world.joint_ids().front();
     world.step();
     EXPECT_EQ(world.joint_state(rod).broken, bears < 1.0);
-    // what the sweeps leave
+    // residual of the sweeps
     EXPECT_NEAR(std::abs(world.joint_state(rod).force), kSpeed / kTick, 0.01 * kSpeed / kTick);
   }
 }
 
-// A plate of a kilogram that sleeps stops what comes, and goes with it.
+// A sleeping plate of a kilogram stops the balls and moves with them.
 TEST(FastJointedBodies, WakeWhatTheyMayHit) {
   WorldOptions options = by(Method::kSequentialImpulses, 1.0 / 240);
   options.sleep_after = 0.01;
@@ -200,12 +201,12 @@ TEST(FastJointedBodies, WakeWhatTheyMayHit) {
   EXPECT_EQ(world.report().asleep, 1u);
   run(world, 8);
   EXPECT_EQ(world.report().asleep, 0u);
-  // all three kilograms go on together, to what the sweeps leave
+  // all three kilograms move on together, within the sweeps' residual
   EXPECT_NEAR(world.state(plate).linear_velocity.x(), kSpeed * 2.0 / 3.0, 0.01 * kSpeed);
   EXPECT_GT(world.state(plate).position.x(), world.state(balls[0]).position.x());
 }
 
-// along a plate, nearer than a step can be divided
+// Balls that slide along a plate, nearer than a step can be divided.
 TEST(FastJointedBodies, WhatIsLeftIsTold) {
   World world(by(Method::kSequentialImpulses, 1.0 / 60));
   add_plate(&world, {40.0, 4.0, kPlate}, {15.0, 0.0, 0.0}, 0.0);

@@ -7,7 +7,8 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// Bernstein coefficients of a product of (θ − r), by those of degree one: Farouki's product.
+/// Returns Bernstein coefficients of a product of (θ − r), by Farouki's product of degree-one
+/// factors.
 template <std::size_t n>
 Bernstein<n> product(double factor, const std::array<double, n - 1>& roots) {
   std::vector<double> p{factor};
@@ -27,12 +28,12 @@ Bernstein<n> product(double factor, const std::array<double, n - 1>& roots) {
 }
 
 TEST(FirstRoot, IsWhereAPolynomialFallsBelowZero) {
-  // five roots; above zero at first
+  // five roots; positive at first
   EXPECT_NEAR(*first_root(product<6>(1.0, {0.3, 0.31, 0.7, 1.5, -2.0})), 0.3, 1e-12);
   EXPECT_EQ(*first_root(product<6>(-1.0, {0.3, 0.31, 0.7, 1.5, -2.0})), 0.0);
   EXPECT_NEAR(*first_root(product<4>(-1.0, {0.25, 0.5, 0.9})), 0.25, 1e-12);
   EXPECT_FALSE(first_root(product<4>(-1.0, {1.25, 1.5, 1.9})));
-  // touches zero and does not pass
+  // touches zero without crossing
   EXPECT_FALSE(first_root(Bernstein<3>{0.25, -0.24, 0.25}));
   // two roots within a hundredth of the interval
   EXPECT_NEAR(*first_root(product<3>(1.0, {0.5, 0.501})), 0.5, 1e-12);
@@ -43,7 +44,7 @@ TEST(FirstRoot, AfterZero) {
   EXPECT_FALSE(first_root_after_zero(product<3>(1.0, {0.0, -0.5})));
 }
 
-/// Largest violation of the conditions.
+/// Returns the largest violation of the conditions.
 double violation(const BoxLcp& problem, const Eigen::VectorXd& x) {
   const Eigen::VectorXd a = problem.b + problem.A * x;
   double worst = 0.0;
@@ -70,13 +71,13 @@ TEST(BoxLcp, MeetsItsConditions) {
     }
     Eigen::VectorXd x;
     ASSERT_TRUE(solve(problem, &x)) << k;
-    // to rounding of forces that a badly conditioned A makes large
+    // rounding of forces that a badly conditioned A makes large
     EXPECT_LT(violation(problem, x), 1e-9 * (1.0 + x.lpNorm<Eigen::Infinity>())) << k;
   }
 }
 
 TEST(BoxLcp, SaysWhereThereIsNoAnswer) {
-  // two rows that are one, asked for different rates with any force
+  // two equal rows with different target rates and unbounded force
   const BoxLcp problem{Eigen::MatrixXd::Ones(2, 2), Eigen::Vector2d(-1.0, 1.0),
                        Eigen::Vector2d::Constant(-kInfinity), Eigen::Vector2d::Constant(kInfinity)};
   Eigen::VectorXd x;

@@ -1,7 +1,7 @@
-// Springs, servos and motors to a position with a force limit, from event to event. Oracles: closed
-// forms of the motion between the moments at which the limit is reached and left, which are found
-// by bisection. Times are to be right to 1e-9 s and positions to 1e-8 m at any tick; what is left
-// is rounding and the tolerance.
+// Force-limited springs, servos and position-controlled motors, event-driven. Oracles: closed forms
+// of the motion between the times at which the limit is reached and left, which bisection finds.
+// Times are correct to 1e-9 s and positions to 1e-8 m at any tick; errors are rounding and the
+// tolerance.
 
 #include <tuple>
 #include <utility>
@@ -22,7 +22,7 @@ WorldOptions automatic(const Carried& by, double gravity = 0.0) { return by_even
 
 WorldOptions automatic(double time_step) { return automatic(Carried{time_step, Method::kAuto}); }
 
-/// A body on a slider of the world along z, on which a law acts.
+/// A body on a slider of the world along z, with a law.
 struct Slider {
   World world;
   BodyId id;
@@ -77,13 +77,13 @@ double bisect(double low, double high, const std::function<bool(double)>& is_bef
   return low;
 }
 
-/// m q̈ = load + clamp(K (R − q) − C q̇): pieces of the damped oscillator, underdamped, and of
+/// Solution of m q̈ = load + clamp(K (R − q) − C q̇): pieces of the underdamped oscillator and of
 /// parabolas.
 struct LimitedOscillator {
   double K, R, C, most, load;
-  double t = 0.0, q = 0.0, v = 0.0;  // where the piece began
-  int side = 0;                      // 0: follows
-  std::vector<double> changes{};     // of the side
+  double t = 0.0, q = 0.0, v = 0.0;  // start of the piece
+  int side = 0;                      // 0: not at the limit
+  std::vector<double> changes{};     // times of changes of the side
 
   std::pair<double, double> after(double h) const {
     if (side != 0) {
@@ -104,7 +104,7 @@ struct LimitedOscillator {
     const double f = force(h);
     return f > most ? 1 : (f < -most ? -1 : 0);
   }
-  /// Goes on to a time.
+  /// Advances to a time.
   double at(double time) {
     constexpr double kScan = 1e-3;
     if (changes.empty()) {
@@ -137,7 +137,7 @@ INSTANTIATE_TEST_SUITE_P(Ticks, ForceLimitsAt, testing::ValuesIn(each_way(Method
 // ---- servos and springs
 
 TEST_P(ForceLimitsAt, AServoIsAtItsLimitUntilItIsNear) {
-  for (const double damping : {12.0, 1.0}) {  // the second one comes to its limit again and again
+  for (const double damping : {12.0, 1.0}) {  // the second one reaches its limit repeatedly
     for (const double gravity : {0.0, kGravity}) {
       Slider slider(automatic(GetParam(), gravity), servo(1.0, 60.0, damping, 30.0));
       EXPECT_EQ(slider.world.islands().front().why, MethodReason::kForceLimit);
@@ -167,7 +167,7 @@ TEST_P(ForceLimitsAt, ASpringOfALengthIsAtItsLimitUntilItIsNear) {
   joint.motor.max_force = 50.0;
   const JointId of = world.add_joint(joint);
   EXPECT_EQ(world.islands().front().why, MethodReason::kForceLimit);
-  LimitedOscillator exact{200.0, 1.0, 4.0, 50.0, kMass * kGravity};  // of −z
+  LimitedOscillator exact{200.0, 1.0, 4.0, 50.0, kMass * kGravity};  // along −z
   exact.q = 1.5;
   double energy = world.energy();
   for (int i = 0; i < steps(2.0); ++i) {
@@ -177,13 +177,14 @@ TEST_P(ForceLimitsAt, ASpringOfALengthIsAtItsLimitUntilItIsNear) {
     if (std::abs(world.time() - exact.changes.back()) > kTime) {
       ASSERT_EQ(world.joint_state(of).saturated, exact.side != 0);
     }
-    ASSERT_LT(world.energy(), energy + 1e-8);  // the spring's with its limit, which dampers lower
+    ASSERT_LT(world.energy(),
+              energy + 1e-8);  // energy of the force-limited spring; dampers lower it
     energy = world.energy();
   }
   EXPECT_GT(exact.changes.size(), 2u);
 }
 
-// a spring whose other end a motor moves
+// A spring whose other end is moved by a motor.
 TEST_P(ForceLimitsAt, ASpringThatAMotorWindsSlipsNoFurtherThanItsLimit) {
   World world(automatic(GetParam()));
   const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, kMass, {0.0, 0.0, -1.0}));
@@ -191,7 +192,7 @@ TEST_P(ForceLimitsAt, ASpringThatAMotorWindsSlipsNoFurtherThanItsLimit) {
   joint.motor.max_force = 2.0;
   joint.motor.bias = 0.5;
   world.add_joint(joint);
-  // in the frame of the other end: it starts with −0.5 m/s
+  // seen from the other end the mass starts with −0.5 m/s
   LimitedOscillator exact{30.0, 0.0, 0.0, 2.0, 0.0};
   exact.v = -0.5;
   for (int i = 0; i < steps(2.0); ++i) {
@@ -215,8 +216,8 @@ TEST_P(ForceLimitsAt, AServoBelowItsLimitIsTheOneWithout) {
   }
 }
 
-// What substeps cost grows with the frequency; one that is absurdly stiff is left to impulses,
-// told.
+// The number of substeps grows with the frequency; an extremely stiff servo is left to impulses,
+// which is reported.
 TEST(ForceLimits, AStiffServoIsFollowedBySubsteps) {
   for (const double omega : {1e2, 1e4, 2e5}) {
     const double K = kMass * omega * omega;
@@ -240,7 +241,7 @@ TEST(ForceLimits, AStiffServoIsFollowedBySubsteps) {
   }
 }
 
-// ---- motors to a position
+// ---- position-controlled motors
 
 TEST_P(ForceLimitsAt, AMotorBelowItsLimitIsTheOneWithout) {
   Slider with(automatic(GetParam(), kGravity), to_position(0.4, 1000.0)),
@@ -258,8 +259,8 @@ TEST_P(ForceLimitsAt, AMotorBelowItsLimitIsTheOneWithout) {
   EXPECT_EQ(with.q(), 0.4);
 }
 
-// On its course until that takes more than its force, then with all of it, then with half of it to
-// rest.
+// The motor follows its path until that needs more than its force, then uses its full force, then
+// half of it to stop.
 TEST_P(ForceLimitsAt, AMotorTooWeakForItsCourseStopsInItsPositionAllTheSame) {
   constexpr double kForce = 6.0, kGoal = 0.8;
   Slider slider(automatic(GetParam()), to_position(kGoal, kForce));
@@ -299,7 +300,7 @@ TEST_P(ForceLimitsAt, AMotorTooWeakForItsCourseStopsInItsPositionAllTheSame) {
   EXPECT_EQ(slider.rate(), 0.0);
 }
 
-// pushed away by more than it has for a while; then it comes back
+// A load pushes the motor away for a while; then the motor returns.
 TEST_P(ForceLimitsAt, AMotorThatALoadPushesAwayComesBack) {
   constexpr double kForce = 15.0, kLoad = -20.0, kFor = 0.5;
   Slider slider(automatic(GetParam()), to_position(0.0, kForce));
@@ -323,7 +324,7 @@ TEST_P(ForceLimitsAt, AMotorThatALoadPushesAwayComesBack) {
   }
 }
 
-// Friction is beside its force while it holds, and goes with it or against it while it gives way.
+// Friction adds to the force of a motor that holds, and acts with or against a motor that slips.
 TEST_P(ForceLimitsAt, AMotorHoldsWithItsForceAndFriction) {
   CoordinateLaw law = to_position(0.0, 5.0);
   law.friction = 1.0;
@@ -339,14 +340,14 @@ TEST_P(ForceLimitsAt, AMotorHoldsWithItsForceAndFriction) {
     if (t > 0.4) break;
     ASSERT_NEAR(gives_way.q(), 0.5 * (8.0 - 6.0) / kMass * t * t, kPlace);
   }
-  // brakes without the friction's help asked for: b is of its own force
+  // The motor brakes without counting on friction: b is its own force.
   run(gives_way.world, steps(2.0));
   EXPECT_NEAR(gives_way.q(), 0.0, 1e-10);
   EXPECT_EQ(gives_way.rate(), 0.0);
   EXPECT_FALSE(gives_way.state().saturated);
 }
 
-// A stop is before the position: it presses, and tells no more than that it is there.
+// A stop before the target position: the motor presses on the stop, and reports only that.
 TEST_P(ForceLimitsAt, AMotorPressesAgainstAStop) {
   CoordinateLaw law = to_position(0.5, 4.0);
   law.upper = 0.2;
@@ -354,13 +355,13 @@ TEST_P(ForceLimitsAt, AMotorPressesAgainstAStop) {
   run(slider.world, steps(2.0));
   EXPECT_NEAR(slider.q(), 0.2, 1e-12);
   EXPECT_EQ(slider.rate(), 0.0);
-  slider.push(-3.0, slider.world.time(), 0.5);  // less than it presses with
+  slider.push(-3.0, slider.world.time(), 0.5);  // less than the motor's force
   run(slider.world, steps(0.4));
   EXPECT_NEAR(slider.q(), 0.2, 1e-12);
 }
 
-// Two links under gravity, lifted by motors that are too weak for their courses: none goes beyond
-// its position by more than the other one's motion takes from it, and both come there.
+// Two links under gravity, lifted by motors too weak for their paths: neither overshoots by more
+// than the other link's motion causes, and both arrive.
 TEST_P(ForceLimitsAt, AnArmWithWeakMotorsComesToItsPosition) {
   World world(automatic(GetParam(), kGravity));
   const auto link = [&](const char* name, double x) {
@@ -395,7 +396,7 @@ TEST_P(ForceLimitsAt, AnArmWithWeakMotorsComesToItsPosition) {
   EXPECT_LT(world.report().max_constraint_error, 1e-9);
 }
 
-// What is saved while the motor is at its limit, or brakes, goes on as it was.
+// A world saved while the motor is saturated, or brakes, continues unchanged.
 TEST(ForceLimits, GoOnWhenSavedAndLoaded) {
   Slider slider(automatic(1.0 / 60), to_position(0.8, 6.0));
   for (int k = 0; k < 4; ++k) {
@@ -410,7 +411,7 @@ TEST(ForceLimits, GoOnWhenSavedAndLoaded) {
   }
 }
 
-// A new position while it is at its limit is a new course.
+// A new target while saturated starts a new path.
 TEST(ForceLimits, ANewPositionIsANewCourse) {
   Slider slider(automatic(1.0 / 240), to_position(0.8, 6.0));
   run(slider.world, 60);

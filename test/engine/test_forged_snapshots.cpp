@@ -1,5 +1,5 @@
-// Bytes of snapshots that somebody has changed: a clean error, or a world that can be stepped. What
-// would be read or written beyond a list the address sanitizer finds (scripts/build --sanitize).
+// Forged snapshots: a clean error, or a world that can be stepped. The address sanitizer finds
+// access beyond a list (scripts/build --sanitize).
 
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
@@ -29,7 +29,7 @@ World shipped(const std::string& scene, Method method) {
   return world;
 }
 
-/// A random change of one to eight bytes behind what snapshots begin with.
+/// Changes one to eight bytes at random, behind the snapshot's header.
 std::string changed(const std::string& bytes, std::mt19937* random) {
   std::string forged = bytes;
   const std::size_t start = bytes.find('\n') + 1;
@@ -55,7 +55,7 @@ std::string changed(const std::string& bytes, std::mt19937* random) {
       forged.replace(at, size, reinterpret_cast<const char*>(&number), size);
       break;
     }
-    default:  // what stands elsewhere
+    default:  // bytes from elsewhere
       forged.replace(at, 8, bytes, start + (*random)() % (bytes.size() - start - 8), 8);
   }
   return forged;
@@ -75,7 +75,7 @@ TEST(ForgedSnapshots, AreRefusedOrGiveAWorldThatCanBeStepped) {
         try {
           World world = read_world(forged, false);
           world.state_hash();
-          // that far only where a step is no long work
+          // only where a step is cheap
           if (world.options().time_step <= 0.1 && world.options().threads <= 4)
             for (int k = 0; k < 2; ++k) world.step();
           ++stepped;
@@ -89,7 +89,7 @@ TEST(ForgedSnapshots, AreRefusedOrGiveAWorldThatCanBeStepped) {
       }
     }
   }
-  // both happen
+  // both occur
   EXPECT_GT(refused, 50);
   EXPECT_GT(stepped, 50);
 }

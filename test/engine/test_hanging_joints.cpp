@@ -1,6 +1,6 @@
 // A body on a joint of every kind: on the world, on a free base, and behind one to five hinges of
-// each. The oracle is the dense reference in long double (bench/reference_mechanics.h), which
-// shares no code with the engine: positions to 1e-6 m and 100 times the estimate, energy to 1e-6.
+// each. Oracle: the dense reference in long double (bench/reference_mechanics.h), which shares no
+// code with the engine: positions to 1e-6 m and 100 times the estimate, energy to 1e-6.
 
 #include "random_joints.h"
 #include "scene_judge.h"
@@ -63,7 +63,7 @@ TEST_P(HangingJoints, MoveAsDenseRowsDo) {
       const Judge judge(hanging_scene(GetParam(), hinges, is_free, &random));
       EXPECT_TRUE(judge.has_motion()) << hinges;
       for (const Setting& setting : kSettings) {
-        if (setting.method == Method::kSequentialImpulses) continue;  // of first order
+        if (setting.method == Method::kSequentialImpulses) continue;  // first order only
         const Finding finding = judge.judge(setting);
         EXPECT_EQ(finding.what, "") << finding.detail << " by " << setting.name << " behind "
                                     << hinges << " hinges" << (is_free ? " on a free base" : "");

@@ -1,4 +1,4 @@
-// Texts that mean harm, or are broken: each is loaded or refused at once, in one line.
+// Malicious or broken texts: each is loaded or rejected at once, with one line.
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// What load_scene says; empty when it loads.
+/// Returns the error of load_scene; empty when the text loads.
 std::string answer_to(const std::string& text) {
   try {
     load_scene(text, "s");
@@ -33,7 +33,7 @@ std::string answer_to(const std::string& text) {
   return "";
 }
 
-/// Of this process, for others take their share of the processor.
+/// Returns processor time of this process: others share the processor.
 double seconds_of(const std::function<void()>& action) {
   const std::clock_t start = std::clock();
   action();
@@ -46,9 +46,9 @@ std::string repeated(const std::string& text, std::size_t count) {
   return all;
 }
 
-/// Fails where an action takes more than 5 s of the processor and more than 20 times as much as a
-/// list of numbers of the greatest length. Other processes and sanitizers slow down both; what has
-/// no bound takes hours.
+/// Fails where an action takes more than 5 s of processor time and more than 20 times as long as a
+/// list of numbers of the greatest length. Other processes and sanitizers slow down both; unbounded
+/// work takes hours.
 void expect_at_once(const std::function<void()>& action, const std::string& what) {
   const double seconds = seconds_of(action);
   if (seconds < 5.0) return;
@@ -56,13 +56,13 @@ void expect_at_once(const std::function<void()>& action, const std::string& what
   EXPECT_LT(seconds, 20.0 * seconds_of([&] { answer_to(numbers); })) << what.substr(0, 200);
 }
 
-/// Whether an answer is one line that quotes no more than 40 characters.
+/// Expects an answer of one line that quotes at most 40 characters.
 void expect_short(const std::string& answer, const std::string& text) {
   EXPECT_LE(answer.size(), 300u) << text.substr(0, 80);
   EXPECT_EQ(answer.find('\n'), std::string::npos) << answer;
 }
 
-// yaml-cpp 0.7 finds documents without end in the first of these.
+// yaml-cpp 0.7 finds documents without end in the first of these texts.
 TEST(HostileScene, OfMoreThanOneDocumentIsRefused) {
   for (const char* text : {",", ", ,", "a,\n,", "]", "}", "world: {}\n---\nworld: {}", "--- ---",
                            "world: {}\n...\nworld: {}", "{},"})
@@ -87,7 +87,7 @@ TEST(HostileScene, IsAnsweredAtOnceHoweverItNests) {
 }
 
 TEST(HostileScene, OfAliasesIsAnsweredAtOnce) {
-  // 2^60 elements, were they copied
+  // 2^60 elements if they were copied
   std::string laughs = "a0: &a0 [1, 1]\n";
   for (int i = 1; i < 60; ++i) {
     const std::string before = "*a" + std::to_string(i - 1);
@@ -100,7 +100,7 @@ TEST(HostileScene, OfAliasesIsAnsweredAtOnce) {
   EXPECT_NE(answer_to("bodies: *none"), "");
   EXPECT_EQ(answer_to("bodies: [&a {name: a, mass: 1}, *a]"),
             "s:1: bodies[1].name: there is already a body named 'a'");
-  // as people use them
+  // ordinary use
   const World world = load_scene(
       "bodies:\n  - {name: a, mass: &m 2, shape: &s {sphere: {radius: 0.5}}}\n"
       "  - {name: b, mass: *m, shape: *s}\n");
@@ -108,17 +108,17 @@ TEST(HostileScene, OfAliasesIsAnsweredAtOnce) {
   EXPECT_EQ(std::get<Sphere>(world.body(world.find_body("b")).shape).radius, 0.5);
 }
 
-/// A list with as many different keys as fit.
+/// Returns a map with as many different keys as fit.
 std::string many_keys(std::size_t size) {
   std::string text;
   for (std::size_t i = 0; text.size() + 20 < size; ++i) text += "k" + std::to_string(i) + ": 1\n";
   return text;
 }
 
-// As long as is allowed.
+// Texts of the greatest allowed length.
 TEST(HostileScene, OfGreatLengthIsAnsweredAtOnce) {
 #ifdef CONSTRAINT_SIM_SANITIZED
-  constexpr std::size_t kSize = kMostSceneBytes / 20;  // sanitizers cost that much
+  constexpr std::size_t kSize = kMostSceneBytes / 20;  // sanitizers cost this factor
 #else
   constexpr std::size_t kSize = kMostSceneBytes;
 #endif
@@ -162,14 +162,13 @@ TEST(HostileScene, OfGreatLengthIsAnsweredAtOnce) {
     EXPECT_NE(answer, "") << text.substr(0, 40);
     expect_short(answer, text);
   }
-  // twice what was measured; sanitizers keep books of their own
+  // twice the measured value; sanitizers need memory of their own
   EXPECT_LT(memory.grown_by(), kSanitizedShare > 1 ? 2e9 : 5e8);
   EXPECT_EQ(answer_to(std::string(kMostSceneBytes + 1, ' ')),
             "s: must be at most 6291456 bytes, got 6291457");
 }
 
-// What the bounds leave room for: 10 000 bodies in motion as they are saved, where every number has
-// all its digits.
+// The bounds allow 10 000 moving bodies as saved, with all digits of every number.
 TEST(HostileScene, BoundsLeaveRoomForTenThousandBodies) {
   World world;
   for (int i = 0; i < 10000; ++i) {
@@ -188,7 +187,7 @@ TEST(HostileScene, BoundsLeaveRoomForTenThousandBodies) {
   EXPECT_EQ(load_scene(text).body_ids().size(), world.body_ids().size());
 }
 
-// ---- random ones
+// ---- random texts
 
 class Noise {
  public:
@@ -201,7 +200,7 @@ class Noise {
     for (std::size_t i = 0; i < size; ++i) text += static_cast<char>(engine_() & 0xffU);
     return text;
   }
-  /// Of what YAML is made of.
+  /// Returns characters and words that YAML consists of.
   std::string marks(std::size_t size) {
     static const std::vector<std::string> kMarks{
         ",",  "[",   "]",   "{",  "}", ":",    ": ",     "- ",    "? ",    "&a ",    "*a",  "!",
@@ -251,7 +250,7 @@ std::vector<std::string> shipped_texts() {
   return texts;
 }
 
-// What loads is one step long, too: nothing that was accepted ends the process.
+// A text that loads is also stepped once: no accepted text ends the process.
 TEST(HostileScene, OfRandomTextIsAnsweredAtOnce) {
   Noise noise(20);
   const std::vector<std::string> shipped = shipped_texts();

@@ -11,7 +11,7 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// Picks ticks of 1/1000 to 1/10 s, masses over six decades and 1 to 200 sweeps.
+/// Random ticks of 1/1000 to 1/10 s, masses over six decades and 1 to 200 sweeps.
 struct Setting {
   explicit Setting(Random* random) {
     time_step = 0.001 * std::pow(100.0, share(random));
@@ -46,7 +46,7 @@ Vector3d any_anchor(const Shape& shape, Random* random) {
   return std::holds_alternative<Point>(shape) ? Vector3d(Vector3d::Zero()) : 0.1 * random->vector();
 }
 
-/// Of any type, with or without a motor; `soft` allows springs.
+/// Returns a joint of any type, with or without a motor; `soft` allows springs.
 Joint any_joint(const std::string& name, BodyId a, const Vector3d& anchor_a, BodyId b,
                 const Vector3d& anchor_b, double distance, bool soft, Random* random) {
   Joint joint = make_joint(name, a, anchor_a, b, anchor_b, rod(distance));
@@ -59,7 +59,7 @@ Joint any_joint(const std::string& name, BodyId a, const Vector3d& anchor_a, Bod
   if ((*random)() > 0.8) {
     joint.motor.amplitude = 0.1;
     joint.motor.frequency = 1.0 + (*random)();
-    // a spring that gives way at a force holds less energy than ½ k C², which is what is measured
+    // a force-limited spring holds less energy than ½ k C², which the test measures
     const auto* distance_joint = if_distance(joint);
     if ((*random)() > 0.0 && !distance_joint->is_soft()) joint.motor.max_force = 10.0;
   }
@@ -145,8 +145,8 @@ World random_stack(const WorldOptions& options, bool soft, Random* random) {
   return scene.world;
 }
 
-/// Planks joined at both corners, so that every second joint depends on the first; a ball falls on
-/// it.
+/// Planks joined at both corners, so that every second joint is redundant; a ball falls on the
+/// bridge.
 World random_bridge(const WorldOptions& options, bool, Random* random) {
   Scene scene(options, random);
   BodyId before = kWorldBody;
@@ -174,10 +174,10 @@ World random_bridge(const WorldOptions& options, bool, Random* random) {
 
 using MakeWorld = World (*)(const WorldOptions&, bool, Random*);
 
-// Ends of a spring that turn about each other by a radian in a step leave its line far behind.
+// In longer steps the ends of a spring may turn about each other by a radian and leave its line.
 constexpr double kMostForSprings = 0.005;  // [s]
 
-// Rounding: some hundred operations on sums of the size of the energies in play, each step anew.
+// Rounding: a few hundred operations a step on sums of the size of the energies.
 void expect_no_gain(MakeWorld make, int scenes, bool soft, double tolerance) {
   Random random;
   for (int scene = 0; scene < scenes; ++scene) {
@@ -221,9 +221,10 @@ TEST(ImpulseEnergy, NeverRisesWithSprings) {
   expect_no_gain(random_chain, 60 / kSeedShare, true, kRounding);
 }
 
-// ---- what is booked, against closed forms
+// ---- reported work, against closed forms
 
-// 2 kg that hang 0.1 m too low are lifted by a share of 0.1 of what is left in each step.
+// A mass of 2 kg hanging 0.1 m too low is lifted by a share of 0.1 of the remaining error in each
+// step.
 TEST(ImpulseEnergy, CorrectionWorkIsWeightTimesDistance) {
   World world(options(0.01));
   const BodyId bob = world.add_body(make_body("bob", Point{}, 2.0, {0.0, 0.0, -1.1}));
@@ -259,7 +260,7 @@ TEST(ImpulseEnergy, DrivenWorkIsForceTimesDistance) {
   lifted.add_joint(make_joint("rod", lift, Vector3d::Zero(), load, Vector3d::Zero()));
   work = 0.0;
   for (int step = 0; step < 100; ++step) work += lifted.step().driven_work;
-  // the impulse that sets a mass in motion in one step does m v², of which it keeps a half
+  // the impulse that starts a mass in one step does m v², of which the mass keeps half
   const double starting = 2.0 * 0.2 * 0.2 + 3.0 * 0.3 * 0.3;
   EXPECT_NEAR(work, 2.0 * kGravity * 0.2 + 3.0 * kGravity * 0.3 + starting, 1e-9);
 }
@@ -278,8 +279,7 @@ TEST(ImpulseEnergy, OfAFreeBodyThatTurnsIsKept) {
   }
 }
 
-// ---- eleven links of 0.1 kg and a load straight below each other at rest, a slack rope beside
-// them
+// ---- eleven links of 0.1 kg and a load in a vertical line at rest, beside a slack rope
 
 TEST(ImpulseEnergy, HeavyLoadOnLightLinksAtRestIsNotThrown) {
   for (const double h : {0.1, 1.0 / 240.0, 0.001}) {
@@ -306,7 +306,7 @@ TEST(ImpulseEnergy, HeavyLoadOnLightLinksAtRestIsNotThrown) {
           ASSERT_LE(world.report().energy - start, 1e-9 * load * kGravity * 1.2)
               << h << " " << load;
         }
-        // what sweeps cannot hold is visible
+        // the error that sweeps leave is reported
         const StepReport& report = world.report();
         if (report.max_constraint_error > 1e-3) {
           EXPECT_GT(report.solver_residual, 1e-4) << h << " " << load;
@@ -318,9 +318,8 @@ TEST(ImpulseEnergy, HeavyLoadOnLightLinksAtRestIsNotThrown) {
 
 // ---- redundant joints
 
-// A plank of 1 kg hangs at rest from two ball joints, which can pull against each other as they
-// like. It is stopped from 5 m/s towards one of them; in the end each carries half the weight and
-// no more.
+// A plank of 1 kg hangs at rest from two ball joints, which can pull against each other. It is
+// stopped from 5 m/s towards one of them; finally each carries half the weight.
 TEST(SelfStress, OfAnImpactIsLost) {
   WorldOptions chosen = options(0.002);
   chosen.sleep_after = kInfinity;
@@ -337,13 +336,13 @@ TEST(SelfStress, OfAnImpactIsLost) {
     largest = std::max(largest, world.joint_state(joint).force);
   EXPECT_GT(largest, 1000.0);  // 5 N s in 2 ms
   run(world, 2500);
-  // five seconds are fifty times that in which a share of 1/e is left
+  // five seconds are fifty times the time constant of the decay
   for (const JointId joint : world.joint_ids())
     EXPECT_NEAR(world.joint_state(joint).force, 0.5 * kGravity, 1e-9);
 }
 
-// Nine planks of 1 kg and two balls of 3 kg together that have fallen on them: some 70 N at each
-// joint, where impacts have left 60 kN before.
+// Nine planks of 1 kg and two balls of 3 kg together, fallen onto them: about 70 N at each joint,
+// also after impacts of 60 kN.
 TEST(SelfStress, OfTheShippedBridgeIsLost) {
   World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/bridge.yaml");
   WorldOptions chosen = world.options();

@@ -1,5 +1,5 @@
-// Contacts by impulses have no estimate. What they do wrong is reported by name: overlap, creep,
-// and joints that they open. What stands as it should is not.
+// Contacts by impulses have no error estimate. Their errors are reported by name: overlap, creep,
+// and joints that they open. Correct states are not reported.
 
 #include <set>
 
@@ -24,8 +24,8 @@ void PrintTo(const Stack& stack, std::ostream* os) { *os << stack.scene; }
 
 class ImpulseStacks : public testing::TestWithParam<Stack> {};
 
-// Statics is the oracle: nothing moves. Where a body has moved by more than contacts sink in, or
-// by more than 1e-3 of its size along the floor, a warning names a body of the stack.
+// Oracle: statics, nothing moves. Where a body moves by more than the overlap of contacts, or by
+// more than 1e-3 of its size along the floor, a warning names a body of the stack.
 TEST_P(ImpulseStacks, StandOrAreReported) {
   for (const double h : kStackTimeSteps) {
     World world = load_scene_file(std::string(CONSTRAINT_SIM_SOURCE_DIR "/test/engine/cases/") +
@@ -43,7 +43,7 @@ TEST_P(ImpulseStacks, StandOrAreReported) {
       for (std::size_t k = 0; k < start.size(); ++k)
         moved = std::max(moved, (world.state(world.body_ids()[k]).position - start[k]).norm());
     }
-    // six that bear each other sink in by g h² each
+    // six boxes on each other sink in by g h² each
     if (moved > 6.0 * kGravity * h * h + 5e-4) {
       EXPECT_FALSE(reported.empty())
           << GetParam().scene << " moved by " << moved << " m at 1/" << 1.0 / h;
@@ -75,8 +75,8 @@ World cylinder_on_floor(double h, double tilt) {
   return world;
 }
 
-// What impulses advance has no estimate, in the report and of its island, and what they do not has
-// one again.
+// Islands advanced by impulses have no estimate, in the report and in their entry; other islands
+// have one.
 TEST(ImpulseReports, HaveNoEstimate) {
   World world = cylinder_on_floor(1.0 / 60.0, 0.0);
   Body ball = make_body("ball", Sphere{0.1}, 1.0, {5.0, 0.0, 5.0});

@@ -1,5 +1,5 @@
-// Constraints that cannot all be met: where they come to rest against an independent least-squares
-// fit, momenta and energy, and when the island is back with the method it came from.
+// Contradictory constraints: their rest state against an independent least-squares fit, momenta and
+// energy, and the return to the previous method.
 
 #include <Eigen/LU>
 #include <functional>
@@ -25,7 +25,7 @@ using Eigen::Vector3d;
 
 constexpr double kClosingTime = 0.5;
 
-/// An island carried by InconsistentMotion alone, from the first step on.
+/// An island advanced by InconsistentMotion alone, from the first step on.
 class Island {
  public:
   explicit Island(double gravity = kGravity) : gravity_(0.0, 0.0, -gravity) {
@@ -118,7 +118,7 @@ class Island {
     }
     return sum;
   }
-  /// Largest ∂/∂x of ½Σ C²/a of point masses, in metres: what one of them is still pulled by.
+  /// Returns the largest ∂/∂x of ½Σ C²/a over point masses [m]: the remaining pull.
   double gradient() const {
     List<Vector3d> pull(states.size(), Vector3d::Zero());
     for (std::size_t j = 0; j < joints.size(); ++j) {
@@ -152,7 +152,7 @@ class Island {
     compile_as_closed();
   }
 
-  // as a world does it when joints begin or end to be closed
+  // recompiles, as a world does when joints start or end closing
   void compile_as_closed() {
     List<char> open(joints.size());
     for (std::size_t j = 0; j < joints.size(); ++j)
@@ -169,7 +169,7 @@ class Island {
   Vector3d gravity_;
   List<MassProperties> masses_;
   List<std::pair<std::size_t, std::size_t>> ends_;
-  List<char> open_;  // joints
+  List<char> open_;  // joints that are closing
   std::unique_ptr<EquationsOfMotion> equations_;
   std::unique_ptr<InconsistentMotion> motion_;
 };
@@ -192,8 +192,8 @@ const List<Anchor> kTetrahedron{{{1.0, 1.0, 1.0}, 1.0},
                                 {{0.0, 0.0, 2.0}, 1.0}};
 const Vector3d kTetrahedronStart(0.1, 0.1, 0.1);
 
-/// Where Σ (‖x − p‖ − ℓ)² is least, by Newton's method from x; ℓ goes from the lengths at first to
-/// those asked for by `share`.
+/// Returns the minimum of Σ (‖x − p‖ − ℓ)², by Newton's method from x; ℓ goes from initial to
+/// target lengths by `share`.
 Vector3d fit(Vector3d x, double share) {
   for (int k = 0; k < 100; ++k) {
     Vector3d gradient = Vector3d::Zero();
@@ -213,8 +213,8 @@ Vector3d fit(Vector3d x, double share) {
   return x;
 }
 
-// The peak is that of the fit itself as the lengths close; velocities are those of the rates, which
-// differ from the fit's by the curvature of the rods times what they are off, here a fifth.
+// The peak is that of the fit as the lengths close; velocities follow the rates, which differ from
+// the fit's by the curvature of the rods times their errors, here a fifth.
 TEST(Inconsistent, FiveRodsComeToRestWhereTheirErrorsAreLeast) {
   double peak = 0.0;
   Vector3d x = kTetrahedronStart;
@@ -263,7 +263,7 @@ Island five_points(double gravity, double too_long) {
   return island;
 }
 
-// Rounding adds up over the ticks: 1e-15 of 18.5 kg m²/s in each, and 4000 of them.
+// Rounding accumulates over the ticks: 1e-15 of 18.5 kg m²/s in each of 4000.
 TEST(Inconsistent, ATumblingNetKeepsItsMomenta) {
   for (const double h : kSteps) {
     Island island = five_points(0.0, 1.2);
@@ -282,8 +282,8 @@ TEST(Inconsistent, ATumblingNetKeepsItsMomenta) {
   }
 }
 
-// Two boxes on two ball joints whose anchors are 1 and 1.1 m apart. What the last corrections of
-// positions, up to 1e-14 m, do to the angular momentum adds up.
+// Two boxes on two ball joints whose anchors are 1 and 1.1 m apart. The effect of the last position
+// corrections, up to 1e-14 m, on the angular momentum accumulates.
 TEST(Inconsistent, TumblingBoxesKeepTheirMomenta) {
   for (const double h : kSteps) {
     Island island(0.0);
@@ -305,20 +305,21 @@ TEST(Inconsistent, TumblingBoxesKeepTheirMomenta) {
     }
     EXPECT_LE((island.momentum() - P).norm(), 1e-9) << h;
     EXPECT_LE((island.angular_momentum() - L).norm(), 1e-8) << h;
-    // each of the two is off by half of what the anchors differ by
+    // each of the two is off by half the difference of the anchors' distances
     for (const JointState& state : island.joint_states) EXPECT_NEAR(state.error, 0.05, 1e-9) << h;
   }
 }
 
 // ---- under gravity
 
-/// Of a pendulum of this length [m] let go level: its angle below the level after a time [s].
+/// Returns the angle below level of a pendulum of this length [m], released level, after a time
+/// [s].
 double pendulum_angle(double length, double duration) {
   const int n = 20000;
   const double h = duration / n;
   double angle = 0.0, rate = 0.0;
   const auto acceleration = [&](double at) { return kGravity / length * std::cos(at); };
-  for (int k = 0; k < n; ++k) {  // velocity Verlet: off by 1e-8
+  for (int k = 0; k < n; ++k) {  // velocity Verlet, error 1e-8
     rate += 0.5 * h * acceleration(angle);
     angle += h * rate;
     rate += 0.5 * h * acceleration(angle);
@@ -326,8 +327,8 @@ double pendulum_angle(double length, double duration) {
   return angle;
 }
 
-// Two rods of 1 and 1.2 m hold a mass as one of 1.1 m does. It hangs still for the closing time, as
-// if gravity began then.
+// Two rods of 1 and 1.2 m hold a mass like one of 1.1 m. It hangs still during the closing time, as
+// if gravity began afterwards.
 TEST(Inconsistent, RodsOfTwoLengthsSwingAsOneBetween) {
   List<double> errors;
   const List<double> steps{1.0 / 50.0, 1.0 / 100.0, 1.0 / 200.0};
@@ -348,7 +349,7 @@ TEST(Inconsistent, RodsOfTwoLengthsSwingAsOneBetween) {
       ASSERT_LE(island.energy(), before + 1e-12);
     }
     EXPECT_NEAR(island.joint_states[0].error, 0.1, 1e-12);
-    EXPECT_NEAR(island.energy(), -lost, 1e-9);  // it began with none
+    EXPECT_NEAR(island.energy(), -lost, 1e-9);  // energy is 0 at first
     const double angle = pendulum_angle(1.1, 3.0);
     const Vector3d exact(1.1 * std::cos(angle), 0.0, -1.1 * std::sin(angle));
     errors.push_back((island.states[bob].position - exact).norm());
@@ -379,7 +380,7 @@ TEST(Inconsistent, MotorsAgainstEachOtherShareTheDifference) {
   }
 }
 
-// A kinematic body draws one of two rods that cannot both be met; then it stands still.
+// A kinematic body pulls one of two contradictory rods; then it stands still.
 TEST(Inconsistent, AMovingBodyDrawsWhatItCan) {
   Island island(0.0);
   const std::size_t hand = island.add(0.0, {2.0, 0.0, 0.0});
@@ -403,10 +404,10 @@ TEST(Inconsistent, AMovingBodyDrawsWhatItCan) {
   EXPECT_NEAR(island.joint_states[0].error, 0.0, 1e-9);
 }
 
-// ---- heavy and light, stiff and soft
+// ---- mass ratios and stiffness
 
-// A load on a string of light links, of which one is doubled by a rod of another length. Of the
-// heaviest the fit is not found within each tick, and says so by its error.
+// A load on a string of light links, one doubled by a rod of another length. For the heaviest load
+// the fit does not converge within each tick, which its error reports.
 TEST(Inconsistent, HeavyLoadsOnLightLinksGainNothing) {
   for (const double load : {1.0, 1e3, 1e6}) {
     for (const double h : {0.1, 0.01, 0.001}) {
@@ -436,7 +437,7 @@ TEST(Inconsistent, HeavyLoadsOnLightLinksGainNothing) {
   }
 }
 
-// Springs of any stiffness stay bounded, and what dampers take is told apart from what is lost.
+// Springs of any stiffness stay bounded, and the work of dampers is reported apart from losses.
 TEST(Inconsistent, StiffSpringsStayBounded) {
   for (const double stiffness : {1e2, 1e6, 1e12}) {
     for (const double h : {0.1, 0.01, 0.001}) {
@@ -490,8 +491,8 @@ Island random_island(Random* random, int scene) {
   return island;
 }
 
-// What corrections of positions add is told, and is no more than rounding unless weights are
-// lifted. Free islands keep their momentum to what rounding makes of the impulses.
+// Energy added by position corrections is reported, and is rounding unless weights are lifted. Free
+// islands keep their momentum up to rounding of the impulses.
 TEST(Inconsistent, RandomIslandsGainNothing) {
   Random random;
 #ifdef CONSTRAINT_SIM_SANITIZED
@@ -522,8 +523,8 @@ TEST(Inconsistent, RandomIslandsGainNothing) {
   }
 }
 
-/// Up to three boxes held to the world and to each other by joints of random kinds that lie open,
-/// so many that no place of the boxes meets them all.
+/// Up to three boxes held to the world and to each other by joints of random kinds, too many and
+/// too far open to be satisfied together.
 World contradiction(int seed) {
   Random random;
   for (int i = 0; i < 131 * seed; ++i) random();
@@ -561,8 +562,8 @@ World contradiction(int seed) {
   return world;
 }
 
-// No tick by this method adds energy beside what lifting weights takes, however fast what lies open
-// is closed: that moves positions alone. Rounding: 1e-9 of the energy there was.
+// No tick of this method adds energy except to lift weights, however fast errors close: closing
+// moves positions alone. Rounding: 1e-9 of the energy before.
 TEST(Inconsistent, ClosingAddsNoEnergy) {
   int ticks_seen = 0;
   for (const int seed : {2, 5, 6}) {
@@ -614,7 +615,8 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
   for (int k = 0; k < 100; ++k) {
     ASSERT_FALSE(world.step().failed);
     if (k > 55) {
-      ASSERT_LE(world.report().projected_energy, 1e-3) << world.time();  // of 10 J
+      ASSERT_LE(world.report().projected_energy, 1e-3)
+          << world.time();  // 1e-4 of the energy of 10 J
     }
   }
   EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);
@@ -625,7 +627,7 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
   EXPECT_LE(std::abs(world.joint_state(shorter).error), 1e-12);
 }
 
-// Two winches on one load, one of which swings by 0.1 m: they agree once a period, and for good
+// Two winches on one load, one of which swings by 0.1 m: they agree once a period, and permanently
 // once it stops.
 TEST(Inconsistent, AnIslandIsSmoothAgainOnceMotorsAgree) {
   World world = with(World(), 0.01);
@@ -660,7 +662,7 @@ Joint custom_force(const std::string& name, BodyId a, BodyId b, const std::strin
 }
 
 // The joint of the force comes after all joints with rows: its first row is beyond the last one.
-// Both rods hold the bob against gravity and 1 N, by symmetry along the line of both.
+// Both rods hold the bob against gravity and 1 N, by symmetry along their common line.
 TEST(Inconsistent, AForceWithoutRowsActsOnTwoContradictingRods) {
   example_types::register_all();
   World world = with(World(), 0.01);
@@ -670,13 +672,13 @@ TEST(Inconsistent, AForceWithoutRowsActsOnTwoContradictingRods) {
   world.add_joint(custom_force("drag", kWorldBody, bob, "test/drag", {{"c", 5.0}, {"wind", 0.2}}));
   run(world, 1500);
   EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);
-  // at rest 1 N of wind along x against gravity: the angle is that of a pendulum in the wind
+  // at rest in 1 N of wind along x and gravity: the angle of a pendulum in wind
   const Vector3d x = world.state(bob).position;
   EXPECT_NEAR(std::atan2(x.x(), -x.z()), std::atan2(1.0, kGravity * world.body(bob).mass), 1e-6);
   EXPECT_NEAR(x.norm(), 1.1, 1e-6);
 }
 
-/// 10^exponent N along x.
+/// A force of 10^exponent N along x.
 struct Power : CustomForce {
   double exponent;
   explicit Power(double exponent) : exponent(exponent) {}
@@ -702,21 +704,21 @@ TEST(Inconsistent, AForceBeyondAllNumbersFailsTheStep) {
     const BodyState before = world.state(bob);
     if (world.step().failed)
       EXPECT_EQ(world.state(bob).position, before.position) << exponent;
-    else  // the force is known, and pulls the bob to where both rods are off by the same
+    else  // a finite force pulls the bob to where both rods have equal errors
       EXPECT_NEAR(world.state(bob).position.norm(), 1.1, 1e-6) << exponent;
     EXPECT_TRUE(std::isfinite(world.energy()));
   }
 }
 
-// Bodies, joints that contradict each other, and forces of both types in any order: the address
-// sanitizer finds what is read beyond a list.
+// Bodies, contradictory joints, and forces of both types in any order: the address sanitizer finds
+// access beyond a list.
 TEST(Inconsistent, RandomScenesBearForcesWithoutRows) {
   example_types::register_all();
   Random random;
   const int scenes = kSanitizedShare > 1 ? 3 : 10;
   int inconsistent = 0;
   for (int scene = 0; scene < scenes; ++scene) {
-    const int seeds[] = {2, 5, 6};  // as above
+    const int seeds[] = {2, 5, 6};  // seeds of contradictions, as above
     World world = contradiction(seeds[scene % 3]);
     WorldOptions options = world.options();
     options.closing_time = 0.05;

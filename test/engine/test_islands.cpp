@@ -1,4 +1,5 @@
-// What belongs together, which method carries it and why, and how that changes as a world runs.
+// Islands: which bodies belong together, which method advances an island and why, and changes as a
+// world runs.
 
 #include <algorithm>
 
@@ -12,7 +13,8 @@ namespace {
 using Eigen::Vector3d;
 
 TEST(FindIslands, JoinsWhatJointsJoin) {
-  // 0 is immovable, as the world; 3-4-1 and 2-5, 6 alone; the last joint does not act
+  // Body 0 is immovable, as the world; 3-4-1 and 2-5 are joined, 6 is alone; the last joint is
+  // inactive.
   const List<bool> movable{false, true, true, true, true, true, true};
   const List<std::pair<std::size_t, std::size_t>> ends{{3, 4}, {4, 1}, {0, 3},
                                                        {2, 5}, {0, 5}, {5, 6}};
@@ -71,7 +73,7 @@ WorldOptions automatic(double time_step = 0.01) {
   return options;
 }
 
-/// One point mass on this joint.
+/// A point mass on this joint.
 World hanging(const Joint& joint, const WorldOptions& options = automatic()) {
   World world(options);
   Joint added = joint;
@@ -102,7 +104,7 @@ TEST(Islands, HaveTheMethodThatTheirJointsAskFor) {
 TEST(Islands, SpringsOffCentreAreStifferOnSlimBodies) {
   // A spring at r moves its end by 1/m + (r × n)·I⁻¹(r × n) for a unit force along n. The inertia
   // about the rod's axis z is 6.7e-5 kg m², about x and y 0.083 kg m². A lever along z turns the
-  // rod about x and y alone (at most 4 times 1/m), a lever across z about z too (3750 times 1/m).
+  // rod about x and y only (at most 4 times 1/m), a lever across z about z too (3750 times 1/m).
   const auto why = [](const Vector3d& anchor) {
     World world(automatic());
     Joint joint = hang("j", {}, spring(1.0, 1e6, 0.0));
@@ -117,7 +119,7 @@ TEST(Islands, SpringsOffCentreAreStifferOnSlimBodies) {
 }
 
 TEST(Islands, SpringsAreIntegratedWhileSubstepsArePaying) {
-  // one spring on one mass: ω = √(2k/m) is the bound, 40 of it in a tick the limit
+  // a single spring on a mass: the bound is ω = √(2k/m), the limit 40 rad a tick
   const double limit = 0.5 * std::pow(40.0 / 0.01, 2);
   EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 0.99 * limit, 0.0)))).why,
             MethodReason::kSmooth);
@@ -146,7 +148,7 @@ TEST(Islands, AreMadeAnewWhenJointsComeAndGo) {
   world.step();
   EXPECT_EQ(world.islands().size(), 2u);
   const JointId rod = world.add_joint(make_joint("rod", a, Vector3d::Zero(), b, Vector3d::Zero()));
-  EXPECT_EQ(world.islands().size(), 1u);  // told before the next step
+  EXPECT_EQ(world.islands().size(), 1u);  // reported before the next step
   world.step();
   EXPECT_EQ(only_island(world).bodies, 2u);
   world.set_broken(rod, true);
@@ -226,7 +228,8 @@ TEST(Islands, WhatIsInNoContactDoesNotNoticeThoseThatAre) {
 }
 
 TEST(Islands, ComeBackFromImpulsesByClosingWhatTheseLeftOpen) {
-  // a pendulum with a ball that hits a wall: the impulses of the hit leave the rod a little off
+  // A pendulum with a ball that hits a wall: the impulses of the impact leave a small error of the
+  // rod.
   WorldOptions options = automatic();
   options.method = Method::kRungeKutta;
   World world(options);
@@ -243,7 +246,7 @@ TEST(Islands, ComeBackFromImpulsesByClosingWhatTheseLeftOpen) {
     const Vector3d before = world.state(bob).position;
     const bool touched = world.step().contacts > 0;
     const double moved = (world.state(bob).position - before).norm();
-    if (i > 0 && !touched) {  // no jump: what it moves is its speed, give or take a tick's gravity
+    if (i > 0 && !touched) {  // no jump: the body moves by its speed, within a tick's gravity
       EXPECT_LE(moved, 0.01 * (speed + 0.2)) << i;
     }
     speed = world.state(bob).linear_velocity.norm();

@@ -1,4 +1,4 @@
-// Each row's Jacobian against central differences of its C under the generalised velocities.
+// Each row's Jacobian against central differences of C along generalized velocities.
 
 #include <functional>
 
@@ -14,8 +14,8 @@ using Eigen::Vector3d;
 
 constexpr int kTrials = 200;
 
-// Central differences leave kStep² C''' (below 1e-9 for distances above 0.3 m) and the round-off of
-// C over the step (1e-15 / 1e-5).
+// Central differences have an error of kStep² C''' (below 1e-9 for distances above 0.3 m) and of
+// the rounding of C over the step (1e-15 / 1e-5).
 constexpr double kStep = 1e-5;
 constexpr double kTolerance = 2e-9;
 
@@ -23,7 +23,7 @@ struct Pair {
   BodyState a, b;
 };
 
-/// A body after moving for `step` with velocity v and turning rate w.
+/// Returns a body after moving for `step` with velocity v and angular velocity w.
 BodyState moved(BodyState body, const Vector3d& v, const Vector3d& w, double step) {
   body.position += step * v;
   if (w.norm() > 0.0)
@@ -54,7 +54,7 @@ Vector3d point_of(const BodyState& body, const Vector3d& anchor) {
   return body.position + body.orientation * anchor;
 }
 
-/// Where the point of the body that is at p now is in another pose.
+/// Returns the position, in another pose, of the body's point that is at p now.
 Vector3d carried(const BodyState& now, const Vector3d& p, const BodyState& then) {
   return point_of(then, now.orientation.conjugate() * (p - now.position));
 }
@@ -116,7 +116,7 @@ TEST(Jacobians, RowsOfLimits) {
   }
 }
 
-// J V is the rate of the anchors' distance that the velocities make: the tutorial's C-dot.
+// J V is the rate of the anchors' distance under the velocities: the tutorial's C-dot.
 TEST(Jacobians, TimesVelocitiesIsTheRateOfTheDistance) {
   Random random;
   for (int trial = 0; trial < kTrials; ++trial) {
@@ -149,7 +149,7 @@ struct RandomContact {
     point.depth = 0.01;
   }
 
-  /// The rows, with friction: normal and two tangents.
+  /// Returns the rows with friction: normal and two tangents.
   std::vector<Row> rows() const {
     Body a, b;
     a.friction = b.friction = 0.5;
@@ -161,7 +161,7 @@ struct RandomContact {
   }
 };
 
-// C of a contact row is how far A's point has moved against B's along a fixed direction.
+// C of a contact row is the displacement of A's point against B's along a fixed direction.
 TEST(Jacobians, RowsOfAContact) {
   Random random;
   for (int trial = 0; trial < kTrials; ++trial) {

@@ -1,5 +1,5 @@
 // All kinds of joints, by iteration over their table: rows against finite differences and their own
-// steps, motion in free space by each method, closed forms, redundant mechanisms, refusals.
+// steps, motion in free space by each method, closed forms, redundant mechanisms, rejections.
 
 #include <Eigen/QR>
 #include <functional>
@@ -42,9 +42,9 @@ double value_at(const Joint& joint, int row, const Pose& pose) {
   return value(form_of(joint, row), JointVectors(joint, pose.a, pose.b));
 }
 
-/// Of all rows and coordinates of random joints of all kinds, at random poses that do not meet
-/// them; angles where their vectors are not nearly at right angles to the plane they turn in, where
-/// every derivative is large.
+/// Calls `check` for all rows and coordinates of random joints of all kinds, at random poses that
+/// do not satisfy them; angles only where their vectors are not nearly normal to the plane of
+/// rotation, where all derivatives are large.
 void for_each_row(
     const std::function<void(const Joint&, int row, const Pose&, const std::string&)>& check) {
   Random random;
@@ -66,8 +66,8 @@ void for_each_row(
 
 // ---- rows
 
-// Differences of fourth order over 1e-3 leave 1e-12 of a fifth derivative of some ten, and rounding
-// of 1e-15 over the step.
+// Fourth-order differences over 1e-3 have an error of 1e-12 of a fifth derivative of about ten, and
+// rounding of 1e-15 over the step.
 TEST(JointRows, JacobianIsTheGradient) {
   constexpr double kStep = 1e-3, kTolerance = 2e-10;
   for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
@@ -90,8 +90,8 @@ TEST(JointRows, JacobianIsTheGradient) {
   });
 }
 
-// While no body accelerates Ċ is the rate and C̈ is γ: differences of fourth order, over a step at
-// which 1e-16/h² and h⁴ of a sixth derivative of a thousand are alike.
+// Without accelerations Ċ is the rate and C̈ is γ: fourth-order differences, over a step at which
+// 1e-16/h² and h⁴ of a sixth derivative of a thousand are equal.
 TEST(JointRows, RateAndGammaAreTheDerivativesByTime) {
   constexpr double kStep = 2e-3, kTolerance = 5e-8;
   for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
@@ -118,12 +118,12 @@ TEST(JointRows, RateAndGammaAreTheDerivativesByTime) {
   });
 }
 
-// Bodies turned by Cayley's map of w: with the means of the vectors J times the step is C₁ − C₀.
+// For bodies rotated by Cayley's map of w, J at the means of the vectors times the step is C₁ − C₀.
 TEST(JointRows, JacobianAtTheMeansIsTheDiscreteGradient) {
   Random random;
   for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
     Pose end = pose;
-    std::array<Vector3d, 4> step;  // of A and B: displacement, w
+    std::array<Vector3d, 4> step;  // displacement and w, of A and B
     for (Vector3d& part : step) part = random.vector();
     const auto turned = [](const Quaterniond& q, const Vector3d& w) {
       const Quaterniond turn(1.0, 0.5 * w.x(), 0.5 * w.y(), 0.5 * w.z());
@@ -141,8 +141,9 @@ TEST(JointRows, JacobianAtTheMeansIsTheDiscreteGradient) {
   });
 }
 
-// Rows are zero where only what is free has moved, and independent there: what they hold and what
-// they leave free are all six. Tried least singular values are above 0.3 for arms of a metre.
+// Rows are zero where only free coordinates have moved, and independent there: rows and free
+// coordinates span all six directions. Least singular values found are above 0.3 for arms of a
+// metre.
 TEST(JointRows, HoldAllThatIsNotFree) {
   Random random;
   for (const JointKind kind : joint_kinds()) {
@@ -165,7 +166,7 @@ TEST(JointRows, HoldAllThatIsNotFree) {
   }
 }
 
-// By which B has to turn, at any angle: turned by it, B is aligned.
+// Rotating B by the misalignment aligns it, at any angle.
 TEST(JointRows, MisalignmentIsTheWayHome) {
   Random random;
   for (const JointKind kind : joint_kinds()) {
@@ -178,7 +179,7 @@ TEST(JointRows, MisalignmentIsTheWayHome) {
       if (way.norm() > 0.0)
         pose.b.orientation =
             frame_B * Eigen::AngleAxisd(way.norm(), way.normalized()) * joint.frame_b->conjugate();
-      // the angle of a rotation by nearly nothing is found from a cosine
+      // a rotation by nearly zero has an angle computed from a cosine
       EXPECT_LE(misalignment(info(kind).alignment, JointVectors(joint, pose.a, pose.b)).norm(),
                 1e-7)
           << name(kind) << " " << way.norm();
@@ -188,7 +189,7 @@ TEST(JointRows, MisalignmentIsTheWayHome) {
 
 // ---- motion in free space
 
-/// Two boxes in a joint of this kind, in free space, that move as the joint lets them.
+/// Two boxes in a joint of this kind, in free space, moving as the joint allows.
 World free_pair(JointKind kind, Method method, double h) {
   Random random;
   WorldOptions chosen = weightless(h);
@@ -200,7 +201,7 @@ World free_pair(JointKind kind, Method method, double h) {
   joint.anchor_a *= 0.4;
   joint.anchor_b *= 0.4;
   Pose pose = closed_pose(joint, &random);
-  // one rigid motion, and on top of it a small one that the start takes out where it is not free
+  // a common rigid motion, plus a small one that the start projects onto the joint
   pose.b.linear_velocity =
       pose.a.linear_velocity + pose.a.angular_velocity.cross(pose.b.position - pose.a.position);
   pose.b.angular_velocity = pose.a.angular_velocity + 0.5 * random.vector();
@@ -215,7 +216,8 @@ World free_pair(JointKind kind, Method method, double h) {
   return world;
 }
 
-/// The same of a coupling: a third box, and hinges or free distances between it and the first two.
+/// A coupling in free space: a third box, and hinges or free distances between it and the first
+/// two.
 World free_triple(JointKind kind, Method method, double h) {
   Random random;
   const JointKind of = kind == JointKind::kPulley ? JointKind::kFreeDistance : JointKind::kHinge;
@@ -253,7 +255,7 @@ class EachKind : public testing::TestWithParam<JointKind> {};
 TEST_P(EachKind, KeepsRowsEnergyAndMomentaInFreeSpace) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     World world = free_joint(GetParam(), method, 0.01);
-    world.step();  // the start takes out what the joint does not let through
+    world.step();  // the start removes velocities that the joint forbids
     const double energy = world.energy();
     const Vector3d p = momentum(world), L = angular_momentum(world);
     for (int i = 0; i < 300; ++i) {
@@ -264,15 +266,15 @@ TEST_P(EachKind, KeepsRowsEnergyAndMomentaInFreeSpace) {
       ASSERT_EQ(report.changes, 0u);
       ASSERT_EQ(report.dependent_rows, 0u);
     }
-    // tolerance of 1e-10 m in 300 ticks at some m/s, and rounding
+    // tolerance of 1e-10 m in 300 ticks at a few m/s, and rounding
     EXPECT_NEAR(world.energy(), energy, 2e-8 * energy) << name(method);
     EXPECT_LE((momentum(world) - p).norm(), 1e-12 * p.norm()) << name(method);
     EXPECT_LE((angular_momentum(world) - L).norm(), 1e-8 * L.norm()) << name(method);
   }
 }
 
-// Order 8 against order 4, whose ticks of 1/1000 s leave 1e-9 m, and against the first order of
-// impulses, which halves with the tick.
+// Order 8 against order 4, with an error of 1e-9 m in ticks of 1/1000 s, and against the first
+// order of impulses, whose error halves with the tick.
 TEST_P(EachKind, MovesAlikeByEachMethod) {
   const auto end = [&](Method method, double h) {
     World world = free_joint(GetParam(), method, h);
@@ -338,7 +340,7 @@ WorldOptions smooth(Method method, double h) {
   return chosen;
 }
 
-// Down an incline of which only z pulls: x = ½ g sin α t² exactly.
+// A slider down an incline: x = ½ g sin α t² exactly.
 TEST(Slider, FallsAlongItsAxisAsAParabola) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     World world(smooth(method, 1.0 / 30.0));
@@ -352,14 +354,14 @@ TEST(Slider, FallsAlongItsAxisAsAParabola) {
     const double t = world.time();
     const Vector3d expected =
         cart.state.position + 0.5 * kGravity * std::sin(slope) * t * t * along;
-    // of 6 m, in 60 ticks of rounding
+    // rounding of 6 m in 60 ticks
     EXPECT_LE((world.state(id).position - expected).norm(), 1e-12) << name(method);
     EXPECT_LE(world.state(id).orientation.vec().norm(), 1e-14) << name(method);
   }
 }
 
-// A bar on a hinge against θ̈ = −(m g l/I) sin θ, by Runge and Kutta's method of order 4 in steps of
-// 1e-5 s, off by less than 1e-14.
+// A bar on a hinge against θ̈ = −(m g l/I) sin θ, by the Runge-Kutta method of order 4 in steps of
+// 1e-5 s, with an error below 1e-14.
 TEST(Hinge, SwingsAsAPhysicalPendulum) {
   const double m = 2.0, length = 1.0, l = 0.5;
   const double I = m / 12.0 * (length * length + 0.01) + m * l * l;  // about y, box of 0.1 in z
@@ -379,7 +381,7 @@ TEST(Hinge, SwingsAsAPhysicalPendulum) {
         std::tuple{Method::kEnergyMomentum, 1.0 / 1000.0, 1e-8}}) {
     World world(smooth(method, tick));
     Body bar = make_body("bar", Box{{length, 0.3, 0.1}}, m, Vector3d::Zero());
-    const double start = 1.2;  // from hanging; x of the bar points down then
+    const double start = 1.2;  // angle from the hanging pose, in which x of the bar points down
     const Quaterniond q(Eigen::AngleAxisd(0.5 * kPi - start, Vector3d::UnitY()));
     bar.state.orientation = q;
     bar.state.position = q * Vector3d(l, 0.0, 0.0);
@@ -394,7 +396,7 @@ TEST(Hinge, SwingsAsAPhysicalPendulum) {
   }
 }
 
-// Two boxes welded side by side turn as the one body that they are.
+// Two boxes welded side by side rotate like the single body that they form.
 TEST(Weld, MakesOneBodyOfTwo) {
   const Vector3d size(0.3, 0.5, 0.2), spin(2.0, 0.3, -1.0);
   const double m = 1.5;
@@ -438,8 +440,8 @@ TEST(Weld, MakesOneBodyOfTwo) {
   }
 }
 
-// A shaft driven at ω₁ turns another, at an angle β to it, by a universal joint:
-// ω₂ = ω₁ cos β / (1 − sin²β sin²θ), θ = 0 where the first cross axis stands on both shafts.
+// A shaft driven at ω₁ turns a second one, at an angle β, by a universal joint: ω₂ = ω₁ cos β / (1
+// − sin²β sin²θ), with θ = 0 where the first cross axis is normal to both shafts.
 TEST(Universal, TurnsAShaftUnevenly) {
   const double beta = 40.0 * kPi / 180.0, speed = 3.0;
   World world(smooth(Method::kRungeKutta, 1.0 / 60.0));
@@ -452,13 +454,13 @@ TEST(Universal, TurnsAShaftUnevenly) {
       make_body("second", Box{{0.4, 0.1, 0.1}}, 1.0, Vector3d(0.2, 0.0, 0.0) + 0.2 * axis);
   second.state.orientation = Eigen::AngleAxisd(beta, Vector3d::UnitZ());
   const BodyId driven = world.add_body(second);
-  // the cross stands on the first shaft with z, and on the second with that one's y
+  // the cross is on z of the first shaft, and on the first shaft's y in the second
   Joint cross = join_at(JointKind::kUniversal, driving, {0.2, 0.0, 0.0}, driven, {-0.2, 0.0, 0.0},
                         Vector3d::UnitZ());
   EXPECT_NE(refusal([&] { world.add_joint(cross); }).find("axis_b: "), std::string::npos);
   cross.axis_b = Vector3d::UnitY();
   world.add_joint(cross);
-  // the second shaft turns about its line, in a bearing that leaves it free along it
+  // the second shaft rotates in a bearing that leaves it free along its axis
   world.add_joint(join_at(JointKind::kCylindrical, kWorldBody, second.state.position, driven,
                           Vector3d::Zero(), axis));
   for (int i = 0; i < 120; ++i) {
@@ -518,14 +520,14 @@ World four_bar(Method method, double h) {
   return world;
 }
 
-// Ten ticks of tolerance of 1e-8 m at 10 N are 1e-6 J.
+// Bound: ten ticks of tolerance of 1e-8 m at 10 N are 1e-6 J.
 TEST(Redundant, AFourBarOfHingesKeepsJointsAndEnergy) {
   expect_kept(four_bar(Method::kRungeKutta, 1.0 / 60.0), 3.0, 3, 1e-6);
   expect_kept(four_bar(Method::kEnergyMomentum, 1.0 / 60.0), 3.0, 3, 1e-9);
   expect_kept(four_bar(Method::kAuto, 1.0 / 1000.0), 1.0, 3, 1e-6);
 }
 
-// A door on two hinges: the second one has nothing to add.
+// A door on two hinges: the second one is redundant.
 TEST(Redundant, ADoorOnTwoHingesHasFiveRowsTooMany) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     World world(smooth(method, 0.01));
@@ -563,7 +565,7 @@ TEST(JointFrames, NeedBodiesThatHaveAxes) {
   add(JointKind::kPointOnPlane, kWorldBody, point);
 }
 
-// The same axis, also where the square of its length is no number.
+// An axis of any length gives the same frame, also where its square underflows.
 TEST(JointFrames, AxesHaveAnyLength) {
   const Vector3d axis = Vector3d(0.6, 0.0, -0.8);
   for (const double size : {1.0, 1e-160, 1e-200, 1e-300, 1e20}) {
@@ -581,7 +583,7 @@ TEST(JointFrames, AxesHaveAnyLength) {
             "axis_a: must be finite numbers, got (0, inf, 0)");
 }
 
-// Frames are normalized once; saving and loading has them to the bit.
+// Frames are normalized once; saving and loading keeps them to the bit.
 TEST(JointFrames, AreSavedAndLoadedToTheBit) {
   Random random;
   for (int trial = 0; trial < 40; ++trial) {
@@ -591,7 +593,7 @@ TEST(JointFrames, AreSavedAndLoadedToTheBit) {
     const BodyId id = world.add_body(body);
     Joint weld = join_at(JointKind::kWeld, kWorldBody, body.state.position, id, Vector3d::Zero(),
                          Vector3d::UnitZ());
-    weld.frame_a = random.orientation();  // and frame B as it follows from the rest
+    weld.frame_a = random.orientation();  // frame B follows from the rest
     world.add_joint(weld);
     const std::string saved = save_scene(world);
     World loaded = load_scene(saved, "saved");
@@ -601,7 +603,7 @@ TEST(JointFrames, AreSavedAndLoadedToTheBit) {
 }
 
 /// A weld or hinge of two boxes of this size [m] that one sweep without Baumgarte cannot hold
-/// against a torque: the angle that impulses leave it with exceeds `angle` [rad].
+/// against a torque: impulses leave an angle error above `angle` [rad].
 World forced_apart(JointKind kind, double size, double angle) {
   WorldOptions chosen = weightless(0.01);
   chosen.baumgarte = 0.0;
@@ -625,7 +627,7 @@ World forced_apart(JointKind kind, double size, double angle) {
   return world;
 }
 
-// What a world does is saved and goes on, however far off its joints are.
+// A world can be saved and loaded however far off its joints are.
 TEST(JointFrames, LeftOpenByImpulsesAreSavedAndSetAsTheyAre) {
   World world = forced_apart(JointKind::kHinge, 1.0, 0.6);
   const std::string saved = save_scene(world);
@@ -641,7 +643,8 @@ TEST(JointFrames, LeftOpenByImpulsesAreSavedAndSetAsTheyAre) {
   EXPECT_EQ(world.state_hash(), loaded.state_hash());
 }
 
-// Who stays open is told, also where the angle is less than a millimetre on bodies so small.
+// Open joints are reported, also where the angle error is less than a millimetre on very small
+// bodies.
 TEST(JointFrames, LeftOpenInAngleAreToldAtAnySize) {
   for (const double size : {1.0, 1e-3}) {
     World world = forced_apart(JointKind::kHinge, size, 2.2);
@@ -660,7 +663,7 @@ TEST(JointFrames, LeftOpenInAngleAreToldAtAnySize) {
   }
 }
 
-// Rows have several solutions; from any orientation the one that is meant is found.
+// Rows have several solutions; from any orientation the intended one is found.
 TEST(JointFrames, LeftOpenByImpulsesCloseToTheSolutionThatIsMeant) {
   for (const double size : {1.0, 1e-3}) {
     World world = forced_apart(JointKind::kHinge, size, 2.2);
@@ -681,7 +684,7 @@ TEST(JointFrames, LeftOpenByImpulsesCloseToTheSolutionThatIsMeant) {
   }
 }
 
-// A hinge that was added after its body had turned is open once this has turned back, and closes.
+// A hinge added after its body had rotated is open after a reset, and closes.
 TEST(JointFrames, AResetClosesWhatItLeavesOpen) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     World world(smooth(method, 0.01));
@@ -699,7 +702,7 @@ TEST(JointFrames, AResetClosesWhatItLeavesOpen) {
   }
 }
 
-// A ball joint and parallel axes are a hinge: the same rows, or those of one more joint, to
+// A ball joint and parallel axes form a hinge: the hinge's rows, or those of one more joint, to
 // rounding.
 TEST(Parallel, IsAHingeWithABallJoint) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
@@ -727,7 +730,7 @@ TEST(Parallel, IsAHingeWithABallJoint) {
   }
 }
 
-// A point mass on a plane through the origin slides as on ice; nothing in it turns.
+// A point mass on a plane through the origin slides without rotation.
 TEST(PointOnPlane, SlidesWithoutTurning) {
   World world(smooth(Method::kRungeKutta, 0.01));
   const double slope = 0.4;

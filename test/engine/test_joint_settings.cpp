@@ -1,4 +1,4 @@
-// Settings changed while a joint acts: whether it acts at all, laws, lengths, and motors with
+// Settings changed while a joint exists: whether it is enabled, laws, lengths, and motors with
 // timeouts on every coordinate.
 
 #include "constraint_sim/engine/plan.h"
@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 constexpr std::array<Method, 3> kMethods{Method::kRungeKutta, Method::kEnergyMomentum,
                                          Method::kSequentialImpulses};
 
-/// Two boxes in a joint of this kind that is met, in free space.
+/// Two boxes in free space, in a consistent joint of this kind.
 World pair(JointKind kind, Method method, double h, bool enabled = true) {
   Random random;
   WorldOptions chosen = weightless(h);
@@ -83,9 +83,9 @@ TEST(DisabledJoint, HasNoEnergyAndLetsItsBodiesTouch) {
 
 class EnabledJoint : public testing::TestWithParam<JointKind> {};
 
-// What has opened in 0.1 s closes from where the bodies are: at the end joints are kept to the
-// rounding of their coordinates, and free bodies have kept their momenta (of energy_momentum: to
-// Newton's tolerance over 60 steps; a ball closes by offsets that keep the first alone).
+// A joint that opened during 0.1 s closes from the present poses: finally joints hold to the
+// rounding of their coordinates, and free bodies have kept their momenta (by energy_momentum: to
+// Newton's tolerance over 60 steps; a ball joint closes by offsets that keep only the linear one).
 TEST_P(EnabledJoint, ClosesWhatHasOpened) {
   for (const Method method : kMethods) {
     World world = pair(GetParam(), method, 0.01);
@@ -106,7 +106,8 @@ TEST_P(EnabledJoint, ClosesWhatHasOpened) {
     const Vector3d p = momentum(world);
     run(world, method == Method::kSequentialImpulses ? 400 : 60);
     EXPECT_LE((momentum(world) - p).norm(), 1e-10) << name(method);
-    // impulses remove a tenth of it a step, and leave what the bodies move by at first order
+    // impulses remove a tenth of the error a step, and leave a first-order error by the bodies'
+    // motion
     const double allowed = method == Method::kSequentialImpulses ? 5e-3 : 1e-12;
     EXPECT_LE(world.joint_state(id).error, allowed) << name(method);
     if (method != Method::kSequentialImpulses) {
@@ -149,7 +150,7 @@ TEST(DisabledJoint, IsSavedHashedAndReset) {
   EXPECT_TRUE(world.joint(id).enabled) << "as it was added";
 }
 
-// A motor by velocity goes on from where the coordinate is, not to where it would have been.
+// A rate motor continues from the present coordinate, not from where it would have been.
 TEST(EnabledJoint, ItsMotorStartsFromHere) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     World world = pair(JointKind::kHinge, method, 0.01);
@@ -171,7 +172,8 @@ TEST(EnabledJoint, ItsMotorStartsFromHere) {
 
 // ---- timeouts of all coordinates
 
-/// A box on a cylindrical joint along and about z, both driven, with times that no tick divides.
+/// A box on a cylindrical joint along and about z, both driven, with timeouts that are no multiples
+/// of a tick.
 World driven_box(Method method, double h) {
   WorldOptions chosen = weightless(h);
   chosen.method = method;
@@ -188,7 +190,8 @@ World driven_box(Method method, double h) {
   return world;
 }
 
-// bias · timeout to rounding, at any tick; impulses to what their sweeps leave.
+// The coordinate is bias · timeout to rounding, at any tick; by impulses within the sweeps'
+// residual.
 TEST(Timeouts, OfEachCoordinateEndInTime) {
   for (const Method method : kMethods) {
     for (const double h : {0.05, 0.01, 0.003}) {
@@ -210,7 +213,7 @@ TEST(Timeouts, OfEachCoordinateAreSavedMovedAndSetApart) {
   EXPECT_EQ(save_scene(loaded), save_scene(world));
   loaded.set_time(100.0, 7);
   CoordinateMotor motor = *world.joint(world.joint_ids().front()).coordinates[1].motor;
-  motor.timeout = 0.05;  // from now, of this one alone
+  motor.timeout = 0.05;  // counts from now and stops this coordinate only
   world.set_motor(world.joint_ids().front(), 1, motor);
   run(world, 20);
   run(loaded, 20);
@@ -222,7 +225,7 @@ TEST(Timeouts, OfEachCoordinateAreSavedMovedAndSetApart) {
   EXPECT_NEAR(position(world, 1), -1.3 * 0.08, 1e-12);
 }
 
-// ---- what is changed while a joint acts
+// ---- changes while a joint acts
 
 TEST(SetJoint, ChangesLengthsAndSprings) {
   World world(weightless(0.01));
@@ -243,12 +246,12 @@ TEST(SetJoint, ChangesLengthsAndSprings) {
   const double omega = 4.0 * kPi;
   EXPECT_NEAR(world.joint(id).distance.stiffness, 2.0 * omega * omega, 1e-9);
   joint = world.joint(id);
-  joint.distance.frequency = 1.0;  // in place of the stiffness that followed from the other
+  joint.distance.frequency = 1.0;  // replaces the stiffness from the previous frequency
   world.set_joint(id, joint);
   EXPECT_NEAR(world.joint(id).distance.stiffness, 0.5 * omega * omega, 1e-9);
 }
 
-// The laws of one coordinate leave the others, and their timeouts, as they are.
+// The laws of one coordinate leave the others, and their timeouts, unchanged.
 TEST(SetJoint, ChangesLawsApart) {
   World world = driven_box(Method::kRungeKutta, 0.01);
   const JointId id = world.joint_ids().front();

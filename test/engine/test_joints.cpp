@@ -1,4 +1,4 @@
-// Motors, springs, ropes, struts, breaking, and joints of no length.
+// Motors, springs, ropes, struts, breaking, and joints of zero length.
 
 #include "engine/constraints/joint.h"
 #include "support.h"
@@ -8,10 +8,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRoundOff = 1e-12;  // of lengths and speeds around 1, over hundreds of steps
+constexpr double kRoundOff = 1e-12;  // rounding of lengths and speeds around 1 in hundreds of steps
 
-/// A point mass that hangs straight below the world's origin on one joint. All that happens stays
-/// on that line, where velocity steps make no error of their own.
+/// A point mass that hangs straight below the world's origin on one joint. Motion stays on that
+/// line, where velocity steps have no error of their own.
 struct Hanging {
   World world;
   BodyId load;
@@ -53,13 +53,13 @@ TEST(Motor, ConstantBiasIsReachedInTheFirstStepAndTravels) {
       EXPECT_NEAR(hanging.length(), 1.0 + bias * 0.01 * step, kRoundOff);
     }
     EXPECT_NEAR(hanging.state().travel, bias * 2.0, kRoundOff);
-    EXPECT_NEAR(hanging.state().force, -5.0 * kGravity, 1e-9);  // tension: h·force to round-off
+    EXPECT_NEAR(hanging.state().force, -5.0 * kGravity, 1e-9);  // tension: h·force to rounding
     EXPECT_FALSE(hanging.state().saturated);
   }
 }
 
 // The length is L + ∫ζ dt in closed form. 1e5 steps round a length of 1 m twice each, 2e-11 m in
-// all; a phase wrong by one step would be off by 1e-3 m.
+// total; a phase wrong by one step would cause 1e-3 m.
 TEST(Motor, SinusoidFollowsItsIntegralAndStaysInPhase) {
   Motor sinusoid;
   sinusoid.bias = 1e-4;
@@ -77,7 +77,7 @@ TEST(Motor, SinusoidFollowsItsIntegralAndStaysInPhase) {
   EXPECT_LT(worst, 2e-11);
 }
 
-// With a tick that the sinusoid turns several times in, its mean over the tick is what is driven.
+// In a tick of several periods of the sinusoid, the motor drives its mean over the tick.
 TEST(Motor, SinusoidFasterThanTheTickKeepsItsMean) {
   Motor sinusoid;
   sinusoid.amplitude = 0.5;
@@ -109,7 +109,7 @@ TEST(Motor, CanBeSetWhileRunning) {
   EXPECT_EQ(hanging.world.joint(hanging.joint).motor.bias, 0.5);
 }
 
-// The travel is bias times timeout, wherever in a tick the time is over and however it is rounded.
+// The travel is bias times timeout, wherever in a tick the timeout is and however it is rounded.
 TEST(Motor, TimeoutEndsTheBiasOnTime) {
   for (int start = 0; start < 60; ++start) {
     for (const double timeout : {0.1, 0.3, 0.305}) {
@@ -146,7 +146,7 @@ TEST(Motor, TimeoutSurvivesAJumpOfTheClock) {
   EXPECT_NEAR(hanging.length(), 0.9, 1e-10);  // times of 1000 s are rounded to 1e-13 s a step
 }
 
-// 60 N lift 49.05 N: by (60 − 49.05)/5 m/s² to 0.2 m/s, then evenly.
+// 60 N lift 49.05 N: with (60 − 49.05)/5 m/s² to 0.2 m/s, then evenly.
 TEST(Motor, ForceLimitAboveTheLoadLifts) {
   Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), motor(-0.2, 60.0));
   hanging.world.step();
@@ -160,7 +160,7 @@ TEST(Motor, ForceLimitAboveTheLoadLifts) {
   EXPECT_NEAR(hanging.state().error, 0.0, kRoundOff);
 }
 
-// 40 N do not hold 49.05 N: the load falls at g − 40/5.
+// 40 N do not hold 49.05 N: the load falls with g − 40/5.
 TEST(Motor, ForceLimitBelowTheLoadYields) {
   Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), motor(-0.2, 40.0));
   for (int step = 1; step <= 100; ++step) {
@@ -168,7 +168,7 @@ TEST(Motor, ForceLimitBelowTheLoadYields) {
     EXPECT_TRUE(hanging.state().saturated);
     EXPECT_NEAR(hanging.state().force, -40.0, 1e-9);
     EXPECT_NEAR(hanging.state().reached_rate, (kGravity - 8.0) * 0.01 * step, kRoundOff);
-    EXPECT_NEAR(hanging.state().error, 0.0, kRoundOff);  // gives way and asks for no more
+    EXPECT_NEAR(hanging.state().error, 0.0, kRoundOff);  // slips without building up an error
   }
 }
 
@@ -185,7 +185,7 @@ TEST(Motor, ForceLimitHoldsWhatIsReachedOnceItCan) {
   EXPECT_NEAR(hanging.state().error, 0.0, kRoundOff);
 }
 
-// Whatever the limit's digits: being at it is noticed.
+// Saturation is reported for a limit with any digits.
 TEST(Motor, SaturationIsSeenForEveryLimit) {
   for (double limit = 0.1; limit < 40.0; limit += 0.37) {
     for (const double time_step : {0.01, 1.0 / 30.0, 0.003}) {
@@ -211,7 +211,7 @@ TEST(Motor, WindingInStopsAtOneHundredthOfTheLength) {
   EXPECT_FALSE(hanging.state().saturated);
 }
 
-// The load flies on through the anchor when the rope stops, then hangs on what is left of it.
+// The load flies on through the anchor when the rope stops, then hangs on the remaining length.
 TEST(Motor, WindingInARopeStopsThereToo) {
   Hanging hanging(options(0.01), 5.0, 2.0, rope(2.0), motor(-1.0));
   for (int step = 0; step < 1000; ++step) {
@@ -236,7 +236,7 @@ TEST(Motor, SinusoidAtTheEndOfItsTravelStaysFinite) {
   }
 }
 
-// A rope too long by 0.5 m: wound in for 2.5 s at 0.2 m/s it is taut, then it lifts.
+// A rope 0.5 m too long: wound in for 2.5 s at 0.2 m/s it is taut, then it lifts.
 TEST(Motor, WindsARopeInUntilItLifts) {
   Hanging hanging(options(0.01), 5.0, 1.0, rope(1.5), motor(-0.2));
   Body table = make_floor(0.0);
@@ -276,7 +276,7 @@ struct Oscillator {
   double frequency, damping_ratio, x_0;
   double omega = 2.0 * kPi * frequency;
 
-  /// Released at rest from x_0, weightless.
+  /// Returns the closed form for a weightless release at rest from x_0.
   double closed_form(double t) const {
     const double damped = omega * std::sqrt(1.0 - damping_ratio * damping_ratio);
     const double decay = damping_ratio * omega;
@@ -293,7 +293,7 @@ struct Oscillator {
   }
 };
 
-// Implicit Euler's own recursion, to round-off: a = −ω² x₁ − 2Dω v₁, v₁ = v₀ + h a, x₁ = x₀ + h v₁.
+// Implicit Euler's own recursion, to rounding: a = −ω² x₁ − 2Dω v₁, v₁ = v₀ + h a, x₁ = x₀ + h v₁.
 TEST(Spring, StepIsImplicitEuler) {
   const Oscillator oscillator{1.3, 0.2, 0.3};
   Hanging hanging = oscillator.world(0.01);
@@ -323,7 +323,7 @@ TEST(Spring, FrequencyAndDampingApproachTheClosedFormWithOrderOne) {
   }
 }
 
-// The joint says what its frequency came to: k = m ω², c = 2 D m ω, energy ½ k x².
+// The joint reports the result of its frequency: k = m ω², c = 2 D m ω, energy ½ k x².
 TEST(Spring, FrequencyBecomesStiffnessAndDamping) {
   const Oscillator oscillator{1.3, 0.2, 0.3};
   const Hanging hanging = oscillator.world(0.01);
@@ -335,7 +335,7 @@ TEST(Spring, FrequencyBecomesStiffnessAndDamping) {
   EXPECT_NEAR(hanging.world.energy(), 0.5 * k * 0.3 * 0.3, 64 * kEpsilon * k);
 }
 
-// Two bodies swing against each other at their reduced mass, wherever the anchors are.
+// Two bodies oscillate with their reduced mass, wherever the anchors are.
 TEST(Spring, FrequencyIsThatOfTheEffectiveMass) {
   World world(weightless(1e-4));
   Body a = make_body("a", Sphere{0.2}, 1.0, {0.0, 0.0, 0.0});
@@ -348,7 +348,7 @@ TEST(Spring, FrequencyIsThatOfTheEffectiveMass) {
   const JointId joint =
       world.add_joint(make_joint("soft", id_a, Vector3d::Zero(), id_b, Vector3d::Zero(), soft));
   run(world, 2500);  // half a period
-  // implicit Euler takes π²·f·h = 0.2 % of the amplitude in half a period
+  // implicit Euler loses π²·f·h = 0.2 % of the amplitude in half a period
   EXPECT_NEAR(world.joint_state(joint).error, -0.1, 0.1 * 0.003);
 }
 
@@ -358,8 +358,9 @@ TEST(Spring, StaysBoundedAtAnyStiffness) {
     ASSERT_FALSE(hanging.world.step().failed);
     ASSERT_LE(std::abs(hanging.state().error), 0.1);
   }
-  EXPECT_NEAR(hanging.state().error, kGravity / 1e12, 1e-15);  // positions of 1 m round by 1e-16
-  EXPECT_NEAR(hanging.state().force, -kGravity, 1e-3);         // which is 1e-4 N here
+  EXPECT_NEAR(hanging.state().error, kGravity / 1e12,
+              1e-15);                                   // positions of 1 m are rounded to 1e-16
+  EXPECT_NEAR(hanging.state().force, -kGravity, 1e-3);  // rounding is 1e-4 N here
 }
 
 TEST(Spring, DamperAloneSlowsExponentially) {
@@ -437,7 +438,7 @@ TEST(Limits, AreBothKeptHoweverFastTheBodyIs) {
   Hanging hanging(weightless(0.01), 5.0, 1.0, between(0.99, 1.01));
   for (const double velocity : {10.0, -10.0}) {
     BodyState state = hanging.world.state(hanging.load);
-    state.position.z() = -1.0 + 5e-4 * velocity;  // near the one limit, on the way to the other
+    state.position.z() = -1.0 + 5e-4 * velocity;  // near one limit, on the way to the other
     state.linear_velocity.z() = -velocity;
     hanging.world.set_state(hanging.load, state);
     for (int step = 0; step < 20; ++step) {
@@ -467,11 +468,11 @@ TEST(Breaking, HoldsBelowAndTearsAbove) {
   Hanging tears(options(0.01), 5.0, 1.0, rod(1.0), {}, 5.0 * kGravity - 0.1);
   tears.world.step();
   EXPECT_TRUE(tears.state().broken);
-  EXPECT_NEAR(tears.state().force, -5.0 * kGravity, 1e-9);  // what tore it
+  EXPECT_NEAR(tears.state().force, -5.0 * kGravity, 1e-9);  // the force that broke the rod
   run(tears.world, 100);
   EXPECT_TRUE(tears.state().broken);
   EXPECT_EQ(tears.state().force, 0.0);
-  // from rest for 100 steps after the one in which it tore: g h² Σk
+  // free fall from rest for 100 steps after the step in which it broke: g h² Σk
   EXPECT_NEAR(tears.length(), 1.0 + kGravity * 1e-4 * 5050.0, kRoundOff);
   EXPECT_EQ(tears.world.report().rows, 0u);
   EXPECT_FALSE(tears.world.report().worst_joint.has_value());
@@ -487,7 +488,7 @@ TEST(Breaking, CanBeMendedAndClosesAgain) {
   EXPECT_NEAR(hanging.world.energy(), 2.5, kRoundOff);  // ½ m v²
   hanging.world.set_broken(hanging.joint, false);
   EXPECT_NEAR(hanging.state().error, 0.5, kRoundOff);
-  EXPECT_NEAR(hanging.world.energy(), 2.5 + 12.5, 100 * kRoundOff);  // and ½ k x²
+  EXPECT_NEAR(hanging.world.energy(), 2.5 + 12.5, 100 * kRoundOff);  // plus ½ k x²
 }
 
 TEST(Breaking, MendedRodIsClosing) {
@@ -511,7 +512,7 @@ WorldOptions closing_options(double time_step) {
   return options;
 }
 
-// 1 − 10u³ + 15u⁴ − 6u⁵, written out and not nested as in the engine
+// 1 − 10u³ + 15u⁴ − 6u⁵, written out, unlike the nested form in the engine.
 double quintic(double u) {
   return u >= 1.0 ? 0.0
                   : 1.0 - 10.0 * std::pow(u, 3) + 15.0 * std::pow(u, 4) - 6.0 * std::pow(u, 5);
@@ -533,7 +534,7 @@ TEST(Closing, ABallJointOffElsewhereThanItMayBeDoesNotFit) {
 TEST(Closing, IsPartOfTheStateThatIsHashed) {
   Hanging hanging(closing_options(0.01), 5.0, 1.5, rod(1.0));
   hanging.world.step();
-  World again = hanging.world;  // nothing moves, but the closing begins anew
+  World again = hanging.world;  // nothing moves, but closing restarts
   for (const BodyId id : again.body_ids()) again.set_state(id, again.state(id));
   EXPECT_NE(again.state_hash(), hanging.world.state_hash());
 }
@@ -546,7 +547,7 @@ TEST(Closing, ARodTooShortClosesByTheQuintic) {
     for (int n = 1; n <= steps; ++n) {
       EXPECT_TRUE(hanging.state().closing);
       hanging.world.step();
-      // the load moves along the rod, so velocity and position meet the target to round-off
+      // the load moves along the rod, so velocity and position meet the target to rounding
       EXPECT_NEAR(hanging.state().error, 0.5 * quintic(n * h / 0.4), kRoundOff);
     }
     EXPECT_FALSE(hanging.state().closing);
@@ -562,7 +563,7 @@ TEST(Closing, SpeedNeverExceedsThatOfTheQuintic) {
     hanging.world.step();
     fastest = std::max(fastest, hanging.world.state(hanging.load).linear_velocity.norm());
   }
-  EXPECT_NEAR(fastest, 15.0 / 8.0 * 1.0 / 0.4, 1e-3);  // its largest slope, sampled each 1/400
+  EXPECT_NEAR(fastest, 15.0 / 8.0 * 1.0 / 0.4, 1e-3);  // slope sampled every 1/400
 }
 
 TEST(Closing, ABallJointClosesInAStraightLine) {
@@ -582,7 +583,8 @@ TEST(Closing, ARopeTooShortClosesAndAStrutTooLong) {
   for (const bool is_rope : {true, false}) {
     Hanging hanging(closing_options(0.01), 5.0, 1.0, is_rope ? rope(0.7) : between(1.3, kInfinity));
     run(hanging.world, 20);
-    EXPECT_NEAR(std::abs(hanging.state().error), 0.15, kRoundOff);  // half of it in half the time
+    EXPECT_NEAR(std::abs(hanging.state().error), 0.15,
+                kRoundOff);  // half of the error in half the time
     run(hanging.world, 20);
     EXPECT_NEAR(hanging.state().error, 0.0, kRoundOff);
   }
@@ -611,7 +613,7 @@ TEST(Breaking, LetsItsBodiesCollide) {
   run(world, 5);
   EXPECT_EQ(world.report().contacts, 0u);
   BodyState state = world.state(b);
-  state.linear_velocity.x() = 1.0;  // stopping half of it takes 50 N
+  state.linear_velocity.x() = 1.0;  // stopping half of the mass takes 50 N
   world.set_state(b, state);
   world.step();
   EXPECT_TRUE(world.joint_state(id).broken);
@@ -619,7 +621,7 @@ TEST(Breaking, LetsItsBodiesCollide) {
   EXPECT_EQ(world.report().contacts, 1u);
 }
 
-// ---- joints of no length
+// ---- joints of zero length
 
 TEST(NoLength, AskedForOrFoundIsABallJoint) {
   World world(options(0.01));
@@ -639,7 +641,7 @@ TEST(NoLength, AskedForOrFoundIsABallJoint) {
       "distance");
 }
 
-// Asked for at a distance, the point is pulled in: a share β of the error each step.
+// A ball joint requested at a distance pulls the point in: a share β of the error each step.
 TEST(NoLength, BallJointClosesItsError) {
   World world(weightless(0.01));
   const BodyId a = world.add_body(make_body("a", Point{}, 1.0, {0.3, 0.4, 1.2}));
@@ -654,10 +656,10 @@ TEST(NoLength, BallJointClosesItsError) {
 TEST(NoLength, SpringOfNoLengthRestsInItsAnchor) {
   Hanging hanging(options(0.01), 1.0, 0.0, spring(0.0, 100.0, 20.0));
   run(hanging.world, 1000);
-  EXPECT_LT(hanging.length(), 1.0);  // there is no direction to choose at zero: only bounded
+  EXPECT_LT(hanging.length(), 1.0);  // bounded only, since there is no direction at zero
 }
 
-// Anchors of a rod set into one point: there is no direction, one is chosen, never NaN.
+// Anchors of a rod moved to one point: a direction is chosen, never NaN.
 TEST(Coincident, RodAtRunTimeOpensAgain) {
   World world(weightless(0.01));
   const BodyId a = world.add_body(make_body("a", Point{}, 1.0, {0.0, 0.0, 0.0}));
@@ -673,7 +675,7 @@ TEST(Coincident, RodAtRunTimeOpensAgain) {
 
 TEST(Coincident, RodOfALengthCanBeAddedThere) {
   WorldOptions awake = weightless(0.01);
-  awake.sleep_after = kInfinity;  // Baumgarte closes less and less for ever
+  awake.sleep_after = kInfinity;  // Baumgarte closes ever less
   World world(awake);
   const BodyId a = world.add_body(make_body("a", Point{}, 1.0, Vector3d::Zero()));
   const JointId joint = world.add_joint(hang("rod", a, rod(1.0)));

@@ -1,7 +1,7 @@
 // shards: 2
 // Random mechanisms of joints of all kinds against a reference in long double, by all methods and
-// in several guises (bench/random_mechanisms.h), and that reference against minimal coordinates.
-// constraint_sim_random_mechanisms does the same with any number of mechanisms.
+// in several variants (bench/random_mechanisms.h), and that reference against minimal coordinates.
+// constraint_sim_random_mechanisms does so with any number of mechanisms.
 
 #include <gtest/gtest.h>
 
@@ -51,8 +51,8 @@ Scene scene_of(const World& world) {
   return scene;
 }
 
-// What random mechanisms have found: redundant rows that have a force again after a pose where the
-// others hold them badly (951), and whole turns of a screw that goes to and fro in a tick (111).
+// Seeds of faults: redundant rows that carry a force again after a pose where the other rows hold
+// badly (951), and whole turns of a screw that moves to and fro within a tick (111).
 TEST(JudgedMechanism, IsNeverSilentlyWrongWhereOnesLikeItWere) {
   for (const std::uint64_t seed : {951, 111}) {
     const Verdict verdict = judge_mechanism(seed);
@@ -60,8 +60,8 @@ TEST(JudgedMechanism, IsNeverSilentlyWrongWhereOnesLikeItWere) {
   }
 }
 
-// Dense rows in long double, with others projected away, and one or two coordinates have nothing in
-// common. 1e-9 m: some hundred steps of a tolerance of 1e-12, which these motions amplify tenfold.
+// The two references share nothing: dense rows in long double with projection, and one or two
+// coordinates. Bound 1e-9 m: some hundred steps with a tolerance of 1e-12, amplified tenfold.
 TEST(MechanicsReference, MovesAsMinimalCoordinatesDo) {
   using mechanisms::with_couplings;
   for (const mechanisms::Mechanism& mechanism :
@@ -89,7 +89,7 @@ TEST(MechanicsReference, MovesAsMinimalCoordinatesDo) {
   }
 }
 
-// A joint off by little more than its bound is found out; in scenes it may be off by 1e-6 m.
+// The judge finds a joint error slightly above its bound; in scenes the bound is 1e-6 m.
 TEST(JudgeOfMechanisms, HoldsJointsToRounding) {
   const Setting setting = {"runge_kutta", Method::kRungeKutta, 8};
   const Scene scene = MechanismGenerator(2).make();
@@ -97,7 +97,8 @@ TEST(JudgeOfMechanisms, HoldsJointsToRounding) {
   EXPECT_EQ(Judge(scene, true).judge(setting, &world).what, "");
   for (const bool is_strict : {true, false}) {
     Scene off = scene;
-    off.joints.front().anchor_b.x() += 1e-8;  // which the engine keeps, and the scene has not
+    off.joints.front().anchor_b.x() +=
+        1e-8;  // the engine keeps this anchor, and the scene does not have it
     off.joints.front().baumgarte = 0.0;
     World other = make_world(off);
     const std::string found = Judge(scene, is_strict).judge(setting, &other).what;
@@ -105,7 +106,7 @@ TEST(JudgeOfMechanisms, HoldsJointsToRounding) {
   }
 }
 
-// As is a gear with another ratio.
+// The judge finds a gear with another ratio.
 TEST(JudgeOfMechanisms, HoldsCouplingsToRounding) {
   const Setting setting = {"runge_kutta", Method::kRungeKutta, 8};
   Scene scene = MechanismGenerator(29).make();
@@ -120,13 +121,14 @@ TEST(JudgeOfMechanisms, HoldsCouplingsToRounding) {
 
 // ---- wrenches
 
-/// What the wrenches that joints tell after a step of h leave of Newton's and Euler's equations of
-/// the bodies in it [N], torques over radii of gyration; and the largest of the forces.
+/// Returns the residual of the Newton-Euler equations with the joints' wrenches after a step of h
+/// [N], torques over radii of gyration, and the largest of the forces.
 std::pair<Eigen::VectorXd, double> imbalance(World world, double h) {
   WorldOptions options = world.options();
   options.time_step = h;
   world.set_options(options);
-  std::map<std::uint32_t, std::pair<Vector3d, Vector3d>> left;  // force, torque about the centre
+  std::map<std::uint32_t, std::pair<Vector3d, Vector3d>>
+      left;  // force, and torque about the centre
   const auto spin = [&](BodyId id) {
     const Quaterniond& q = world.state(id).orientation;
     const Vector3d w_B = q.conjugate() * world.state(id).angular_velocity;
@@ -147,7 +149,7 @@ std::pair<Eigen::VectorXd, double> imbalance(World world, double h) {
   double largest = 0.0;
   for (const JointId id : world.joint_ids()) {
     const Joint& joint = world.joint(id);
-    if (couples_joints(joint.kind)) continue;  // it acts by those that it couples
+    if (couples_joints(joint.kind)) continue;  // acts through the joints that it couples
     const World::JointWrench wrench = world.joint_wrench(id);
     Quaterniond to_world = world.state(joint.body_b).orientation;
     if (has_frames(joint.kind)) to_world = to_world * *joint.frame_b;
@@ -175,9 +177,9 @@ std::pair<Eigen::VectorXd, double> imbalance(World world, double h) {
   return {all, largest};
 }
 
-// With all kinds, redundant joints and couplings. Wrenches are means over a step, in the frames at
-// its end: off by its first order, of which two steps are extrapolated; what is left is of second
-// order, (30 rad/s · 2e-5 s)², and rounding of velocities over the step.
+// All kinds, redundant joints and couplings. Wrenches are means over a step, in the frames at its
+// end, with a first-order error that two steps extrapolate; a second-order error remains, (30 rad/s
+// · 2e-5 s)², and rounding of velocities over the step.
 TEST(JointWrenches, AreThoseOfNewtonAndEuler) {
   constexpr double kStep = 2e-5;
   for (std::uint64_t seed = 1; seed <= 60u / kSeedShare; ++seed) {

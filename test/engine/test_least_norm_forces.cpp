@@ -1,5 +1,5 @@
-// Forces of redundant joints as they are told: closed forms by symmetry, and a dense pseudo-inverse
-// in long double.
+// Reported forces of redundant joints: closed forms by symmetry, and a dense pseudo-inverse in long
+// double.
 
 #include <Eigen/QR>
 #include <memory>
@@ -29,7 +29,7 @@ void set_method(World* world, Method method, double time_step) {
 
 // ---- closed forms
 
-/// A table of 8 kg that hangs on four rods, at (±0.5, ±0.3): three would do.
+/// A table of 8 kg that hangs on four rods, at (±0.5, ±0.3), one of them redundant.
 World hanging_table(double break_force = 0.0) {
   World world;
   const BodyId table =
@@ -51,8 +51,8 @@ double force(const World& world, std::size_t j) {
   return world.joint_state(world.joint_ids()[j]).force;
 }
 
-// At rest, by symmetry: a quarter of the weight each, and with a torque about y the least forces
-// that have it: Σ f = m g and Σ x f = T are met by f = m g/4 + T x/(4 · 0.25 m²). 1e-12: rounding.
+// At rest each rod carries a quarter of the weight, by symmetry. With a torque about y the
+// least-norm forces for Σ f = m g and Σ x f = T are f = m g/4 + T x/(4 · 0.25 m²). 1e-12: rounding.
 TEST(LeastNormForces, OfAHangingTableAreSharedByItsLegs) {
   for (const Method method : kSmooth) {
     for (const double torque : {0.0, 4.0}) {
@@ -87,8 +87,8 @@ TEST(LeastNormForces, DecideWhatBreaks) {
   }
 }
 
-// One joint many times: the same share each of what one alone has. 1e-7 of the weight: as well as
-// the motion is known with the tolerance of 1e-8 m/s.
+// Several equal joints carry equal shares of the force of one joint. 1e-7 of the weight: the
+// motion's accuracy with the tolerance of 1e-8 m/s.
 TEST(LeastNormForces, OfEqualRodsAreEqual) {
   for (const Method method : kSmooth) {
     for (const int count : {2, 3}) {
@@ -110,7 +110,8 @@ TEST(LeastNormForces, OfEqualRodsAreEqual) {
   }
 }
 
-// On two ball joints, as far above as below its centre: each has half of the weight. Rounding.
+// A door on two ball joints, equally far above and below its centre: each carries half of the
+// weight, to rounding.
 TEST(LeastNormForces, OfADoorAreSharedByItsHinges) {
   for (const Method method : kSmooth) {
     World world = redundant::door();
@@ -131,7 +132,7 @@ using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
 using Vector3 = Eigen::Matrix<Real, 3, 1>;
 
-/// The bodies and joints of a world as one island, by RungeKutta; the world itself is body 0.
+/// Bodies and joints of a world as one island, by RungeKutta; the world itself is body 0.
 class OneIsland {
  public:
   explicit OneIsland(const World& world) : gravity_(world.options().gravity) {
@@ -189,11 +190,11 @@ class OneIsland {
   std::unique_ptr<RungeKutta> motion_;
 };
 
-/// Forces and torques of unit impulses on all bodies, a column for each row of a joint, as
-/// EquationsOfMotion orders them; and the weights of these rows.
+/// Forces and torques of unit impulses on all bodies, a column for each row of a joint, in the
+/// order of EquationsOfMotion; and the weights of these rows.
 struct Columns {
   Matrix G_T;
-  Vector weight, by_mass;  // of columns and, inverse, of rows of Gᵀ
+  Vector weight, by_mass;  // weights of columns, and inverse weights of rows of Gᵀ
 
   explicit Columns(const OneIsland& island) {
     const auto n = static_cast<Eigen::Index>(6 * island.states.size());
@@ -237,12 +238,12 @@ struct Columns {
     }
   }
 
-  /// λ of least Σ a λ² with the force and torque of this one on each body.
+  /// Returns λ of least Σ a λ² that gives the force and torque of `lambda` on each body.
   Vector least(const Vector& lambda) const {
     const Vector scale = weight.cwiseSqrt().cwiseInverse();
     const Matrix B = by_mass.asDiagonal() * G_T * scale.asDiagonal();
     Eigen::CompleteOrthogonalDecomposition<Matrix> factors;
-    factors.setThreshold(1e-9L);  // between rounding and the pivots of the rows kept
+    factors.setThreshold(1e-9L);  // between rounding and the pivots of the kept rows
     factors.compute(B);
     return scale.cwiseProduct(factors.solve(by_mass.cwiseProduct(G_T * lambda)));
   }
@@ -251,7 +252,7 @@ struct Columns {
   static Vector3 arm(const OneIsland& island, std::size_t b, const Vector3d& anchor) {
     return island.states[b].orientation.cast<Real>().normalized() * anchor.cast<Real>();
   }
-  // torques stand in principal axes, where the inertia is diagonal
+  // Torques are in principal axes, where the inertia is diagonal.
   static void add_end(const OneIsland& island, std::size_t b, const Vector3& r, const Vector3& f,
                       Vector* column) {
     const auto first = static_cast<Eigen::Index>(6 * b);
@@ -282,9 +283,9 @@ Vector by_row(const OneIsland& island, const Forces& told) {
   return Eigen::Map<Vector>(rows.data(), static_cast<Eigen::Index>(rows.size()));
 }
 
-// 1e-10 of the largest: states that are known to 1e-16 of the scene turn the λ by that over the
-// smallest pivot, 1e-3 and more here, and factors in double lose as much again. The sum on each
-// body to 1e-13.
+// Bound 1e-10 of the largest: states accurate to 1e-16 of the scene change λ by that over the
+// smallest pivot, 1e-3 and more here, and factors in double lose as much again. Sums on each body:
+// 1e-13.
 TEST(LeastNormForces, AreThoseOfThePseudoInverse) {
   const std::pair<const char*, World> scenes[] = {{"dome", redundant::dome()},
                                                   {"bricard", redundant::bricard()},
@@ -305,15 +306,15 @@ TEST(LeastNormForces, AreThoseOfThePseudoInverse) {
       const Real most = motion.cwiseAbs().maxCoeff();
       EXPECT_LE((shared - least).cwiseAbs().maxCoeff(), 1e-10L * most) << name << ", step " << i;
       Vector sum = columns.G_T * (shared - motion);
-      sum.head<6>().setZero();  // the world bears anything
+      sum.head<6>().setZero();  // the world carries any force
       EXPECT_LE(sum.cwiseAbs().maxCoeff(), 1e-13L * most) << name << ", step " << i;
-      // and the motion's own are not the least
+      // the forces of the motion are not the least ones
       EXPECT_GT((motion - least).cwiseAbs().maxCoeff(), 1e-3L * most) << name << ", step " << i;
     }
   }
 }
 
-// A spring beside redundant rods tells its own force.
+// A spring beside redundant rods reports its own force.
 TEST(LeastNormForces, LeaveSpringsAsTheyAre) {
   for (const Method method : kSmooth) {
     World world = hanging_table();

@@ -38,7 +38,7 @@ TEST(LeastNormSolver, FindsWhatACompleteOrthogonalDecompositionFinds) {
   for (Index n = 1; n <= 14; ++n) {
     for (Index rank = 0; rank <= n; ++rank) {
       const MatrixXd A = random_matrix(n, rank, &random) * random_matrix(rank, n, &random);
-      const VectorXd b = random_matrix(n, 1, &random);  // mostly not met by any x
+      const VectorXd b = random_matrix(n, 1, &random);  // mostly inconsistent
       Eigen::CompleteOrthogonalDecomposition<MatrixXd> expected;
       expected.setThreshold(kLeastPivot);
       expected.compute(A);
@@ -77,7 +77,7 @@ TEST(LeastNormSolver, AllocatesNothingOnceItHasHadItsLargest) {
   const auto solve_all = [&] {
     for (const std::size_t n : {12, 3, 12, 6}) {
       double* const A = solver.resize(n);
-      std::fill_n(A, n * n, 1.0);  // of rank one
+      std::fill_n(A, n * n, 1.0);  // rank one
       solver.factor(kLeastPivot);
       solver.solve(b.data());
     }

@@ -1,4 +1,4 @@
-// An edit restarts the islands that it concerns, and leaves all others as they are, to the bit.
+// An edit restarts the islands that it affects, and leaves all others unchanged, to the bit.
 
 #include <functional>
 
@@ -10,7 +10,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// Five double pendula far from each other, of bars on balls and of points on rods, and a tumbling
-/// box; with steps that go on from the steps before.
+/// box; with step sizes carried over between ticks.
 World five_pendula() {
   World world(options(0.01));
   WorldOptions chosen = world.options();
@@ -40,8 +40,8 @@ World five_pendula() {
   return world;
 }
 
-/// Bodies whose states differ in any bit after some more steps of a world and of one that was
-/// edited. All bodies of the first are there in the second.
+/// Returns bodies whose states differ in any bit after further steps of a world and of its edited
+/// copy. All bodies of the first are in the second.
 std::vector<std::string> changed_by(const std::function<void(World&)>& edit) {
   World world = five_pendula();
   for (int i = 0; i < 30; ++i) world.step();
@@ -70,7 +70,7 @@ TEST(LocalEdits, AMotorRestartsItsIslandAlone) {
   motor.bias = 0.1;
   EXPECT_EQ(changed_by([&](World& w) { w.set_motor(w.find_joint("low_2"), motor); }),
             (Names{"upper_2", "lower_2"}));
-  motor.max_force = 50.0;  // and its method is another one
+  motor.max_force = 50.0;  // changes the method too
   EXPECT_EQ(changed_by([&](World& w) { w.set_motor(w.find_joint("top_4"), motor); }),
             (Names{"upper_4", "lower_4"}));
 }
@@ -124,7 +124,7 @@ TEST(LocalEdits, WhatIsAddedChangesNothingElse) {
             (Names{"upper_2", "lower_2"}));
 }
 
-// Indices are others then, and all is compiled again.
+// Removal changes indices, and everything is compiled again.
 TEST(LocalEdits, WhatIsRemovedOrConcernsAllRestartsAll) {
   EXPECT_FALSE(changed_by([](World& w) {
                  WorldOptions options = w.options();
@@ -135,8 +135,8 @@ TEST(LocalEdits, WhatIsRemovedOrConcernsAllRestartsAll) {
   EXPECT_EQ(std::count(changed.begin(), changed.end(), "upper_1"), 1);
 }
 
-// A world whose edit is pending has the hash that it has once it is compiled, and another one than
-// a world that goes on; a copy does the same.
+// A world with a pending edit has the hash that it has after compiling, different from that of an
+// unedited world; a copy has it too.
 TEST(LocalEdits, HashesTellWhatBeginsAnew) {
   World world = five_pendula();
   for (int i = 0; i < 30; ++i) world.step();
@@ -158,8 +158,8 @@ TEST(LocalEdits, HashesTellWhatBeginsAnew) {
   }
 }
 
-/// Twelve boxes on a floor, in touch with each other, with every second pair on a hinge, and gears
-/// between these hinges.
+/// Twelve touching boxes on a floor, with every second pair on a hinge, and gears between these
+/// hinges.
 World row_of_boxes() {
   World world(options(0.01));
   Body floor = make_body("floor", Plane{}, 0.0, Vector3d::Zero());
@@ -184,7 +184,7 @@ World row_of_boxes() {
   return world;
 }
 
-// Removing several at once is removing them one by one, to the bit, also of boxes that sleep.
+// Removing several at a time equals removing them one by one, to the bit, also for sleeping boxes.
 TEST(Removal, OfManyIsThatOfEach) {
   for (const int steps : {0, 3, 200}) {
     World one_by_one = row_of_boxes();

@@ -1,4 +1,5 @@
-// References of mechanisms, held against themselves, published figures and differences: no engine.
+// References of mechanisms against themselves, published figures and differences, without the
+// engine.
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,7 @@ namespace {
 
 using Make = std::function<Mechanism(int steps)>;
 
-/// All with a reference that is integrated, and the steps that it takes by default.
+/// Returns all mechanisms with an integrated reference, and their default number of steps.
 std::vector<std::pair<Make, int>> integrated() {
   return {{double_hinge_pendulum, 384},
           {spinning_top, 1536},
@@ -26,7 +27,7 @@ std::vector<std::pair<Make, int>> integrated() {
           {[](int steps) { return swinging_atwood(2.0, steps).mechanism; }, 128}};
 }
 
-/// All, also of closed form.
+/// Returns all mechanisms, including those in closed form.
 std::vector<Mechanism> all() {
   std::vector<Mechanism> all;
   for (const auto& [make, steps] : integrated()) all.push_back(make(steps));
@@ -47,7 +48,7 @@ Real difference(const Poses& a, const Poses& b) {
   return largest;
 }
 
-// Rounding in long double that the motion amplifies, below what double precision shows.
+// Bound: rounding in long double amplified by the motion, below double precision.
 TEST(MechanismReferences, DoNotChangeWithTheirStep) {
   for (const auto& [make, steps] : integrated()) {
     const Mechanism mechanism = make(steps);
@@ -55,7 +56,7 @@ TEST(MechanismReferences, DoNotChangeWithTheirStep) {
   }
 }
 
-// Rounding of 1e4 steps in long double.
+// Bound: rounding of 1e4 steps in long double.
 TEST(MechanismReferences, KeepEnergy) {
   for (const auto& [make, steps] : integrated()) {
     const Mechanism mechanism = make(steps);
@@ -70,8 +71,8 @@ TEST(MechanismReferences, KeepEnergy) {
   }
 }
 
-// Differences of fourth order over 1e-3 of functions of size one in long double: 1e-16 and the
-// fifth derivative times 1e-12.
+// Fourth-order differences over 1e-3 of functions of size one in long double: 1e-16 and the fifth
+// derivative times 1e-12.
 TEST(MechanismReferences, DeriveInertiaAndPotentialByTheCoordinate) {
   for (const Mechanism& mechanism : all()) {
     if (!mechanism.reference) continue;
@@ -93,8 +94,8 @@ TEST(MechanismReferences, DeriveInertiaAndPotentialByTheCoordinate) {
   }
 }
 
-// Anchors and axes in bodies as they start, the same points and directions where they end: by
-// rounding of states of bodies in double precision.
+// Anchors and axes fixed in the bodies' initial poses coincide in the final poses, up to rounding
+// of states in double precision.
 TEST(MechanismReferences, EndWithAllJointsClosed) {
   for (const Mechanism& mechanism : all()) {
     for (const JointAt& joint : mechanism.joints) {
@@ -134,8 +135,8 @@ TEST(MechanismReferences, CloseBricardsLoop) {
   }
 }
 
-// Pins meet where the published initial values of all seven angles put them, and the crank ends
-// where the test set for initial value problems has it, whose own tolerance is 1e-9 of its angle.
+// Pins meet where the published initial values of all seven angles place them, and the crank ends
+// where the test set for initial value problems has it, whose tolerance is 1e-9 of the angle.
 TEST(MechanismReferences, HaveTheSqueezerAsPublished) {
   const auto unit = [](double angle) { return Vector3d(std::cos(angle), std::sin(angle), 0.0); };
   const double gamma = 0.455279819163070380255912382449;
@@ -153,7 +154,7 @@ TEST(MechanismReferences, HaveTheSqueezerAsPublished) {
   EXPECT_NEAR(static_cast<double>(y[0]), 15.81077119629904, 2e-9);
 }
 
-// Figures of the IFToMM's A02, whose 20 s at ten turns amplify rounding in long double.
+// Figures of IFToMM's A02; its 20 s with ten turns amplify rounding in long double.
 TEST(MechanismReferences, HaveTheParallelogramsAsPublished) {
   const auto top = [](const Mechanism& mechanism) {
     return Vector3d(2.0 * minimal::position(mechanism.end.front()));
@@ -167,8 +168,8 @@ TEST(MechanismReferences, HaveTheParallelogramsAsPublished) {
       1e-13);
 }
 
-// Of couplings between hinges, screws and racks: the sum of the coordinates as the bodies end, up
-// to whole turns of each.
+// Sums of coordinates of couplings between hinges, screws and racks in the final poses, up to whole
+// turns of each.
 TEST(MechanismReferences, EndWithAllCouplingsMet) {
   for (const CoupledMechanism& made : {planetary_gear(), falling_nut(), falling_rack()}) {
     const Mechanism& mechanism = made.mechanism;
@@ -192,7 +193,7 @@ TEST(MechanismReferences, EndWithAllCouplingsMet) {
         sum += term.ratio * 2.0 * std::atan2(relative.vec().dot(joint.axis), relative.w());
         least_ratio = std::min(least_ratio, std::abs(term.ratio));
       }
-      // half turns of the angle with the least ratio, of which others are multiples
+      // half turns of the angle with the least ratio, whose multiples are the others
       const double half_turn = static_cast<double>(minimal::kPi) * least_ratio;
       EXPECT_NEAR(std::remainder(sum, half_turn), 0.0, 1e-13) << mechanism.name;
     }

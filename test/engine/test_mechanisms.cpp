@@ -37,7 +37,8 @@ std::string test_name(const testing::TestParamInfo<std::size_t>& info) {
   return name;
 }
 
-// Positions of at most 2 m are four roundings off, angles of gears of some turns as many of theirs.
+// Returns the bound of joint errors: four roundings of positions up to 2 m, or of gear angles of
+// some turns.
 double closed(const Mechanism& mechanism) {
   return (mechanism.name.find("pinion") == std::string::npos &&
                   mechanism.name.find("planetary") == std::string::npos
@@ -46,7 +47,7 @@ double closed(const Mechanism& mechanism) {
          kEpsilon;
 }
 
-// One step a tick: three times what dense equations have left, since rows are eliminated in another
+// One step a tick: three times the error of dense equations, since rows are eliminated in another
 // order; below 1e-12 rounding and the motion's own sensitivity count.
 TEST_P(EachMechanism, ConvergesAsDenseEquationsDo) {
   std::vector<double> errors;
@@ -59,7 +60,7 @@ TEST_P(EachMechanism, ConvergesAsDenseEquationsDo) {
         << mechanism().steps[i];
     if (outcome.error >= 1e-12) errors.push_back(outcome.error);
   }
-  if (errors.size() >= 2) {  // of the last halving above rounding; coarse steps have other powers
+  if (errors.size() >= 2) {  // the last halving above rounding; coarse steps have other orders
     EXPECT_GE(std::log2(errors[errors.size() - 2] / errors.back()), 7.5);
   }
 }
@@ -75,14 +76,14 @@ TEST_P(EachMechanism, MeetsItsTolerance) {
 INSTANTIATE_TEST_SUITE_P(Mechanisms, EachMechanism, testing::Range<std::size_t>(0, 14), test_name);
 
 // 40 parallelograms that are in line twice a turn, 20 times in 20 s; 120 rows are redundant, and 40
-// more are where all bars are in line. The benchmark asks for 1e-4 m.
+// more where all bars are in line. The benchmark requires 1e-4 m.
 TEST(Parallelograms, PassTheirSingularPoses) {
   for (const auto& [windows, duration] : {std::pair{1, 10.0}, {2, 10.0}, {40, 20.0}}) {
     const Mechanism made = parallelograms(windows, duration / kSanitizedShare);
     const Outcome outcome = run(made, 1.0 / 30.0, 1e-8);
     EXPECT_FALSE(outcome.has_failed) << windows;
     EXPECT_EQ(outcome.dependent_rows, made.dependent_rows);
-    // Corrections leave what rounding does along a chain of 41 bars, of coordinates of 40 m.
+    // Corrections leave rounding along a chain of 41 bars, of coordinates of 40 m.
     EXPECT_LE(outcome.joints, 4.0 * kEpsilon * (windows + 1));
     EXPECT_LE(outcome.error, 1e-6) << windows;
   }

@@ -1,4 +1,4 @@
-// Which method carries an island and why, as a table; and what spans teach an island.
+// Choice of the method of an island with its reason, as a table, and updates of an island's memory.
 
 #include <limits>
 
@@ -102,7 +102,7 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
   };
   for (const Case& c : cases) {
     IslandMemory memory;
-    memory.refused_until = c.is_refused ? kNow + 1 : kNow;  // until then, and no longer
+    memory.refused_until = c.is_refused ? kNow + 1 : kNow;  // refused until this step only
     memory.inconsistent_until = c.is_inconsistent ? kNow + 1 : kNow;
     memory.is_stiff = c.is_stiff;
     const MethodChoice choice = choose(c.nature, c.in_contact, memory, kNow, with(kAuto));
@@ -117,8 +117,8 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
   }
 }
 
-// What events gave up is by impulses for half a second, whatever the tick; what they left because
-// there was too much of it only as long as it touches anything.
+// Islands that event-driven contacts gave up use impulses for half a second, whatever the tick;
+// islands that were too large only while they touch anything.
 TEST(MethodChoice, WhatEventsHaveLeftStaysAwayForHalfASecond) {
   for (const double h : {0.1, 0.01, 0.001}) {
     WorldOptions options = with(kAuto);
@@ -136,7 +136,7 @@ TEST(MethodChoice, WhatEventsHaveLeftStaysAwayForHalfASecond) {
       const bool is_given_up = why == MethodReason::kContactsGivenUp;
       EXPECT_EQ(is_told(false, kNow + 1), is_given_up ? why : MethodReason::kSmooth) << h;
       IslandMemory moved = memory;
-      moved.move(kNow + steps, 0);  // it is remembered that it was handed over
+      moved.move(kNow + steps, 0);  // the switch to impulses is remembered
       EXPECT_EQ(moved.left_for, why);
     }
   }
@@ -149,7 +149,7 @@ TEST(MethodChoice, AJerkDoesNotMakeAnIslandStiffButWhatGoesOnDoes) {
   progress.is_stiff = true;
   progress.substeps = 100;
   const double cost = gradient_cost(false, memory);
-  for (int span = 1; span <= 4; ++span) {  // at 4 times the cost, each
+  for (int span = 1; span <= 4; ++span) {  // 4 times the cost each
     progress.is_stiff = true;
     EXPECT_EQ(learn_from_substeps(cost, kNow, options, &progress, &memory), span == 4) << span;
   }
@@ -157,7 +157,7 @@ TEST(MethodChoice, AJerkDoesNotMakeAnIslandStiffButWhatGoesOnDoes) {
   EXPECT_GT(memory.stiff_until, kNow);
 
   IslandMemory dear;
-  progress.substeps = 1000;  // at 40 times the cost
+  progress.substeps = 1000;  // 40 times the cost
   EXPECT_TRUE(learn_from_substeps(cost, kNow, options, &progress, &dear));
   EXPECT_TRUE(dear.is_stiff);
 
@@ -181,8 +181,8 @@ TEST(MethodChoice, SubstepsThatCostLessThanGradientsAreNotStiff) {
   EXPECT_EQ(memory.stiff_ticks, 0);
 }
 
-// A gradient_cost() of 300 and 2400 evaluations at h ω = 100: they cost the same at h ω = 12.5, and
-// below stiffness_limit it is substeps all the same.
+// With gradient_cost() of 300 and 2400 evaluations at h ω = 100 the costs are equal at h ω = 12.5;
+// below stiffness_limit substeps are used nevertheless.
 TEST(MethodChoice, SubstepsThatCostMoreThanStabilityAsksForAreRemembered) {
   WorldOptions options = with(kAuto);
   options.stiffness_limit = 5.0;
@@ -208,7 +208,7 @@ TEST(MethodChoice, AStiffIslandThatCalmsDownIsLetGo) {
   memory.is_stiff = true;
   memory.stiff_until = kNow + 10;
   const double most = most_frequency(gradient_cost(true, memory), memory, options);
-  learn_from_gradients(15, most, true, kNow, options, &memory);  // as fast as ever
+  learn_from_gradients(15, most, true, kNow, options, &memory);  // cost is unchanged
   EXPECT_TRUE(memory.is_stiff);
   EXPECT_GT(memory.stiff_until, kNow + 10);
   learn_from_gradients(15, 0.4 * most, true, kNow, options, &memory);  // waits
@@ -225,7 +225,7 @@ TEST(MethodChoice, WithoutAToleranceTheLimitIsThatOfStability) {
   WorldOptions options = with(kAuto);
   EXPECT_EQ(stiffness_limit(options), options.stiffness_limit);
   options.tolerance = 0.0;
-  EXPECT_EQ(stiffness_limit(options), 5.0);  // one substep of order 8 a tick
+  EXPECT_EQ(stiffness_limit(options), 5.0);  // limit for a single substep of order 8 per tick
   options.order = 5;
   EXPECT_EQ(stiffness_limit(options), 0.9);
   EXPECT_EQ(most_frequency(std::numeric_limits<double>::infinity(), {}, options), 90.0);

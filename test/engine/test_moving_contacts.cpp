@@ -1,5 +1,5 @@
-// Contacts from event to event with bodies that move by themselves: conveyors, lifts, turntables
-// and walls. Oracles: closed forms, and the energy less the work of what moves.
+// Event-driven contacts with moving bodies: conveyors, lifts, turntables and walls. Oracles: closed
+// forms, and the energy less the work of the moving bodies.
 
 #include "by_events.h"
 #include "support.h"
@@ -43,7 +43,8 @@ Told go_on(World* world, double seconds) {
   return told;
 }
 
-// with μ g until it is as fast, after V/μ g; the belt does m V², and half of it is heat
+// The box accelerates with μ g to the belt's speed, in the time V/μ g; the belt does m V² of work,
+// half of it heat.
 TEST_P(MovingContactsAt, ABoxOnAConveyorIsCarriedAlong) {
   constexpr double kMu = 0.3, kSpeed = 1.2;
   World world(by_events(GetParam()));
@@ -64,7 +65,7 @@ TEST_P(MovingContactsAt, ABoxOnAConveyorIsCarriedAlong) {
   EXPECT_NEAR(world.energy() - before, 0.5 * kMass * kSpeed * kSpeed, 1e-11);
 }
 
-// m g v is its power
+// The lift's power is m g v.
 TEST_P(MovingContactsAt, ALiftCarriesABoxWithoutAnEvent) {
   constexpr double kSpeed = 0.7;
   World world(by_events(GetParam()));
@@ -84,7 +85,7 @@ TEST_P(MovingContactsAt, ALiftCarriesABoxWithoutAnEvent) {
   EXPECT_EQ(world.contacts().size(), 4u);
 }
 
-// v⁺ = V − e (v − V), and the wall does V times the impulse
+// v⁺ = V − e (v − V), and the wall does V times the impulse.
 TEST_P(MovingContactsAt, AWallHitsABall) {
   constexpr double kWall = -3.0, kBall = 1.0, kGap = 0.9;
   for (const double e : {0.0, 0.6, 1.0}) {
@@ -108,8 +109,8 @@ TEST_P(MovingContactsAt, AWallHitsABall) {
   }
 }
 
-// A cube sticks to a turntable that drives along: it goes round the table's centre. A wrench of
-// nothing that begins within a tick splits it.
+// A cube sticks to a turntable that also translates: it circles the table's centre. A zero wrench
+// that starts within a tick splits the tick.
 TEST_P(MovingContactsAt, ATurntableTakesABoxRound) {
   constexpr double kTurn = 2.0, kArm = 0.6;
   World world(by_events(GetParam()));
@@ -136,12 +137,12 @@ TEST_P(MovingContactsAt, ATurntableTakesABoxRound) {
         centre + AngleAxisd(kTurn * t, Vector3d::UnitZ()) * Vector3d(kArm - 0.1, 0.0, 0.1);
     worst = std::max(worst, (world.state(id).position - place).norm());
   }
-  EXPECT_LT(worst, 1e-9);  // what the tolerance leaves in a second
+  EXPECT_LT(worst, 1e-9);  // error by the tolerance in a second
   EXPECT_EQ(world.contacts().size(), 4u);
 }
 
 // A bob on a rod from a trolley that drives it against a wall: in the trolley's frame a pendulum
-// beneath a wall that comes.
+// with an approaching wall.
 TEST_P(MovingContactsAt, ABobOnATrolleyMeetsAWall) {
   constexpr double kSpeed = 0.8, kGap = 0.4, kRadius = 0.1;
   World world(by_events(GetParam()));
@@ -159,7 +160,7 @@ TEST_P(MovingContactsAt, ABobOnATrolleyMeetsAWall) {
   ASSERT_GE(told.events.size(), 1u);
   EXPECT_NEAR(told.events[0].time, kGap / kSpeed, kTime);
   EXPECT_NEAR(told.events[0].impulse, 2.0 * kSpeed, 1e-10);
-  // −2 V seen from the trolley: 2 V² = g (1 − cos θ) + ½ θ̇²
+  // −2 V in the trolley's frame: 2 V² = g (1 − cos θ) + ½ θ̇²
   const Vector3d d = world.state(id).position - world.state(drives).position;
   const Vector3d u = world.state(id).linear_velocity - Vector3d(kSpeed, 0.0, 0.0);
   EXPECT_NEAR(0.5 * u.squaredNorm() + kGravity * (1.0 + d.z()), 2.0 * kSpeed * kSpeed, 1e-8);

@@ -23,7 +23,7 @@ BodyState at(const Vector3d& position, const Quaterniond& orientation = Quaterni
   return state;
 }
 
-/// Uniform in [0, 1), the same with every standard library.
+/// Random numbers, uniform in [0, 1), equal with every standard library.
 class Random {
  public:
   double operator()() { return static_cast<double>(generator_()) / 4294967296.0; }
@@ -57,7 +57,7 @@ std::set<std::uint32_t> features(const Manifold& manifold) {
   return all;
 }
 
-/// How far a point is from a shape's surface, outside positive, inside negative [m].
+/// Returns the distance of a point from a shape's surface, positive outside [m].
 double height(const Shape& shape, const BodyState& state, const Vector3d& point) {
   const Vector3d p = state.orientation.conjugate() * (point - state.position);
   if (const auto* sphere = std::get_if<Sphere>(&shape)) return p.norm() - sphere->radius;
@@ -68,7 +68,7 @@ double height(const Shape& shape, const BodyState& state, const Vector3d& point)
   return p.z();
 }
 
-/// The pairs that can touch, just touching: A is above B.
+/// Pairs of shapes that can touch, in exact touch: A is above B.
 struct Touch {
   std::string name;
   Shape shape_a;
@@ -79,7 +79,7 @@ struct Touch {
 };
 
 std::vector<Touch> touches() {
-  const Quaterniond half_turn(0.0, 1.0, 0.0, 0.0);  // exact, unlike most
+  const Quaterniond half_turn(0.0, 1.0, 0.0, 0.0);  // exact, unlike most rotations
   return {
       {"sphere on sphere", Sphere{0.25}, at({0.5, 0.5, 1.25}), Sphere{0.5}, at({0.5, 0.5, 0.5}), 1},
       {"sphere on plane", Sphere{0.5}, at({0.0, 1.0, 1.5}), Plane{}, at({3.0, 0.0, 1.0}), 1},
@@ -105,7 +105,7 @@ TEST(Interfaces, TouchOnlyWhereTheyPenetrate) {
       EXPECT_EQ(above.count, gap < 0.0 ? touch.points : 0) << touch.name << ", gap " << gap;
       EXPECT_EQ(below.count, above.count) << touch.name << ", gap " << gap;
       for (int i = 0; i < above.count; ++i) {
-        // one rounding where a square root or a product with a normal is in between
+        // a rounding where a square root or a product with a normal is involved
         EXPECT_NEAR(above.points[i].depth, step, 0.25 * step) << touch.name;
         EXPECT_EQ(above.normal, Vector3d::UnitZ()) << touch.name;
         EXPECT_EQ(below.normal, -Vector3d::UnitZ()) << touch.name;
@@ -171,7 +171,7 @@ TEST(Interfaces, OfPointsAndOfTwoPlanesAreNone) {
   EXPECT_EQ(collide(Plane{}, here, Plane{}, at({0.0, 0.0, 1.0})).count, 0);
 }
 
-/// Two shapes that penetrate where no two features tie, so that no rounding can change the choice.
+/// Two overlapping shapes without ties between features, so that rounding cannot change the choice.
 std::vector<Touch> generic_contacts() {
   Random random;
   std::vector<Touch> contacts;
@@ -214,7 +214,7 @@ TEST(Interfaces, DoNotDependOnPlaceDirectionOrScale) {
       };
       const Manifold actual = collide(scaled(c.shape_a), moved(c.a), scaled(c.shape_b), moved(c.b));
 
-      // some tens of roundings at coordinates up to 6, and their growth where edges cross flatly
+      // a few tens of roundings at coordinates up to 6, amplified where edges cross at small angles
       const double tolerance = 1e-12;
       ASSERT_EQ(actual.count, expected.count) << c.name << ", scale " << scale;
       EXPECT_TRUE(actual.normal.isApprox(turn * expected.normal, tolerance)) << c.name;
@@ -236,7 +236,7 @@ TEST(Interfaces, AreTheSameFromBothSides) {
     const Manifold ba = collide(c.shape_b, c.b, c.shape_a, c.a);
     contacts += ab.count > 0 ? 1 : 0;
     ASSERT_EQ(ab.count, ba.count) << c.name;
-    // some tens of roundings at coordinates of about 1
+    // a few tens of roundings at coordinates of about 1
     EXPECT_TRUE(ab.normal.isApprox(-ba.normal, 1e-13)) << c.name;
     for (int i = 0; i < ab.count; ++i) {
       const Manifold::Point& p = ab.points[i];
@@ -248,7 +248,7 @@ TEST(Interfaces, AreTheSameFromBothSides) {
       EXPECT_TRUE(is_found) << c.name;
     }
   }
-  EXPECT_GT(contacts, 80);  // of 100; not every pair of boxes and planes is near enough
+  EXPECT_GT(contacts, 80);  // 100 trials; some pairs of boxes and planes are too far apart
 }
 
 TEST(SphereSphere, IsTheTutorialsContact) {
@@ -262,7 +262,7 @@ TEST(SphereSphere, IsTheTutorialsContact) {
 }
 
 TEST(SphereSphere, CoincidentCentresPartAlongZ) {
-  for (const double distance : {0.0, 1e-200}) {  // whose square is zero too
+  for (const double distance : {0.0, 1e-200}) {  // the square of 1e-200 is zero too
     const Manifold contact =
         collide_sphere_sphere({1.0, 1.0, 0.0}, 0.5, {1.0, 1.0, distance}, 0.25);
     ASSERT_EQ(contact.count, 1);
@@ -295,7 +295,7 @@ TEST(SpherePlane, HoldsDeepInTheHalfSpace) {
 }
 
 TEST(BoxPlane, FindsTheVerticesBelowAndNamesThem) {
-  // turned about y by 45°: two vertices are below
+  // rotated about y by 45°: two vertices are below
   const Quaterniond turn(AngleAxisd(M_PI / 4.0, Vector3d::UnitY()));
   const Manifold contact = collide_box_plane(
       Vector3d::Ones(), at({0.0, 0.0, std::sqrt(0.5) - 0.1}, turn), Vector3d::UnitZ(), 0.0);
@@ -317,7 +317,7 @@ TEST(BoxPlane, HoldsAllEightVertices) {
 }
 
 TEST(BoxSphere, TouchesFaceEdgeAndCornerAtAnyScale) {
-  // the sphere's centre lies off the face, edge or corner by 0.3 along 1, 2 or 3 axes
+  // the sphere's centre is off the face, edge or corner by 0.3 along 1, 2 or 3 axes
   for (const double scale : {1.0, 1e-12}) {
     for (int axes = 1; axes <= 3; ++axes) {
       Vector3d off = Vector3d::Zero();
@@ -347,7 +347,7 @@ TEST(BoxSphere, SendsAnInnerCentreThroughTheNearestFace) {
   const std::vector<Case> cases{
       {{0.9, 0.0, 0.0}, Vector3d::UnitX(), 0.1},     {{-0.9, 0.0, 0.0}, -Vector3d::UnitX(), 0.1},
       {{0.5, -1.75, 0.0}, -Vector3d::UnitY(), 0.25}, {{0.5, 1.0, 2.75}, Vector3d::UnitZ(), 0.25},
-      {{0.0, 0.0, 0.0}, Vector3d::UnitX(), 1.0},     // undecided: upwards
+      {{0.0, 0.0, 0.0}, Vector3d::UnitX(), 1.0},     // undetermined: upwards
       {{0.5, 1.5, 2.5}, Vector3d::UnitX(), 0.5},     // a tie: the first
       {{0.0, 2.0, 0.0}, Vector3d::UnitY(), 0.0},     // on a face
       {{1.0, -2.0, 0.0}, Vector3d::UnitX(), 0.0},    // on an edge
@@ -373,7 +373,6 @@ TEST(BoxSphere, DepthIsContinuousThroughTheSurface) {
 }
 
 // ---- box against box
-// ------------------------------------------------------------------------------
 
 struct Boxes {
   Vector3d size_a;
@@ -398,7 +397,8 @@ double reach(const Vector3d& size, const BodyState& state, const Vector3d& n) {
   return (state.orientation.conjugate() * n).cwiseAbs().dot(0.5 * size);
 }
 
-/// How far A must move along n to be past B; never less than the depth of penetration.
+/// Returns the distance that A has to move along n to be past B; never less than the penetration
+/// depth.
 double depth_along(const Boxes& boxes, const Vector3d& n) {
   return reach(boxes.size_a, boxes.a, n) + reach(boxes.size_b, boxes.b, n) -
          n.dot(boxes.a.position - boxes.b.position);
@@ -406,8 +406,8 @@ double depth_along(const Boxes& boxes, const Vector3d& n) {
 
 enum class Overlap { kYes, kNo, kUndecided };
 
-/// An oracle that knows no axes: projecting from box to box in turn leads to a common point or to
-/// the shortest distance, and either proves itself.
+/// Returns the overlap by an oracle without axes: alternating projection between the boxes
+/// converges to a common point or to the shortest distance, and either proves itself.
 Overlap overlap_by_projection(const Boxes& boxes) {
   Vector3d on_b = boxes.b.position;
   for (int i = 0; i < 20000; ++i) {
@@ -429,7 +429,7 @@ Boxes random_boxes(Random& random) {
   return boxes;
 }
 
-/// A box that rests on another with a little tilt and depth, and may hang over.
+/// A box resting on another with slight tilt and depth, possibly overhanging.
 Boxes resting_boxes(Random& random) {
   Boxes boxes;
   boxes.size_a = random.vector(0.5, 1.5);
@@ -444,24 +444,24 @@ Boxes resting_boxes(Random& random) {
   return boxes;
 }
 
-/// What holds for every contact of two boxes.
+/// Expects the properties of every contact of two boxes.
 void expect_sound(const Boxes& boxes, const Manifold& contact) {
   EXPECT_NEAR(contact.normal.norm(), 1.0, 1e-14);
   EXPECT_EQ(features(contact).size(), static_cast<std::size_t>(contact.count));
   for (int i = 0; i < contact.count; ++i) {
     const Manifold::Point& point = contact.points[i];
     EXPECT_GT(point.depth, 0.0);
-    // clipping widens a face by up to 1e-6 of a half size of up to 1
+    // clipping widens a face by up to 1e-6 of a half edge of up to 1
     const Vector3d on_a = point.position - point.depth * contact.normal;
     EXPECT_NEAR(height(Box{boxes.size_b}, boxes.b, point.position), 0.0, 2e-6);
     EXPECT_NEAR(height(Box{boxes.size_a}, boxes.a, on_a), 0.0, 2e-6);
   }
 }
 
-/// Moving A by the depth parts the boxes, and moving it by less does not.
+/// Expects that moving A by the depth separates the boxes, and moving it by less does not.
 void expect_exact_depth(const Boxes& boxes, const Manifold& contact) {
   const double depth = deepest(contact);
-  // beside 1e-9 of the depth, the roundings of coordinates of about 1
+  // 1e-9 of the depth, and roundings of coordinates of about 1
   const double parting = depth * (1.0 + 1e-9) + 1e-14;
   EXPECT_EQ(boxes.with_a_moved(parting * contact.normal).contact().count, 0) << depth;
   // a widened face reaches deeper by 1e-6 of its size times its slope
@@ -478,7 +478,7 @@ TEST(BoxBox, CrossedBeamsTouchInASquare) {
   EXPECT_EQ(contact.normal, Vector3d::UnitZ());
   for (int i = 0; i < 4; ++i) {
     EXPECT_NEAR(contact.points[i].depth, 0.25, 1e-15);  // a few roundings at 1
-    // clipping widens a face by 1e-6 of its half size
+    // clipping widens a face by 1e-6 of its half edge
     EXPECT_LT((contact.points[i].position.cwiseAbs() - Vector3d::Constant(0.5)).norm(), 2e-6);
   }
   expect_sound(boxes, contact);
@@ -490,7 +490,7 @@ TEST(BoxBox, TurnedByAnEighthTouchInAnOctagon) {
   const Manifold contact = boxes.contact();
   ASSERT_EQ(contact.count, 8);
   for (int i = 0; i < 8; ++i) {
-    // half a side and the tangent of 22.5°; widened by 1e-6 of a half size
+    // half an edge and the tangent of 22.5°; widened by 1e-6 of a half edge
     const double radius = 0.5 / std::cos(M_PI / 8.0);
     EXPECT_NEAR(contact.points[i].position.head<2>().norm(), radius, 2e-6);
   }
@@ -498,7 +498,7 @@ TEST(BoxBox, TurnedByAnEighthTouchInAnOctagon) {
 }
 
 TEST(BoxBox, BeamsOnTheirEdgesTouchInAPoint) {
-  // each turned about its length by 45°, so that an edge is at the top and one at the bottom
+  // each rotated about its length by 45°, with edges at top and bottom
   const Quaterniond turn_x(AngleAxisd(M_PI / 4.0, Vector3d::UnitX()));
   const Quaterniond turn_y(AngleAxisd(M_PI / 4.0, Vector3d::UnitY()));
   const double height = 2.0 * std::sqrt(0.5);
@@ -515,7 +515,7 @@ TEST(BoxBox, BeamsOnTheirEdgesTouchInAPoint) {
 }
 
 TEST(BoxBox, RidgesThatCrossFlatlyTouchInAPoint) {
-  // only the axis of the two edges, of sine 0.05, tells long beams on their edges apart
+  // only the axis of the two edges, of sine 0.05, separates long beams on their edges
   const Quaterniond roll(AngleAxisd(M_PI / 4.0, Vector3d::UnitX()));
   const Quaterniond yaw(AngleAxisd(0.05, Vector3d::UnitZ()));
   const double height = 2.0 * std::sqrt(0.5);
@@ -532,7 +532,7 @@ TEST(BoxBox, RidgesThatCrossFlatlyTouchInAPoint) {
 }
 
 TEST(BoxBox, ParallelEdgesTouchInTwoPoints) {
-  // an edge along y on a face: the axis of the parallel edges does not exist
+  // an edge along y on a face: parallel edges have no common normal axis
   const Quaterniond turn(AngleAxisd(M_PI / 4.0, Vector3d::UnitY()));
   const Boxes boxes{Vector3d::Ones(),
                     at({0.0, 0.0, 0.5 + std::sqrt(0.5) - 0.01}, turn),
@@ -573,7 +573,7 @@ TEST(BoxBox, StackedFlushKeepsItsFeaturesThroughRoundOff) {
 }
 
 TEST(BoxBox, OverhangingKeepsItsFeaturesAndItsFace) {
-  // where edges cross at the border the edges' axis has the least depth as soon as the box tilts
+  // where edges cross at the border, the edges' axis has the least depth as soon as the box tilts
   Random random;
   Boxes boxes{Vector3d::Ones(), BodyState{}, Vector3d::Ones(), BodyState{}};
   const Vector3d place(0.6, 0.3, 1.0 - 1e-3);
@@ -591,8 +591,8 @@ TEST(BoxBox, OverhangingKeepsItsFeaturesAndItsFace) {
 }
 
 TEST(BoxBox, FeaturesDoNotDependOnWhichFaceWasClipped) {
-  // tilted by a degree, now A's and now B's face has the lesser depth; upside down, a face's
-  // vertices come in the opposite order
+  // tilted by a degree, either A's or B's face has the lesser depth; upside down, a face's vertices
+  // are in the opposite order
   Random random;
   const Quaterniond yaw(AngleAxisd(0.4, Vector3d::UnitZ()));
   const Quaterniond upside_down(0.0, 1.0, 0.0, 0.0);
@@ -624,7 +624,7 @@ TEST(BoxBox, DepthsAreExactFarFromTheOrigin) {
   for (int trial = 0; trial < 100; ++trial) {
     Boxes boxes = random_boxes(random);
     boxes.b.position = Vector3d::Zero();
-    // a grid that the shift keeps, so that the boxes stay in the same place to each other
+    // a grid that the shift preserves, so that the relative pose is exact
     boxes.a.position = (boxes.a.position * 1024.0).array().round() / 1024.0;
     const Manifold near_contact = boxes.contact();
     boxes.a.position += far;
@@ -638,14 +638,14 @@ TEST(BoxBox, DepthsAreExactFarFromTheOrigin) {
 }
 
 TEST(BoxBox, OnTheBorderOfAHugeBoxStaysWithinIt) {
-  // a box of 1 m that hangs over the border of one of 1000 km by half
+  // a box of 1 m that overhangs the border of one of 1000 km by half
   const Boxes boxes{Vector3d::Constant(1e6), at({0.0, 0.0, -0.5e6}), Vector3d::Ones(),
                     at({0.5e6, 0.0, 0.5 - 0.125})};
   const Manifold contact = boxes.contact();
   ASSERT_EQ(contact.count, 4);
   double farthest = 0.0;
   for (int i = 0; i < 4; ++i) farthest = std::max(farthest, contact.points[i].position.x());
-  EXPECT_NEAR(farthest, 0.5e6, 1e-6);  // of the small box's half size, by which the face is widened
+  EXPECT_NEAR(farthest, 0.5e6, 1e-6);  // the face is widened by 1e-6 of the small box's half edge
 }
 
 TEST(BoxBox, AgreesWithAlternatingProjection) {
@@ -664,7 +664,8 @@ TEST(BoxBox, AgreesWithAlternatingProjection) {
   EXPECT_GT(yes + no, 4990);
 }
 
-// Projecting in turn gives the distance from above, and the plane between the points from below.
+// Alternating projection gives an upper bound of the distance, and the plane between the points a
+// lower bound.
 TEST(BoxBox, WithinAMarginHaveTheirDistance) {
   Random random;
   const double margin = 0.05;
@@ -672,7 +673,7 @@ TEST(BoxBox, WithinAMarginHaveTheirDistance) {
   int exact = 0;
   for (int trial = 0; trial < 20000; ++trial) {
     Boxes boxes = random_boxes(random);
-    boxes.size_a = boxes.size_a.cwiseMax(10.0 * margin);  // as the margin asks for
+    boxes.size_a = boxes.size_a.cwiseMax(10.0 * margin);  // the margin requires large boxes
     boxes.size_b = boxes.size_b.cwiseMax(10.0 * margin);
     Vector3d on_b = boxes.b.position;
     double longest = 0.0;
@@ -685,18 +686,18 @@ TEST(BoxBox, WithinAMarginHaveTheirDistance) {
       shortest = -depth_along(boxes, (on_a - on_b) / longest);
       if (longest - shortest < 1e-14) break;
     }
-    if (longest < 1e-9 || longest - shortest > 1e-12) continue;  // touching, or not known well
+    if (longest < 1e-9 || longest - shortest > 1e-12) continue;  // touching, or not accurate
     const Manifold contact = collide_box_box(boxes.size_a, boxes.a, boxes.size_b, boxes.b, margin);
     if (shortest >= margin) {
       EXPECT_EQ(contact.count, 0) << "trial " << trial;
       continue;
     }
-    if (longest > 0.98 * margin) continue;  // by a hundredth of which points may be off
+    if (longest > 0.98 * margin) continue;  // points may be off by a hundredth of the margin
     ++near;
     ASSERT_GT(contact.count, 0) << "trial " << trial << " " << longest;
     double gap = margin;
     for (int i = 0; i < contact.count; ++i) gap = std::min(gap, -contact.points[i].depth);
-    EXPECT_GE(gap, shortest - 2e-6);  // a face is wider by 1e-6 of a half size of up to 1
+    EXPECT_GE(gap, shortest - 2e-6);  // a face is widened by 1e-6 of a half edge of up to 1
     EXPECT_LE(gap, longest + 0.01 * margin + 1e-12);
     exact += std::abs(gap - longest) < 1e-12 ? 1 : 0;
   }
@@ -704,7 +705,7 @@ TEST(BoxBox, WithinAMarginHaveTheirDistance) {
   EXPECT_GT(exact, 0.9 * near);
 }
 
-// what is about to land has the points on which it will rest
+// A box about to land has the contact points on which it will rest.
 TEST(BoxBox, LandingKeepsItsFeatures) {
   Random random;
   int landed = 0;
@@ -719,7 +720,7 @@ TEST(BoxBox, LandingKeepsItsFeatures) {
       return features(collide_box_box(moved.size_a, moved.a, moved.size_b, moved.b, 0.01));
     };
     const std::set<std::uint32_t> contact = at_gap(-1e-3);
-    if (contact.size() < 3) continue;  // overlapping by less sideways
+    if (contact.size() < 3) continue;  // overlapping sideways by less
     ++landed;
     for (const double gap : {5e-3, 1e-4, 1e-5}) EXPECT_EQ(at_gap(gap), contact) << trial;
   }
@@ -734,7 +735,7 @@ TEST(BoxBox, DepthIsTheLeastThatParts) {
     if (contact.count == 0) continue;
     expect_sound(boxes, contact);
     expect_exact_depth(boxes, contact);
-    // in place of an edge's axis a face may stand whose normal is within a cosine of 0.999
+    // a face whose normal is within a cosine of 0.999 may replace an edge's axis
     for (int i = 0; i < 100; ++i) {
       EXPECT_LE(0.999 * deepest(contact), depth_along(boxes, random.direction()) + 1e-14);
     }

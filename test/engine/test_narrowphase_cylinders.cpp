@@ -1,5 +1,5 @@
-// Where cylinders touch. Oracles that know no axes: projecting from one convex shape to the other
-// in turn, and the least depth of many directions.
+// Contact geometry of cylinders. Oracles without separating axes: alternating projection between
+// convex shapes, and the least depth over many directions.
 
 #include "engine/collision/narrowphase.h"
 #include "support.h"
@@ -15,7 +15,7 @@ struct Placed {
   Shape shape;
   BodyState state;
 
-  /// The nearest point of the solid.
+  /// Returns the nearest point of the solid.
   Vector3d nearest(const Vector3d& point) const {
     Vector3d p = state.orientation.conjugate() * (point - state.position);
     if (const auto* box = std::get_if<Box>(&shape)) {
@@ -28,7 +28,7 @@ struct Placed {
     }
     return state.position + state.orientation * p;
   }
-  /// From the centre to the farthest point along n.
+  /// Returns the distance from the centre to the farthest point along n.
   double reach(const Vector3d& n) const {
     const Vector3d c = state.orientation.conjugate() * n;
     if (const auto* box = std::get_if<Box>(&shape)) return 0.5 * box->size.dot(c.cwiseAbs());
@@ -44,7 +44,7 @@ struct Pair {
     return collide(a.shape, a.state, b.shape, b.state, margin);
   }
   Separation apart() const { return separation(a.shape, a.state, b.shape, b.state); }
-  /// How far A must move along n to be past B.
+  /// Returns the distance that A has to move along n to be past B.
   double depth_along(const Vector3d& n) const {
     return a.reach(n) + b.reach(n) - n.dot(a.state.position - b.state.position);
   }
@@ -55,8 +55,8 @@ struct Pair {
   }
 };
 
-/// Their distance, with the direction from B to A; 0 where they overlap, nothing where the
-/// projections do not come to an end.
+/// Returns the distance and the direction from B to A; 0 where they overlap, none where projections
+/// do not converge.
 std::optional<double> distance_by_projection(const Pair& pair, Vector3d* direction) {
   Vector3d on_b = pair.b.state.position;
   for (int i = 0; i < 20000; ++i) {
@@ -70,7 +70,7 @@ std::optional<double> distance_by_projection(const Pair& pair, Vector3d* directi
   return std::nullopt;
 }
 
-/// The least depth that a search finds which only knows depth_along().
+/// Returns the least depth found by a search that uses depth_along() only.
 double least_depth(const Pair& pair, Random* random) {
   std::vector<std::pair<double, Vector3d>> found;
   for (int i = 0; i < 3000; ++i) {
@@ -111,7 +111,7 @@ BodyState random_state(const Vector3d& position, Random* random) {
   return state;
 }
 
-/// Boxes and cylinders with cylinders, every fourth with axes in line or across.
+/// Boxes and cylinders with cylinders, every fourth with aligned or crossed axes.
 Pair random_pair(int i, Random* random) {
   Pair pair;
   const Vector3d place = random->vector();
@@ -147,7 +147,7 @@ TEST(CylinderContacts, AreThereWhereShapesOverlap) {
       EXPECT_EQ(pair.contact().count, 0) << i << ", apart by " << *distance;
       EXPECT_GT(found.gap, 0.0) << i << ", apart by " << *distance;
       EXPECT_LE(found.gap, *distance + 1e-9) << i;
-      EXPECT_GE(found.gap, *distance - 1e-7) << i;  // the search's angle is to 1e-8 or so
+      EXPECT_GE(found.gap, *distance - 1e-7) << i;  // the search's angle is accurate to about 1e-8
     }
   }
   EXPECT_GT(overlapping, 1000 / kSanitizedShare);
@@ -163,7 +163,7 @@ TEST(CylinderContacts, HaveTheLeastDepth) {
     const double depth = -pair.apart().gap;
     if (depth <= 0.0) continue;
     ++tested;
-    // the oracle's own search ends within 1e-6 of a depth
+    // the oracle's own search is accurate to 1e-6 of a depth
     EXPECT_LT(depth, least_depth(pair, &random) + 1e-6) << i;
   }
   EXPECT_GT(tested, 200 / kSanitizedShare);
@@ -178,7 +178,7 @@ TEST(CylinderContacts, PartShapesAndLieOnTheSecond) {
     if (contact.count == 0) continue;
     ASSERT_NEAR(contact.normal.norm(), 1.0, 1e-14);
     const double depth = pair.depth_along(contact.normal);
-    // a thousandth of the sine of 2.56° of the size, where a face's normal is taken
+    // a thousandth of the sine of 2.56° times the size, where a face's normal is used
     EXPECT_LT(depth, -pair.apart().gap + 0.05 * 2.0) << i;
     EXPECT_EQ(pair.with_a_moved((depth + 1e-9) * contact.normal).contact().count, 0) << i;
     const Pair reversed{pair.b, pair.a};
@@ -186,8 +186,8 @@ TEST(CylinderContacts, PartShapesAndLieOnTheSecond) {
     for (int k = 0; k < contact.count; ++k) {
       ++points;
       const Manifold::Point& point = contact.points[static_cast<std::size_t>(k)];
-      EXPECT_LE(point.depth, depth + 2e-6) << i;  // a clipping face is wider by 1e-6
-      // on B, and as deep below A, but for lines that are parallel to 2.56° only
+      EXPECT_LE(point.depth, depth + 2e-6) << i;  // a clipping face is widened by 1e-6
+      // on B, and that depth below A, except for lines that are parallel to 2.56° only
       EXPECT_LT((pair.b.nearest(point.position) - point.position).norm(), 1e-5) << i;
       const Vector3d on_a = point.position - point.depth * contact.normal;
       const bool is_both = (pair.a.nearest(on_a) - on_a).norm() < 1e-3;
@@ -209,7 +209,7 @@ Placed placed(const Shape& shape, const Vector3d& position,
 
 const Quaterniond kLying(AngleAxisd(0.5 * kPi, Vector3d::UnitX()));
 
-// Each pair overlaps by 0.01 along z.
+// Pairs that overlap by 0.01 along z.
 TEST(CylinderContacts, HaveThePointsThatHoldAShape) {
   const Cylinder cylinder{0.25, 1.0};
   const Quaterniond skew(AngleAxisd(0.7, Vector3d::UnitZ()));
@@ -217,7 +217,7 @@ TEST(CylinderContacts, HaveThePointsThatHoldAShape) {
     const char* name;
     Pair pair;
     int count;
-    double width_x, width_y;  // of the points
+    double width_x, width_y;  // extent of the points
   };
   const double r = 0.25, w = 2.0 * r;
   const std::vector<Case> cases{
@@ -336,7 +336,7 @@ TEST(CylinderContacts, OfSpheresAreThoseOfTheNearestPoint) {
       EXPECT_NEAR(contact.points[0].depth, 0.4 - d.norm(), 1e-14);
       EXPECT_NEAR((contact.normal - d.normalized()).norm(), 0.0, 1e-12);
     } else {
-      ASSERT_EQ(contact.count, 1);  // the centre is inside: moved by the depth it is out
+      ASSERT_EQ(contact.count, 1);  // the centre is inside: moved out by the depth
       const Vector3d out = a.state.position + contact.points[0].depth * contact.normal;
       EXPECT_NEAR((out - b.nearest(out)).norm(), 0.4, 1e-14);
     }

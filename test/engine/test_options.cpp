@@ -1,5 +1,5 @@
-// Options are listed once, by visit_options(): the struct, the engine's own uses and the manual are
-// held to that list here, Python's stubs in test/python/test_engine.py.
+// Options are listed once, by visit_options(): this test compares the struct, the engine's own uses
+// and the manual with that list; test/python/test_engine.py compares Python's stubs.
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// Another value in the range, for each type and range.
+/// Changes a value within its range, for each type and range.
 void change(Eigen::Vector3d* value, AnyValue) { *value += Eigen::Vector3d(0.5, 0.25, 1.0); }
 void change(Method* value, AnyValue) { *value = Method::kSequentialImpulses; }
 void change(bool* value, AnyValue) { *value = !*value; }
@@ -36,7 +36,7 @@ void change(double* value, Range) {
   *value *= 0.5;
 }
 
-/// For each option its name, and the default options but for this one.
+/// Returns, for each option, its name and the default options with only that option changed.
 std::map<std::string, WorldOptions> changed_one_by_one() {
   std::map<std::string, WorldOptions> changed;
   const WorldOptions defaults;
@@ -50,7 +50,7 @@ std::map<std::string, WorldOptions> changed_one_by_one() {
   return changed;
 }
 
-/// The text of a value in a scene.
+/// Returns the text of an option's value in a scene.
 std::string text_of(const WorldOptions& options, const std::string& name) {
   std::smatch found;
   const std::string saved = save_scene(World(options));
@@ -59,13 +59,13 @@ std::string text_of(const WorldOptions& options, const std::string& name) {
   return found.empty() ? "" : found[1].str();
 }
 
-/// A scene that sets one option.
+/// Returns a scene that sets one option.
 std::string scene_with(std::string name, const std::string& value) {
   return name.insert(0, "world: {").append(": ").append(value).append("}\n");
 }
 
 TEST(Options, AreAllListed) {
-  // does not compile while the struct has another number of members
+  // does not compile if the struct has another number of members
   const WorldOptions defaults;
   [[maybe_unused]] const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o] = defaults;
   std::set<const void*> members;
@@ -120,7 +120,7 @@ TEST(Options, AreCheckedEach) {
   });
 }
 
-// The plan shows what the methods for islands without contacts read.
+// The plan shows options that the methods for islands without contacts read.
 TEST(Options, AreInThePlanByMethod) {
   const std::string plan = explain(World());
   const std::string line = plan.substr(0, plan.find('\n'));
@@ -135,13 +135,13 @@ TEST(Options, AreInThePlanByMethod) {
 
 // ---- the manual
 
-/// Markdown without its marks: `[text](address)` is text, and nothing is code.
+/// Strips markup: `[text](address)` becomes text, and code marks are dropped.
 std::string plain(const std::string& cell) {
   const std::string text = std::regex_replace(cell, std::regex(R"(\[([^\]]+)\]\([^)]*\))"), "$1");
   return std::regex_replace(text, std::regex("`"), "");
 }
 
-/// Rows of the table of a section of docs/scenes.md, by their first cell.
+/// Returns rows of the table of a section of docs/scenes.md, by their first cell.
 std::map<std::string, std::vector<std::string>> rows_of(const std::string& section) {
   std::ifstream file(CONSTRAINT_SIM_SCENE_DIR "/../../docs/scenes.md");
   std::map<std::string, std::vector<std::string>> rows;
@@ -164,7 +164,7 @@ std::map<std::string, std::vector<std::string>> rows_of(const std::string& secti
 
 TEST(Options, StandInTheManualAsTheyAre) {
   auto rows = rows_of("world");
-  EXPECT_EQ(rows.erase("clock"), 1u);  // of a saved scene, and no option
+  EXPECT_EQ(rows.erase("clock"), 1u);  // belongs to a saved scene, is no option
   const WorldOptions defaults;
   visit_options(defaults, [&](const OptionInfo& info, const auto& value, auto range) {
     const std::vector<std::string> cells = rows[info.name];
@@ -178,14 +178,14 @@ TEST(Options, StandInTheManualAsTheyAre) {
   for (const auto& row : rows) ADD_FAILURE() << "no option is called " << row.first;
 }
 
-// The node's parameters that are options of worlds have their defaults.
+// Parameters of the node that are options of worlds have the same defaults.
 TEST(Options, HaveTheDefaultsOfTheNodesParameters) {
   std::ifstream file(CONSTRAINT_SIM_SCENE_DIR "/../parameters.yaml");
   std::map<std::string, std::string> parameters;
   std::smatch found;
   for (std::string line; std::getline(file, line);)
     if (std::regex_match(line, found, std::regex("(\\w+): (.*)"))) parameters[found[1]] = found[2];
-  EXPECT_EQ(parameters.count("closing_time"), 1u);  // the file is read at all
+  EXPECT_EQ(parameters.count("closing_time"), 1u);  // the file was read
   const WorldOptions defaults;
   visit_options(defaults, [&](const OptionInfo& info, const auto&, auto) {
     const auto parameter = parameters.find(info.name);

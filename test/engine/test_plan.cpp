@@ -1,4 +1,4 @@
-// What a world says that it uses and leaves out.
+// The plan of a world: methods in use, and those left out.
 
 #include <yaml-cpp/yaml.h>
 
@@ -44,7 +44,7 @@ TEST(Plan, SaysWhatThereIs) {
   EXPECT_EQ(plan["wrenches"].as<int>(), 2);
   EXPECT_TRUE(plan["collision"].as<bool>());
   EXPECT_TRUE(plan["rotation"].as<bool>());
-  // two bodies without friction, and no body alone or stiff
+  // two bodies without friction, and no single or stiff body
   EXPECT_EQ(
       plan["left_out"].as<std::vector<std::string>>(),
       (std::vector<std::string>{
@@ -108,7 +108,7 @@ constraints:
   const YAML::Node constraints = YAML::Load(explain(world))["constraints"];
   EXPECT_EQ(constraints["hinge"].as<int>(), 1);
   EXPECT_EQ(constraints["planar"].as<int>(), 1);
-  EXPECT_EQ(constraints["motor"].as<int>(), 2);   // one holds, one is a servo
+  EXPECT_EQ(constraints["motor"].as<int>(), 2);   // a holding motor and a servo
   EXPECT_EQ(constraints["spring"].as<int>(), 3);  // a spring, a damper, a servo
   EXPECT_EQ(constraints["limited"].as<int>(), 1);
   EXPECT_EQ(constraints["friction"].as<int>(), 1);

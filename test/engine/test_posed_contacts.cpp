@@ -1,5 +1,5 @@
-// Contacts from event to event of bodies whose centre of mass is beside the middle of their shape.
-// Oracles: closed forms, and equations of one angle in long double.
+// Event-driven contacts of bodies whose centre of mass is off the centre of their shape. Oracles:
+// closed forms, and equations of one angle in long double.
 
 #include "by_events.h"
 #include "problems.h"
@@ -19,7 +19,7 @@ class PosedContactsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, PosedContactsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
 
-/// Its inertia is that of a ball about its centre of mass, from which its middle is at `offset`.
+/// A ball with its shape's centre at `offset` from its centre of mass, with isotropic inertia.
 Body lopsided_ball(const Vector3d& offset) {
   Body ball = make_body("ball", Sphere{kRadius}, kMass, Vector3d::Zero());
   ball.inertia = Vector3d::Constant(kInertia);
@@ -27,8 +27,8 @@ Body lopsided_ball(const Vector3d& offset) {
   return ball;
 }
 
-/// A lopsided ball without friction above z = 0: between hits its centre of mass falls, and it
-/// turns as it did; a hit with p n at r from the centre changes v by p/m and ω by p r × n/I.
+/// A lopsided ball without friction above z = 0: between impacts its centre of mass falls, and its
+/// rotation is constant; an impulse p n at r from the centre changes v by p/m and ω by p r × n/I.
 struct Bouncing {
   Vector3d offset;
   double e;
@@ -93,7 +93,7 @@ TEST_P(PosedContactsAt, ALopsidedBallBounces) {
       const std::vector<Event> now = advance(&world, GetParam());
       for (const Event& event : now)
         if (event.impulse > 0.0) events.push_back(event);
-      // what an error of the tolerance grows to from hit to hit
+      // growth of an error of the tolerance from impact to impact
       ASSERT_LT((world.state(id).position - expected.state.position).norm(), 1e-8) << world.time();
       ASSERT_LT(world.state(id).orientation.angularDistance(expected.state.orientation), 1e-7);
     }
@@ -110,8 +110,8 @@ TEST_P(PosedContactsAt, ALopsidedBallBounces) {
   }
 }
 
-// With its mass d below the middle it rocks, turned by θ: its centre of mass goes up and down where
-// nothing holds it, or the ball rolls.
+// A ball with its mass d below the centre rocks by an angle θ; without friction its centre of mass
+// moves vertically, with friction the ball rolls.
 //   (I + m d² sin²θ) θ̈ = −m d² sin θ cos θ θ̇² − m g d sin θ
 //   (I + m (r² + d² − 2 r d cos θ)) θ̈ = −m r d sin θ θ̇² − m g d sin θ
 TEST_P(PosedContactsAt, ALopsidedBallRocks) {
@@ -147,7 +147,7 @@ TEST_P(PosedContactsAt, ALopsidedBallRocks) {
   }
 }
 
-/// Its mass is `above` its middle.
+/// A box with its centre of mass `above` the centre of its shape.
 Body topheavy_box(const Vector3d& half, double above) {
   Body box = make_body("box", Box{2.0 * half}, kMass, {0.0, 0.0, half.z() + above});
   box.inertia = {0.2, 0.15, 0.1};
@@ -155,8 +155,8 @@ Body topheavy_box(const Vector3d& half, double above) {
   return box;
 }
 
-// pushed at its centre of mass, h above the ground: it tips where F h > m g w, about the edge that
-// holds it (I + m ρ²) θ̈ = F ρ sin φ − m g ρ cos φ, φ the angle of its centre of mass
+// A box pushed at its centre of mass, h above the ground, tips where F h > m g w about the edge
+// that holds: (I + m ρ²) θ̈ = F ρ sin φ − m g ρ cos φ, φ the angle of its centre of mass.
 TEST_P(PosedContactsAt, ABoxTipsByTheHeightOfItsMass) {
   const Vector3d half(0.2, 0.15, 0.4);
   for (const double above : {0.2, -0.25}) {
@@ -190,7 +190,8 @@ TEST_P(PosedContactsAt, ABoxTipsByTheHeightOfItsMass) {
   }
 }
 
-// on its way to rest friction shifts its weight forwards, by μ times the height of its mass
+// While the box slides to rest, friction shifts its load forwards by μ times the height of its
+// centre of mass.
 TEST_P(PosedContactsAt, ABoxSlidesToRestOnItsCorners) {
   constexpr double kMu = 0.3, kSpeed = 2.0;
   const Vector3d half(0.2, 0.15, 0.4);

@@ -1,7 +1,6 @@
 // shards: 2
-// Random scenes of few bodies that go from event to event, and what is off in them
-// (bench/random_events.h, judge_events.h); constraint_sim_random_events does the same with any
-// number of scenes.
+// Random event-driven scenes of few bodies, with all findings (bench/random_events.h,
+// judge_events.h). constraint_sim_random_events does so with any number of scenes.
 
 #include <map>
 #include <optional>
@@ -54,8 +53,8 @@ TEST(RandomEvents, OfMechanismsWithMotorsGainWhatTheseDo) {
   EXPECT_GT(found.events, 3 * kScenes);
 }
 
-// Some scenes are given up, and told so: 19, 24 and 14 of the 300, 300 and 150 now. Where boxes
-// meet boxes, and joints pull shapes into each other, contacts are left to impulses.
+// The engine gives up and reports some scenes: 19, 24 and 14 of 300, 300 and 150. Where boxes meet
+// boxes, and joints pull shapes into each other, contacts are left to impulses.
 TEST(RandomEvents, OfContactsGainNoEnergyAndOverlapNowhere) {
   const Found found = hold(Kind::kTouching, kScenes);
   EXPECT_LE(found.given_up, 1 + kScenes / 12);
@@ -70,7 +69,8 @@ TEST(RandomEvents, OfContactsWithLawsGainNoEnergy) {
   EXPECT_GT(found.events, 5 * kScenes);
 }
 
-// a shape is nowhere in particular in its body: as many are given up, and left, as of those above
+// Shapes have random poses in their bodies: as many scenes are given up, and left to impulses, as
+// above.
 TEST(RandomEvents, OfContactsWithPosesGainNoEnergy) {
   const Found found = hold(Kind::kTouchingWithPoses, kScenes / 2);
   EXPECT_LE(found.given_up, 1 + kScenes / 20);
@@ -89,9 +89,9 @@ TEST(RandomEvents, WithServosGainWhatThesePush) {
   EXPECT_LE(hold(Kind::kTouchingWithServos, kScenes / 2).given_up, 1 + kScenes / 15);
 }
 
-// Corners that share a load are at the cone one shortly after the other, and took friction up again
-// in turn; and where a slip that turns ever faster ends was looked for to rounding, though nothing
-// is as smooth there. Both took all the work that a step may take.
+// Seeds where corners that share a load reach the cone shortly after each other and regain friction
+// in turn, and where a slip with ever faster rotation ends; both must not exhaust the work of a
+// step.
 TEST(RandomEvents, OfAlignedBoxesThatBeginToSlipOrEndAreNotGivenUp) {
   for (const unsigned seed : {12U, 19U, 34U}) {
     const Scene scene = scene_of(Kind::kAligned, seed);
@@ -103,9 +103,8 @@ TEST(RandomEvents, OfAlignedBoxesThatBeginToSlipOrEndAreNotGivenUp) {
   }
 }
 
-// Margins of features that begin at zero to rounding have no event there. They hid what passed in
-// the same substep, up to its end: in these three scenes a box was in the floor by then, or was
-// pulled by it, and one gained 1.5 mJ.
+// Seeds where margins of features begin at zero to rounding, without an event. They must not hide
+// other events of the substep, which let a box enter the floor or gain 1.5 mJ.
 TEST(RandomEvents, OfAlignedBoxesAreNeverLate) {
   for (const unsigned seed : {12U, 26U, 35U}) {
     const Scene scene = scene_of(Kind::kAligned, seed);
@@ -116,8 +115,8 @@ TEST(RandomEvents, OfAlignedBoxesAreNeverLate) {
   }
 }
 
-// A substep to shortly before the end of a slip was taken by luck, and its parts are off: a box in
-// a ball joint whose corner slides on the floor gained 1.1 J.
+// Seed of a slip that ends within a substep: a box in a ball joint whose corner slides on the floor
+// must not gain energy.
 TEST(RandomEvents, OfASlipThatEndsGainNoEnergy) {
   const Scene scene = scene_of(Kind::kTouching, 312);
   Verdict verdict;
@@ -126,8 +125,8 @@ TEST(RandomEvents, OfASlipThatEndsGainNoEnergy) {
   EXPECT_FALSE(verdict.is_given_up || verdict.is_left);
 }
 
-// Joints and friction can lock a body against the floor: impulses of any size then do nothing, and
-// one of 1e16 N s was taken, whose rounding was the motion afterwards.
+// Joints and friction can lock a body against the floor, where impulses of any size have no effect:
+// their size must be that of the motion, or their rounding (at 1e16 N s) becomes the motion.
 TEST(RandomEvents, ThatLockHaveImpulsesOfTheMotion) {
   for (const auto& [kind, seed] :
        {std::pair(Kind::kTouching, 146U), std::pair(Kind::kTouchingWithLaws, 53U)}) {
@@ -135,7 +134,7 @@ TEST(RandomEvents, ThatLockHaveImpulsesOfTheMotion) {
     Verdict verdict;
     EXPECT_TRUE(place_elsewhere(scene, &verdict)) << seed;
     expect_none(scene, verdict);
-    // no impulse is more than stops all bodies at 100 m/s
+    // no impulse exceeds that which stops all bodies at 100 m/s
     World world = world_of(scene);
     while (world.time() < 1.0) {
       world.step();
@@ -166,8 +165,8 @@ TEST(RandomEvents, DoNotDependOnPlaceAndOrder) {
   EXPECT_GT(compared, kScenes / 4);
 }
 
-// What is saved in the middle and loaded goes on as the same scene does that is loaded again; and
-// as the original but for the tolerance, since substeps begin anew.
+// A scene saved and loaded continues as when it is loaded again, and as the original within the
+// tolerance, since substeps restart.
 TEST(RandomEvents, GoOnWhenSavedAndLoaded) {
   for (unsigned seed = 0; seed < kScenes / 6; ++seed) {
     World world = world_of(scene_of(Kind::kMechanismWithMotors, seed));
@@ -186,7 +185,7 @@ TEST(RandomEvents, GoOnWhenSavedAndLoaded) {
   }
 }
 
-/// What an event begins or ends, of whom; none of impacts.
+/// Returns which state an event begins or ends, and of which joint or bodies; none for impacts.
 std::optional<std::pair<std::string, bool>> turn_of(const Event& event) {
   const std::string whose = event.joint ? "joint " + std::to_string(event.joint->value) +
                                               " coordinate " + std::to_string(event.coordinate)
@@ -210,7 +209,7 @@ std::optional<std::pair<std::string, bool>> turn_of(const Event& event) {
   }
 }
 
-// What begins has ended before, across ticks and however a tick begins.
+// States begin and end alternately, across ticks and from any start of a tick.
 TEST(RandomEvents, BeginAndEndInTurn) {
   unsigned turns = 0;
   for (const Kind kind : {Kind::kMechanismWithMotors, Kind::kTouching, Kind::kTouchingWithMotors,
@@ -221,7 +220,8 @@ TEST(RandomEvents, BeginAndEndInTurn) {
       std::map<std::string, bool> has_begun;
       while (world.time() < 2.0 && !world.step().failed && !is_by_impulses(world)) {
         for (const Event& event : world.events()) {
-          if (!event.joint && event.kind == EventKind::kContactBegan)  // it slips or sticks anew
+          if (!event.joint &&
+              event.kind == EventKind::kContactBegan)  // slipping or sticking starts anew
             has_begun.erase("slip of bodies " + std::to_string(event.body_a.value) + " and " +
                             std::to_string(event.body_b.value));
           const auto turn = turn_of(event);
@@ -240,7 +240,8 @@ TEST(RandomEvents, BeginAndEndInTurn) {
   EXPECT_GT(turns, 10 * kScenes);
 }
 
-// One to three now (constraint_sim_event_costs); a count, the same on every machine.
+// The cost is one to three substeps (constraint_sim_event_costs); a count, the same on every
+// machine.
 TEST(EventCosts, OfShippedScenesAreAtMostFiveSubsteps) {
   for (const char* name : event_costs::kScenes) {
     World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR "/") + name + ".yaml");
@@ -250,7 +251,8 @@ TEST(EventCosts, OfShippedScenesAreAtMostFiveSubsteps) {
   }
 }
 
-// The judge finds what is wrong: with the work of motors denied, those that lift things gain.
+// The judge finds errors: with the work of motors neglected, scenes in which motors lift gain
+// energy.
 TEST(JudgeOfEvents, FindsEnergyThatHasNoCause) {
   unsigned found = 0;
   for (unsigned seed = 0; seed < 20; ++seed) {
@@ -260,7 +262,7 @@ TEST(JudgeOfEvents, FindsEnergyThatHasNoCause) {
       for (CoordinateLaw& law : joint.coordinates)
         if (law.motor) {
           any = true;
-          law.motor->force = 4.0;  // pushes for ever, at no rate
+          law.motor->force = 4.0;  // pushes permanently, at no rate
           law.motor->bias = law.motor->amplitude = law.motor->max_force = 0.0;
           law.friction = 0.0;
         }

@@ -1,8 +1,8 @@
 // shards: 2
-// Random mechanisms of joints of all kinds, with loops, spare joints, springs, four decades of
-// mass, a base that moves, laws on free coordinates, and joints added open: joints are kept, and
-// the motion is the same by each method, far from the origin, turned, added in another order, and
-// after it was saved and loaded. What cannot be kept is told.
+// Random mechanisms of joints of all kinds, with loops, redundant joints, springs, four decades of
+// mass, a moving base, laws on free coordinates, and joints added open: joints hold, and the motion
+// is the same by each method, far from the origin, rotated, added in another order, and after
+// saving and loading. Errors that remain are reported.
 
 #include "constraint_sim/engine/scene.h"
 #include "random_joints.h"
@@ -14,9 +14,9 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 const int kSeeds = 30 / kSeedShare + 1;
-constexpr double kSpan = 0.3;  // [s]: few turns of the fastest body, so that errors stay small
+constexpr double kSpan = 0.3;  // few turns of the fastest body, so that errors stay small [s]
 
-/// What a World is made of; a body of -1 is the world.
+/// Parts of a World; body -1 is the world.
 struct Mechanism {
   struct Link {
     Joint joint;
@@ -24,7 +24,7 @@ struct Mechanism {
   };
   std::vector<Body> bodies;
   std::vector<Link> links;
-  std::vector<Link> couplings;  ///< of links instead of bodies
+  std::vector<Link> couplings;  ///< between links instead of bodies
   Vector3d gravity{0.0, 0.0, -kGravity};
 
   const BodyState& state(int i) const { return bodies[static_cast<std::size_t>(i)].state; }
@@ -38,7 +38,7 @@ double between(double low, double high, Random* random) {
   return low + 0.5 * ((*random)() + 1.0) * (high - low);
 }
 
-/// By velocity until its time is over, or to a position.
+/// Returns a rate motor with a timeout, or a position-controlled motor.
 CoordinateMotor rigid_motor(Random* random) {
   CoordinateMotor motor;
   if (below(2, random) == 0) {
@@ -70,7 +70,7 @@ CoordinateMotor soft_motor(Random* random) {
   return motor;
 }
 
-/// Springs, dampers, forces and servos.
+/// Returns springs, dampers, forces and servos.
 CoordinateLaw soft_law(Random* random) {
   CoordinateLaw law;
   if (below(2, random) == 0) law.position = (*random)();
@@ -94,7 +94,7 @@ CoordinateLaw soft_law(Random* random) {
   return law;
 }
 
-/// Limits, friction, and motors that hold up to a force.
+/// Returns limits, friction, and force-limited motors.
 CoordinateLaw one_sided_law(Random* random) {
   CoordinateLaw law = soft_law(random);
   law.position = (*random)();
@@ -107,8 +107,8 @@ CoordinateLaw one_sided_law(Random* random) {
   return law;
 }
 
-/// Moves body B to where the joint is open by decimetres, and by any angle where it keeps axes; at
-/// the same velocity.
+/// Moves body B so that the joint is open by decimetres, and by any angle where it keeps axes;
+/// velocities stay.
 void open(const Joint& joint, Random* random, BodyState* b) {
   const Vector3d p = b->position + b->orientation * joint.anchor_b;
   if (info(joint.kind).alignment != Alignment::kFree) {
@@ -131,8 +131,8 @@ void add_laws(Laws laws, Random* random, Joint* joint) {
   }
 }
 
-/// What there is beside joints that fit. Motors that hold what they hold with any force, and joints
-/// that are open, are told apart, since loops have no place for them.
+/// Additions to consistent joints. Motors without force limit and open joints are tested
+/// separately, since loops are inconsistent with them.
 struct Extras {
   Laws laws = Laws::kNone;
   bool is_open = false;  ///< joints are added open
@@ -147,7 +147,7 @@ JointKind kind_with_coordinates(Random* random) {
   }
 }
 
-/// One joint geared to the next, and sometimes that to the one after.
+/// Gears each joint to the next, and sometimes that one to the one after.
 void add_couplings(Random* random, Mechanism* made) {
   const int joints = static_cast<int>(made->links.size());
   for (int i = 0; i + 1 < joints && i < 1 + below(3, random); ++i) {
@@ -165,7 +165,7 @@ Mechanism make_mechanism(int seed, const Extras& extras = {}) {
   Random random;
   for (int i = 0; i < 97 * seed; ++i) random();
   Mechanism made;
-  const bool has_base = seed % 3 == 0;  // that moves; else the world, or none
+  const bool has_base = seed % 3 == 0;  // moving; else the world, or none
   const bool is_free = seed % 3 == 1;
   if (has_base) {
     Body base = make_body("base", Box{{0.3, 0.3, 0.3}}, 0.0, random.vector());
@@ -203,7 +203,7 @@ Mechanism make_mechanism(int seed, const Extras& extras = {}) {
   }
   if (extras.has_couplings) add_couplings(&random, &made);
   if (!extras.has_loops) return made;
-  // loops, met as the bodies lie, and joints once more
+  // loops that fit the initial poses, and duplicated joints
   for (int i = 0; i < seed % 4; ++i) {
     const int a = first + below(5, &random), b = first + below(5, &random);
     const JointKind kind = joint_kinds()[static_cast<std::size_t>(below(10, &random))];
@@ -272,13 +272,13 @@ Mechanism moved(Mechanism mechanism, const Quaterniond& R, const Vector3d& p) {
   return mechanism;
 }
 
-/// Whether it says itself that bodies were too fast for it, or that it is off.
+/// Returns whether the world reports that bodies were too fast, or that it is inaccurate.
 bool is_told(const World& world) {
   return world.report().unresolved_bodies > 0 || world.report().local_error > 1e-8;
 }
 
-/// Steps for kSpan. Joints are to be kept to rounding: of coordinates, and of lengths over small
-/// pivots; what has no place to go is to be told, in `told` where that is of interest.
+/// Steps for kSpan. Joints must hold to rounding, of coordinates, and of lengths over small pivots;
+/// inconsistent joints must be reported, returned in `told`.
 void run(World* world, const std::string& what, bool* told = nullptr) {
   const int steps = static_cast<int>(std::lround(kSpan / world->options().time_step));
   for (int i = 0; i < steps; ++i) {
@@ -298,7 +298,8 @@ void run(World* world, const std::string& what, bool* told = nullptr) {
   }
 }
 
-/// Largest distance of points a metre from the centres [m], with the second moved back.
+/// Returns the largest distance of points a metre from the centres [m], with the second world moved
+/// back.
 double difference(const World& a, const World& b, const Quaterniond& R = Quaterniond::Identity(),
                   const Vector3d& p = Vector3d::Zero()) {
   double largest = 0.0;
@@ -314,9 +315,9 @@ double difference(const World& a, const World& b, const Quaterniond& R = Quatern
 
 class RandomMechanism : public testing::TestWithParam<int> {};
 
-// Tolerance is 1e-10 m/s, and mechanisms of four decades of mass make some thousand times more of
-// an error within 0.3 s; far from the origin coordinates of a kilometre have a rounding of 1e-13 m,
-// which the velocities of light bodies make as much of.
+// Bound: the tolerance is 1e-10 m/s, and mechanisms with four decades of mass amplify an error some
+// thousand times within 0.3 s; coordinates of a kilometre are rounded to 1e-13 m, which velocities
+// of light bodies amplify too.
 TEST_P(RandomMechanism, MovesAlikeHoweverItIsPut) {
   const Mechanism mechanism = make_mechanism(GetParam());
   World world = make_world(mechanism, Method::kRungeKutta, 0.01);
@@ -339,7 +340,7 @@ TEST_P(RandomMechanism, MovesAlikeHoweverItIsPut) {
   EXPECT_LE(difference(world, far, R, p), 1e-6);
 }
 
-// Order 4 at 1/1000 s, on bodies that light links move much faster than themselves.
+// Order 4 at 1/1000 s, with bodies that light links move much faster than themselves.
 TEST_P(RandomMechanism, MovesAlikeByGradients) {
   const Mechanism mechanism = make_mechanism(GetParam());
   World world = make_world(mechanism, Method::kRungeKutta, 0.01);
@@ -350,7 +351,7 @@ TEST_P(RandomMechanism, MovesAlikeByGradients) {
   EXPECT_LE(difference(world, other), 1e-5);
 }
 
-// Motors, forces and springs make more of an error than gravity does.
+// Motors, forces and springs amplify errors more than gravity does.
 TEST_P(RandomMechanism, MovesAlikeWithLaws) {
   for (const Extras& extras :
        {Extras{Laws::kSoft}, {Laws::kMotors, false, false}, {Laws::kMotors, true, false}}) {
@@ -367,7 +368,7 @@ TEST_P(RandomMechanism, MovesAlikeWithLaws) {
   }
 }
 
-// The same with gears between joints of the tree, which loops of them may lock.
+// Gears between joints of the tree; loops of gears may lock them.
 TEST_P(RandomMechanism, MovesAlikeWithCouplings) {
   for (const Laws laws : {Laws::kNone, Laws::kSoft}) {
     const Mechanism mechanism = make_mechanism(GetParam(), {laws, false, false, true});

@@ -1,7 +1,7 @@
 // shards: 2
-// Random scenes, by all methods and in several guises: nothing is off without a word. What counts
-// as off, and the reference in long double, stand in bench/scene_judge.h.
-// constraint_sim_random_scenes does the same with any number of scenes.
+// Random scenes, by all methods and in several variants: no error is unreported. The criteria, and
+// the reference in long double, are in bench/scene_judge.h. constraint_sim_random_scenes does so
+// with any number of scenes.
 
 #include <gtest/gtest.h>
 
@@ -31,9 +31,8 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomScenes,
 
 const std::vector<std::uint64_t> kOffOnce = {374, 505};
 
-// Rods that are too many between points, beside bodies that turn: what rounding left of their
-// self-stress at these was taken for an imbalance, and the rows for momentary ones. Off by 2e-6 m
-// (505) and, turned, by 1.5 m (374) at 1e-9 m of estimate.
+// Seeds of redundant rods between points beside rotating bodies: rounding of their self-stress must
+// not count as an imbalance, which makes rows momentary.
 TEST(SpareRods, BetweenPointsKeepTheMotion) {
   for (const std::uint64_t seed : kOffOnce) {
     const Verdict verdict = judge_seed(seed);
@@ -41,15 +40,15 @@ TEST(SpareRods, BetweenPointsKeepTheMotion) {
   }
 }
 
-// Twice all joints of a scene whose rows pass a pose where those kept depend on each other: they
-// were chosen again without end, and the tick never ended.
+// Seed of a scene with all joints doubled, whose kept rows become dependent at a pose: they must be
+// chosen again a finite number of times.
 TEST(SpareRods, AreChosenAgainAFiniteNumberOfTimes) {
   const Verdict verdict = judge_seed(87, "variants");
   for (const Finding& finding : verdict.findings) ADD_FAILURE() << line_of(verdict, finding);
 }
 
-// Rows came back in a substep that was rejected, and velocities were scaled to the energy of its
-// end: 8e-5 of 35 J in the first step, at any tolerance.
+// Seed where rows return in a rejected substep: velocities must be scaled to the energy before that
+// substep.
 TEST(SpareRods, ComeBackWithTheEnergyThereWas) {
   const Verdict verdict = judge_seed(207, "runge_kutta_5");
   for (const Finding& finding : verdict.findings) ADD_FAILURE() << line_of(verdict, finding);
@@ -75,7 +74,7 @@ Scene pendulum() {
   return scene;
 }
 
-// θ̈ = −g cos θ by extrapolation in one angle. 1e-11 m: its tolerance for a step is 1e-12.
+// θ̈ = −g cos θ by extrapolation in one angle. Bound 1e-11 m: the tolerance of a step is 1e-12.
 TEST(Reference, FollowsAPendulum) {
   const Mechanics mechanics(pendulum());
   const Motion motion = reference_motion(mechanics);
@@ -86,8 +85,8 @@ TEST(Reference, FollowsAPendulum) {
 }
 
 // The box of OSRF's benchmark, whose orientation after 10 s is known exactly; here half of that
-// time forth and back, since motion without forces can be turned round: 1e-9 rad for tolerances of
-// 1e-12.
+// time forwards and backwards, since motion without forces is reversible: 1e-9 rad for tolerances
+// of 1e-12.
 TEST(Reference, TurnsABoxForthAndBack) {
   Scene scene;
   Body box;
@@ -110,7 +109,7 @@ TEST(Reference, TurnsABoxForthAndBack) {
   EXPECT_LE(static_cast<double>(angle), 1e-9);
 }
 
-// A world that is not that of the scene is found out, by each class of findings that it can show.
+// The judge finds a world that differs from the scene, in each class of findings that it can show.
 TEST(Judge, FindsWhatIsOff) {
   const Setting setting = {"auto", Method::kAuto, 8};
   EXPECT_EQ(Judge(pendulum()).judge(setting).what, "");

@@ -1,9 +1,9 @@
-// Permanently dependent rows, momentary singular poses, contradictions, ratios. The oracles are
+// Permanently dependent rows, momentary singular poses, contradictions, mass ratios. Oracles:
 // conserved quantities and the joints themselves, measured here from the states.
 //
-// Tolerances: the figures of a prototype times ten where they are above 1e-12; else rounding, by
+// Tolerances: ten times the figures of a prototype where these are above 1e-12; else rounding, by
 // the project's definition: joints to 1e-12 m + 4 eps × the largest coordinate, energy to 1e-12 of
-// the energies that are added up (largest kinetic energy, and m g z of all bodies).
+// the sum of energies (largest kinetic energy, and m g z of all bodies).
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@
 namespace constraint_sim::engine {
 
 namespace redundant {
-void PrintTo(const Case& c, std::ostream* out);  // for gtest
+void PrintTo(const Case& c, std::ostream* out);  // printer used by gtest
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name << " at 1/" << c.rate << " s"; }
 }  // namespace redundant
 
@@ -67,17 +67,17 @@ INSTANTIATE_TEST_SUITE_P(Momentary, Redundancy, testing::ValuesIn(redundant::mom
 INSTANTIATE_TEST_SUITE_P(Large, Redundancy, testing::ValuesIn(redundant::large_cases()), name_of);
 INSTANTIATE_TEST_SUITE_P(Ratio, Redundancy, testing::ValuesIn(redundant::ratio_cases()), name_of);
 
-// ---- how many rows are too many
+// ---- number of redundant rows
 
 TEST(DependentRows, AreCounted) {
   World world = with(dome(), kAuto, 100);
   EXPECT_EQ(world.body_ids().size(), 67u);
   EXPECT_EQ(world.joint_ids().size(), 258u);
   EXPECT_EQ(world.step().dependent_rows, 63u);
-  // 6 hinges, each of 6 rows of which one is not needed for it, leave one freedom of 30: 36 − 29
+  // 6 hinges, each of 6 rows with a redundant one, leave one of 30 degrees of freedom: 36 − 29
   world = with(bricard(), kRk, 100);
   EXPECT_EQ(world.step().dependent_rows, 7u);
-  // 24 rows leave one freedom of 18
+  // 24 rows leave one of 18 degrees of freedom
   world = with(bennett(), kRk, 100);
   EXPECT_EQ(world.step().dependent_rows, 7u);
   world = with(door(), kRk, 100);
@@ -86,8 +86,9 @@ TEST(DependentRows, AreCounted) {
   EXPECT_EQ(world.step().dependent_rows, 1u);
 }
 
-// A hinge of two balls leaves the door one freedom, θ̈ = 0 about the vertical: it turns at 1 rad/s.
-// 1e-9 m: with tolerance 1e-8 m/s, orders of magnitude below what a lost joint would bring.
+// A hinge of two balls leaves the door one degree of freedom, θ̈ = 0 about the vertical: it turns
+// at 1 rad/s. 1e-9 m: with a tolerance of 1e-8 m/s, orders of magnitude below the effect of a lost
+// joint.
 TEST(Redundancy, OfADoorLeavesItsHinge) {
   for (const Method method : {kAuto, kRk, kEm}) {
     World world = with(door(), method, 100);
@@ -101,11 +102,11 @@ TEST(Redundancy, OfADoorLeavesItsHinge) {
   }
 }
 
-// ---- the energy told to be lost is the energy that was lost
+// ---- the reported loss of energy is the actual loss
 
-// Velocities that no joint allows lose what the joints take from them, counted once however many
-// joints take it. 1e-8 of the energies: a tick of 1/10 s changes them by up to 1e-9 at a tolerance
-// of 1e-8 m/s.
+// Velocities that violate joints lose the energy that the joints remove, counted once however many
+// joints remove it. Bound 1e-8 of the energies: a tick of 1/10 s changes them by up to 1e-9 at a
+// tolerance of 1e-8 m/s.
 TEST(ProjectedEnergy, OfVelocitiesThatDoNotFitIsWhatTheyLose) {
   Random random;
   const std::vector<World> scenes = {dome(),
@@ -142,8 +143,8 @@ TEST(ProjectedEnergy, OfVelocitiesThatDoNotFitIsWhatTheyLose) {
   EXPECT_GT(most_lost, 10.0);
 }
 
-// Where joints contradict each other, each tick changes the energy by what corrections of positions
-// add and by what is told to be lost, to rounding of the energies of some 30 J.
+// With contradictory joints each tick changes the energy by the work of position corrections and by
+// the reported loss, to rounding of energies of some 30 J.
 TEST(ProjectedEnergy, OfContradictoryJointsIsWhatTheyLose) {
   for (const World& scene : {redundant::tetra(), redundant::k5_too_long()}) {
     for (const double rate : {10.0, 30.0, 100.0, 1000.0}) {
@@ -163,13 +164,12 @@ TEST(ProjectedEnergy, OfContradictoryJointsIsWhatTheyLose) {
   }
 }
 
-// ---- impulses and the way back
+// ---- impulses and the return from them
 
 class Bridge : public testing::TestWithParam<double> {};
 
-// Least squares of stretched redundant joints had brought 2e20 J. Joints within ten times the
-// prototype's figures (1.4 cm, 2.4 mm, 1.3 mm); the ball's impact loses energy, so none is gained:
-// 1e-9 of the energies is rounding of some thousand steps.
+// Joints within ten times the prototype's figures (1.4 cm, 2.4 mm, 1.3 mm); the ball's impact loses
+// energy, and none is gained: 1e-9 of the energies is rounding of some thousand steps.
 TEST_P(Bridge, OfPairedBallsComesBackFromImpulses) {
   const double rate = GetParam();
   World world = with(redundant::bridge_two_balls(), kAuto, rate);
@@ -188,8 +188,8 @@ INSTANTIATE_TEST_SUITE_P(Rates, Bridge, testing::Values(60.0, 240.0, 1000.0));
 
 class Contradiction : public testing::TestWithParam<double> {};
 
-// The prototype closes with a peak of 7.1 J of kinetic energy, ends at rest to 1e-25 J, and gains
-// at most 7e-9 J in a tick after closing.
+// Bounds from the prototype: it closes with a peak of 7.1 J of kinetic energy, ends at rest to
+// 1e-25 J, and gains at most 7e-9 J in a tick after closing.
 TEST_P(Contradiction, OfFiveRodsEndsAtRestAndGainsNothing) {
   World world = with(redundant::tetra(), kAuto, GetParam());
   double peak = 0.0, gain = 0.0, before = world.energy();
@@ -199,7 +199,8 @@ TEST_P(Contradiction, OfFiveRodsEndsAtRestAndGainsNothing) {
     peak = std::max(peak, kinetic_energy(world));
     if (world.time() > 1.0) gain = std::max(gain, world.energy() - before);
     before = world.energy();
-    if (world.time() < 0.6) continue;  // closed, as far as it can be; by a long tick it rests then
+    if (world.time() < 0.6)
+      continue;  // closed as far as possible; with a long tick it is at rest then
     ASSERT_GT(report.unclosed_joints, 0u) << "at t = " << world.time();
   }
   EXPECT_LE(peak, 71.0);
@@ -226,9 +227,8 @@ INSTANTIATE_TEST_SUITE_P(Rates, Contradiction, testing::Values(10.0, 30.0, 100.0
 
 // ---- the choice of the method
 
-// runge_kutta carries it with 4e-10 m at a fifth of the cost; energy_momentum is off by 12 mm. 1e-6
-// m
-// + 100 times the estimate is what the project promises.
+// runge_kutta has an error of 4e-10 m at a fifth of the cost; energy_momentum one of 12 mm. The
+// project's bound is 1e-6 m + 100 times the estimate.
 TEST(Choice, OfAStruckCableIsAsGoodAsSubsteps) {
   World world = with(redundant::cable_struck(), kAuto, 60);
   World fine = with(redundant::cable_struck(), kRk, 60, 1e-12);
@@ -241,10 +241,10 @@ TEST(Choice, OfAStruckCableIsAsGoodAsSubsteps) {
   }
 }
 
-// ---- what cannot be resolved is reported
+// ---- unresolved motion is reported
 
-// 1e-6 of the energy, or a word of the body that is not resolved. That its only joint cannot be met
-// would be wrong, and impulses in place of it lose most of the energy.
+// Accurate to 1e-6 of the energy, or a report of the unresolved body. Reporting the single joint as
+// contradictory would be wrong, and impulses instead lose most of the energy.
 TEST(Unresolved, SpinIsReported) {
   int cases = 0;
   for (const Vector3d& w : {Vector3d(0.0, 1e3, 1e6), Vector3d(1e6, 1e5, 0.0),
@@ -266,8 +266,8 @@ TEST(Unresolved, SpinIsReported) {
   }
 }
 
-// Falling freely for 0.1 s would be 5 cm; 1e-6 m, or a word of the bodies that are not resolved or
-// of the joints that are not met.
+// Accurate to 1e-6 m (free fall for 0.1 s would be 5 cm), or a report of the unresolved bodies or
+// unclosed joints.
 TEST(Unresolved, MassRatioIsReported) {
   const std::vector<World> scenes = {redundant::mass_ratio(1.0, 1e20),
                                      redundant::mass_ratio(1e20, 1.0), problems::chain(3, 1e20)};
@@ -288,7 +288,7 @@ TEST(Unresolved, MassRatioIsReported) {
 
 // ---- impulses
 
-// What starts closed and at rest gains no more than 1e-9 of M g l.
+// A consistent scene at rest gains at most 1e-9 of M g l.
 TEST(Impulses, OfAHangingChainGainNothing) {
   for (const double load : {1.0, 100.0, 1e4}) {
     for (const double rate : {60.0, 240.0, 1000.0}) {

@@ -1,4 +1,4 @@
-// A world that is reset is a new one, bit for bit.
+// A world that is reset equals a new one, bit for bit.
 
 #include <functional>
 
@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Boxes and balls that fall on a floor, driven and torn.
+/// Boxes and balls that fall on a floor, with motors and breaking joints.
 World busy_world() {
   World world(options(0.01));
   Body floor = make_floor(0.5);
@@ -21,7 +21,7 @@ World busy_world() {
   for (int i = 0; i < 6; ++i) {
     boxes.push_back(world.add_body(make_tumbling_box(i, &random)));
   }
-  // in contact from the first step on, and still so when the world is reset
+  // touches from the first step on, and when the world is reset
   Body resting = make_body("resting", Sphere{0.1}, 1.0, {-2.0, 0.0, 0.1 - 1e-4});
   resting.friction = 0.5;
   world.add_body(resting);
@@ -42,7 +42,7 @@ World busy_world() {
   return world;
 }
 
-/// All of what can change at run time, changed.
+/// Changes all that can change at run time.
 void disturb(World& world) {
   run(world, 60);
   Motor motor = world.joint(world.find_joint("driven")).motor;
@@ -68,7 +68,7 @@ void expect_same_motion(World reset, World fresh) {
     fresh.step();
     ASSERT_EQ(reset.state_hash(), fresh.state_hash()) << step;
   }
-  EXPECT_GT(contacts, 100u);  // or warm starting had nothing to betray
+  EXPECT_GT(contacts, 100u);  // enough contacts for stale warm starting to show
 }
 
 TEST(Reset, GivesTheMotionOfANewWorld) {
@@ -78,7 +78,7 @@ TEST(Reset, GivesTheMotionOfANewWorld) {
   ASSERT_FALSE(world.contacts().empty());
   world.reset();
   expect_same_motion(world, busy_world());
-  // and a second time
+  // a second time
   disturb(world);
   world.reset();
   expect_same_motion(world, busy_world());
@@ -99,7 +99,7 @@ TEST(Reset, GivesTheMotionOfALoadedScene) {
   expect_same_motion(world, load_scene(text));
 }
 
-// also where loading had shifted the phases of motors
+// Loading shifts the phases of motors, which a reset must undo.
 TEST(Reset, GivesTheMotionOfASceneLoadedLater) {
   World before = busy_world();
   run(before, 123);
@@ -173,7 +173,7 @@ TEST(Reset, KeepsWhatWasAddedAndRemoved) {
   expect_same_motion(world, fresh);
 }
 
-// a length that was found when the joint was added stays, though the bodies return elsewhere
+// A length determined when the joint was added stays, though the bodies return elsewhere.
 TEST(Reset, KeepsTheLengthOfAJointAddedLater) {
   World world(options(0.01));
   const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 1.0}));

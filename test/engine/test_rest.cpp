@@ -1,4 +1,4 @@
-// Islands at rest: who falls asleep, what that leaves out, and what wakes them.
+// Islands at rest: which fall asleep, what sleep skips, and what wakes them.
 
 #include "constraint_sim/engine/scene.h"
 #include "counted_allocations.h"
@@ -10,9 +10,9 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kTick = 0.01;
-constexpr double kSide = 0.4;  // of the boxes [m]
+constexpr double kSide = 0.4;  // edge of the boxes [m]
 
-/// `height` boxes on each other, at rest to within the fall of one tick.
+/// Adds `height` boxes on each other, at rest to within the fall of one tick.
 void add_pile(World* world, const std::string& name, int height, double x) {
   for (int i = 0; i < height; ++i) {
     Body box = make_body(name + std::to_string(i), Box{Vector3d::Constant(kSide)}, 1.0,
@@ -35,7 +35,7 @@ World piles(double sleep_after = 0.5, Method method = Method::kRungeKutta) {
   return world;
 }
 
-/// Time for both piles to come to rest, and half a second more.
+/// Steps for both piles to come to rest, plus half a second.
 constexpr int kUntilAsleep = 400;
 
 World asleep(Method method = Method::kRungeKutta) {
@@ -79,8 +79,8 @@ TEST(Rest, LeavesEverythingOutAndStillTellsOfIt) {
   EXPECT_EQ(report.broadphase_tests, 0u);
   for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kAtRest);
 
-  // five weights on the floor, 2 + 1 + 1 on boxes; the largest change of the impulses in the step
-  // in which they fell asleep was that of 1e-8 m/s
+  // Five weights on the floor, 2 + 1 + 1 on boxes; impulses changed by at most that of 1e-8 m/s in
+  // the step in which the boxes fell asleep.
   double force = 0.0;
   for (const Contact& contact : world.contacts()) force += contact.normal_force;
   EXPECT_NEAR(force, (5 + 2 + 1 + 1) * kGravity, 1e-4);
@@ -88,8 +88,8 @@ TEST(Rest, LeavesEverythingOutAndStillTellsOfIt) {
   EXPECT_GT(report.max_penetration, 0.0);
 }
 
-// What is given up is what creeping at sleep_speed and below would still have done: at the rate β
-// a tick of Baumgarte 1e-8 m/s · 0.01 s / 0.1, ten times that for a pile's slower settling.
+// Sleep omits the remaining creep at sleep_speed and below: at Baumgarte's rate β a tick 1e-8 m/s ·
+// 0.01 s / 0.1, ten times that for a pile's slower settling.
 TEST(Rest, IsWhereTheyWouldHaveComeToRest) {
   World awake = piles(kInfinity);
   World world = piles();
@@ -107,7 +107,7 @@ TEST(Rest, AllocatesNothing) {
   EXPECT_EQ(counted_allocations(), before);
 }
 
-// What is integrated sleeps only where a step repeats the last one bit by bit.
+// Integrated islands sleep only where a step repeats the last one bit by bit.
 TEST(Rest, ChangesNothingWhereNothingMoves) {
   const auto drift = [](double sleep_after) {
     WorldOptions options;
@@ -133,7 +133,7 @@ TEST(Rest, IsNotWhatMerelyTurnsRound) {
   for (int i = 0; i < 500; ++i) EXPECT_EQ(world.step().asleep, 0u);
 }
 
-/// A box on the floor with something that moves it although it stands still so far.
+/// A box on the floor, with an element that will move it although it stands still so far.
 struct Held {
   const char* name;
   void (*add)(World* world, BodyId box);
@@ -192,7 +192,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // ---- waking
 
-// Whether they slept for one second or for ten, what follows is the same to the bit.
+// The motion after waking is the same to the bit, whether a pile slept for one second or for ten.
 TEST(Rest, EndsTheSameHoweverLongItWas) {
   const auto push = [](int slept, Method method) {
     World world = asleep(method);
@@ -202,10 +202,10 @@ TEST(Rest, EndsTheSameHoweverLongItWas) {
     state.linear_velocity = {1.0, 0.5, 0.0};
     world.set_state(id, state);
     run(world, 60);
-    EXPECT_EQ(world.report().asleep, 2u);  // pile b sleeps on
+    EXPECT_EQ(world.report().asleep, 2u);  // pile b continues to sleep
     return states(world);
   };
-  for (const Method method : {Method::kRungeKutta, Method::kAuto})  // by impulses, and by events
+  for (const Method method : {Method::kRungeKutta, Method::kAuto})  // impulses, event-driven
     EXPECT_TRUE(same_bits(push(100, method), push(1000, method))) << name(method);
 }
 
@@ -218,8 +218,8 @@ TEST(Rest, GoesOnInACopy) {
   EXPECT_EQ(copy.state_hash(), world.state_hash());
 }
 
-// Oracle: the same blow on a world that never slept. Until the blow they differ by 1e-8 m at most,
-// and a pile that is hit in its middle line multiplies that by no more than a hundred in 0.3 s.
+// Oracle: the same blow on a world that never slept. Until the blow they differ by at most 1e-8 m,
+// which a pile hit in its middle line amplifies by at most a hundred in 0.3 s.
 TEST(Rest, EndsInTimeForABlow) {
   const auto blow = [](double sleep_after) {
     World world = piles(sleep_after);
@@ -233,7 +233,7 @@ TEST(Rest, EndsInTimeForABlow) {
     EXPECT_LE((slept[i].position - awake[i].position).norm(), 1e-6) << i;
 }
 
-/// What an edit wakes of two piles of three and two boxes.
+/// An edit, and what it wakes of two piles of three and two boxes.
 struct Edit {
   const char* name;
   std::uint32_t sleeping_after;
@@ -292,7 +292,7 @@ INSTANTIATE_TEST_SUITE_P(
         Edit{"Reset", 0, [](World* world) { world->reset(); }}),
     [](const testing::TestParamInfo<Edit>& info) { return std::string(info.param.name); });
 
-// Without the floor they fall, without the lowest box the others do.
+// Without the floor all boxes fall, without the lowest box the others do.
 TEST(Rest, EndsWhereTheGroundGoes) {
   World world = asleep();
   world.remove_body(world.find_body("a0"));

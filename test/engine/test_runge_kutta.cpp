@@ -1,5 +1,5 @@
 // The integration of smooth islands against closed forms, minimal coordinates and conserved
-// quantities; its order, its estimate, and what it does where poses are singular.
+// quantities; its order, its estimate, and its behaviour in singular poses.
 
 #include <algorithm>
 #include <map>
@@ -30,7 +30,7 @@ World without_weight() {
   return World(options);
 }
 
-/// Runs, with every rod kept to round-off in every tick, and every tick by integration.
+/// Runs, and expects every rod exact to rounding in every tick, and every tick integrated.
 void run_exactly(World& world, double duration) {
   const auto steps = std::lround(duration / world.options().time_step);
   for (long i = 0; i < steps; ++i) {
@@ -48,7 +48,7 @@ Vector3d angular_momentum_about_centre(const World& world) {
          inertia_of(world.body(id)).cwiseProduct(q.conjugate() * world.state(id).angular_velocity);
 }
 
-// ---- the pairs
+// ---- Runge-Kutta pairs
 
 template <class Pair>
 void expect_order_conditions() {
@@ -71,8 +71,8 @@ TEST(EmbeddedPairs, MeetTheOrderConditionsOfQuadrature) {
   expect_order_conditions<DormandPrince5>();
 }
 
-/// Of the difference to an embedded formula of this order: t^k is integrated alike, and so is what
-/// Σ_j a_ij c_j stands for.
+/// Expects that the difference to an embedded formula of this order integrates t^k and Σ_j a_ij c_j
+/// exactly.
 template <class Pair, std::size_t kTerms>
 void expect_error_of_order(int order, const double (&weights)[kTerms]) {
   const auto c = [](std::size_t i) { return i < Pair::kStages ? Pair::kC[i] : 1.0; };
@@ -96,7 +96,7 @@ TEST(EmbeddedPairs, ErrorsHaveTheirOrders) {
   expect_error_of_order<DormandPrince5>(2, DormandPrince5::kE2);
 }
 
-/// problems::chain_reference(), which takes seconds for a hundred links, once for all tests.
+/// Returns problems::chain_reference(), computed once, since it takes seconds for a hundred links.
 const std::vector<Vector3d>& reference_of(int links, double duration) {
   static std::map<std::pair<int, double>, std::vector<Vector3d>> known;
   auto& positions = known[{links, duration}];
@@ -104,15 +104,16 @@ const std::vector<Vector3d>& reference_of(int links, double duration) {
   return positions;
 }
 
-/// Slope of the error at the end of a chain's first seconds over these ticks, which are short
-/// enough for the leading term and long enough to stand above rounding.
+/// Returns the measured order: the slope of a chain's final error over ticks that are short enough
+/// for the leading term and long enough to exceed rounding.
 double measured_order(int links, double duration, int order, const std::vector<int>& rates) {
   const auto& reference = reference_of(links, duration);
   std::vector<double> steps, errors;
   for (const int rate : rates) {
     World world = with(problems::chain(links), 1.0 / rate, 0.0, order);
     WorldOptions options = world.options();
-    options.method = Method::kRungeKutta;  // `auto` has a better one for the longest of these
+    options.method =
+        Method::kRungeKutta;  // `auto` has a better method for the longest of these ticks
     world.set_options(options);
     run_exactly(world, duration);
     steps.push_back(1.0 / rate);
@@ -172,7 +173,7 @@ TEST(RungeKutta, ChainsSwingAlikeInWhateverOrderTheyAreAdded) {
 }
 
 TEST(RungeKutta, AChainWithDependentRodsStays) {
-  // straight between two fixed points as far apart as it is long: its rods say one thing twice
+  // straight between two fixed points as far apart as its length: one rod is redundant
   World world = with(World(), 1.0 / 30.0, 1e-9);
   const BodyId top = problems::add_mass(&world, "top", {0.0, 0.0, -1.0});
   const BodyId bottom = problems::add_mass(&world, "bottom", {0.0, 0.0, -2.0});
@@ -195,7 +196,7 @@ TEST(RungeKutta, AChainSwingsWithALoadThatMakesPivotsSmall) {
     run_exactly(world, 0.2);
     return world.state(world.find_body("mass_2")).position;
   };
-  // the loads move alike but for a share of the order of the mass ratios, at most g t² · 1e-8
+  // the loads move alike up to the mass ratio, at most g t² · 1e-8
   EXPECT_LE((swing(1e9) - swing(1e8)).norm(), 1e-8);
 }
 
@@ -226,12 +227,12 @@ TEST(RungeKutta, AFreeChainKeepsItsMomentum) {
   momenta(&linear_after, &angular_after);
   EXPECT_LE((linear_after - linear).norm(), 1e-12);   // rounding
   EXPECT_LE((angular_after - angular).norm(), 1e-8);  // tolerance times mass, speed and time
-  EXPECT_NEAR(world.energy(), energy, 1e-8);          // likewise
+  EXPECT_NEAR(world.energy(), energy, 1e-8);          // tolerance times mass, speed and time
 }
 
 // ---- error against tolerance
 
-/// At 1e-9 m per second, ticks from 1/10 to 1/240 s: no more than 3e-8 m.
+/// Expects an error of at most 3e-8 m at 1e-9 m/s, for ticks from 1/10 to 1/240 s.
 void expect_within_tolerance(const World& scene, double duration,
                              const std::vector<Vector3d>& reference) {
   for (const int rate : {10, 30, 240}) {
@@ -265,8 +266,7 @@ TEST(RungeKutta, TighterTolerancesGiveSmallerErrors) {
   }
 }
 
-/// The estimate of each tick over what the tick did wrong, against the same tick in eighths at
-/// 1e-13 m per second.
+/// Returns the estimate over the error of each tick; the exact tick is eight eighths at 1e-13 m/s.
 std::vector<double> estimates_over_errors(World world) {
   std::vector<double> ratios;
   const WorldOptions options = world.options();
@@ -275,14 +275,14 @@ std::vector<double> estimates_over_errors(World world) {
     run(exact, 8);
     const double estimate = world.step().local_error;
     const double error = problems::largest_difference(world, exact);
-    if (error > 1e-13) ratios.push_back(estimate / error);  // below it the error is rounding
+    if (error > 1e-13) ratios.push_back(estimate / error);  // smaller errors are rounding
   }
   std::sort(ratios.begin(), ratios.end());
   return ratios;
 }
 
 TEST(RungeKutta, EstimatesItsLocalError) {
-  // The true error of a single tick can come out small by chance, so one in twenty may be beyond.
+  // The true error of a single tick can be small by chance, so one in twenty may be beyond.
   const std::pair<const char*, World> scenes[] = {{"free_box", problems::free_box()},
                                                   {"pendulum", problems::chain(1)},
                                                   {"double_pendulum", problems::chain(2)},
@@ -336,7 +336,7 @@ TEST(FreeBody, TumblesAsPublished) {
     const Vector3d L = angular_momentum_about_centre(world);
     for (int i = 0; i < 10 * rate; ++i) {
       EXPECT_EQ(world.step().substeps, 1u);
-      // L is not integrated at all; what is off is the rounding of I⁻¹ and I on the way
+      // L is not integrated; its error is the rounding of I⁻¹ and I
       ASSERT_LE((angular_momentum_about_centre(world) - L).norm(), 16.0 * kEpsilon * L.norm());
     }
     const BodyState& state = world.state(world.find_body("box"));
@@ -345,7 +345,7 @@ TEST(FreeBody, TumblesAsPublished) {
     const Vector3d L_body = state.orientation.conjugate() * L;
     EXPECT_LE((L_body - Vector3d(2.227637660827037, -2.55290840479775, -0.4479229421578984)).norm(),
               4.0 * bound * L.norm());
-    // x by the parabola; a rounding of the largest coordinate a tick
+    // x by the parabola; one rounding of the largest coordinate a tick
     const Vector3d x(-20.0, 20.0, 80.0 - 490.0);
     EXPECT_LE((state.position - x).norm(), 10.0 * rate * kEpsilon * x.norm());
   }
@@ -371,7 +371,7 @@ TEST(FreeBody, KeepsToItsTolerance) {
   for (const int order : {5, 8}) {
     World world = with(scene, 0.1, 1e-9, order);
     run(world, 10);
-    // 1e-9 m over a radius of gyration of 0.28 m, which grows about the middle axis with e^(3.84 t)
+    // 1e-9 m over a radius of gyration of 0.28 m, growing about the middle axis with e^(3.84 t)
     EXPECT_LE(problems::angle_between(world.state(world.find_body("box")).orientation, reference),
               1e-9 / 0.28 * std::exp(3.84))
         << order;
@@ -405,7 +405,7 @@ TEST(FreeBody, AfterAnEditItsMomentumIsTheNewOne) {
   const BodyId id = world.find_body("box");
   BodyState state = world.state(id);
   state.orientation = Quaterniond(Eigen::AngleAxisd(1.0, Vector3d::UnitX())) * state.orientation;
-  world.set_state(id, state);  // the same angular velocity of a body that lies differently
+  world.set_state(id, state);  // equal angular velocity in another orientation
   const Vector3d L = angular_momentum_about_centre(world);
   run(world, 10);
   EXPECT_LE((angular_momentum_about_centre(world) - L).norm(), 16.0 * kEpsilon * L.norm());
@@ -418,10 +418,10 @@ TEST(RungeKutta, AToleranceBelowRoundingEndsAtRounding) {
   EXPECT_LE(largest_distance(world, problems::chain_reference(3, 1.0)), 1e-11);
 }
 
-// ---- bodies that turn with their joints
+// ---- bodies that rotate with their joints
 
-/// A slender rod of length 1 m and mass 1 kg, hinged by two ball joints on its own axis at one end:
-/// a compound pendulum about y, θ̈ = −(3/2) g cos θ.
+/// A slender rod of 1 m and 1 kg, hinged by two ball joints on its own axis at one end: a compound
+/// pendulum about y, θ̈ = −(3/2) g cos θ.
 World compound_pendulum() {
   World world;
   Body rod = make_body("rod", Point{}, 1.0, {0.5, 0.0, 0.0});
@@ -449,7 +449,7 @@ TEST(RungeKutta, SwingsACompoundPendulum) {
 }
 
 TEST(RungeKutta, KeepsEnergyAndMomentumOfLinkedBoxes) {
-  // two boxes joined at corners, free in space: energy and momenta to what the tolerance allows
+  // two boxes joined at corners, free in space: energy and momenta within the tolerance
   World world = with(without_weight(), 0.02, 1e-11);
   Random random;
   Body a = make_body("a", Box{{0.3, 0.4, 0.5}}, 2.0, Vector3d::Zero());
@@ -473,7 +473,7 @@ TEST(RungeKutta, KeepsEnergyAndMomentumOfLinkedBoxes) {
 }
 
 TEST(RungeKutta, AScaledSceneMovesAlike) {
-  // a box on a rod from its corner, lengths by s and times by √s: the same numbers
+  // a box on a rod from its corner, lengths times s and times times √s: the same numbers
   const auto end = [](double s) {
     World world = with(World(), 0.02 * std::sqrt(s), 1e-9 * std::sqrt(s));
     Body box = make_body("box", Box{{0.3 * s, 0.4 * s, 0.5 * s}}, 2.0, {s, 0.0, 0.0});
@@ -487,8 +487,8 @@ TEST(RungeKutta, AScaledSceneMovesAlike) {
     EXPECT_LE((end(s) - end(1.0)).norm(), 1e-8) << s;  // both within their tolerance
 }
 
-// One rod has equations of its own, a chain of two has others: a second mass of 1e-12 kg on the
-// load makes no difference above that. With a motor, and from a place that moves; from either end.
+// A single rod and a chain of two have different equations: a second mass of 1e-12 kg on the load
+// makes no difference above that. With a motor, and from a moving point; from either end.
 TEST(RungeKutta, OneRodMovesAsTheFirstOfTwo) {
   const auto make = [](bool is_two, bool is_reversed) {
     World world = with(World(), 0.02, 1e-10);
@@ -512,7 +512,7 @@ TEST(RungeKutta, OneRodMovesAsTheFirstOfTwo) {
   const auto at = [](const World& world) { return world.state(world.find_body("load")).position; };
   for (int i = 0; i < 100; ++i) {
     for (World* world : {&one, &reversed, &two}) ASSERT_FALSE(world->step().failed);
-    ASSERT_LE((at(one) - at(reversed)).norm(), 1e-13) << i;  // the same but for signs
+    ASSERT_LE((at(one) - at(reversed)).norm(), 1e-13) << i;  // equal except for signs
     ASSERT_LE((at(one) - at(two)).norm(), 1e-9) << i;        // tolerances, for 2 s
     const double force = one.joint_state(one.find_joint("line")).force;
     ASSERT_NEAR(force, two.joint_state(two.find_joint("line")).force, 1e-6) << i;
@@ -520,7 +520,7 @@ TEST(RungeKutta, OneRodMovesAsTheFirstOfTwo) {
   }
 }
 
-// ---- singular poses and rows that depend on each other
+// ---- singular poses and dependent rows
 
 TEST(RungeKutta, PassesThroughSingularPoses) {
   for (const int windows : {1, 10}) {
@@ -537,9 +537,9 @@ TEST(RungeKutta, PassesThroughSingularPoses) {
   }
 }
 
-// 1024 masses on 1986 rods, two corners held: flat, where all rods of a row are in line, and
-// sagging. Impulses and direct solvers lose or make 15 to 48 % of the kinetic energy of this in a
-// second; rounding of 1e3 rods is what is left here.
+// A net of 1024 masses on 1986 rods, two corners held: flat, where all rods of a row are in line,
+// and sagging. Impulses and direct solvers lose or gain 15 to 48 % of its kinetic energy in a
+// second; here only rounding of 1e3 rods remains.
 TEST(RungeKutta, ANetKeepsItsRodsAndEnergy) {
   for (const double sag : {0.0, 0.1}) {
     World world = with(problems::net(32, sag), 1.0 / 60.0, 1e-6);
@@ -564,7 +564,7 @@ TEST(RungeKutta, DoubledRodsAreReportedAndChangeNothing) {
 }
 
 TEST(RungeKutta, TwoRodsBetweenTwoFreeMassesAreAsOne) {
-  // a turning dumbbell: the force of its rod is m v²/r on either mass
+  // a rotating dumbbell: the force of its rod is m v²/r on either mass
   World world = with(without_weight(), 0.01, 1e-9);
   for (const double side : {-1.0, 1.0}) {
     Body body = make_body(side < 0.0 ? "a" : "b", Point{}, 2.0, {side, 0.0, 0.0});
@@ -584,7 +584,7 @@ TEST(RungeKutta, TwoRodsBetweenTwoFreeMassesAreAsOne) {
 }
 
 TEST(RungeKutta, AWheelOnTwoBallJointsSpins) {
-  // on an axle that lies across, through the centre: one of the six rows depends on the others
+  // on an axle across, through the centre: one of the six rows depends on the others
   for (const Vector3d& place : {Vector3d(0.0, 0.0, 0.0), Vector3d(1.0, 2.0, 3.0)}) {
     World world = with(World(), 0.01, 1e-9);
     Body wheel = make_body("wheel", Point{}, 2.0, place);
@@ -614,7 +614,7 @@ TEST(RungeKutta, ABodyHeldAtItsCentreAtTheOriginStays) {
 }
 
 TEST(RungeKutta, RowsThatContradictEachOtherStayFinite) {
-  // three bars of 1, 1 and 3 m cannot make a triangle
+  // three bars of 1, 1 and 3 m cannot form a triangle
   World world = with(World(), 0.01, 1e-8);
   const BodyId a = problems::add_mass(&world, "a", {0.0, 0.0, -1.0});
   const BodyId b = problems::add_mass(&world, "b", {0.8, 0.0, -1.0});
@@ -624,7 +624,7 @@ TEST(RungeKutta, RowsThatContradictEachOtherStayFinite) {
   run(world, 300);
   EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);
   for (const BodyId id : world.body_ids())
-    EXPECT_LE(world.state(id).position.norm(), 3.0);  // in reach of the rods, give or take
+    EXPECT_LE(world.state(id).position.norm(), 3.0);  // about in reach of the rods
 }
 
 // ---- motors, springs, jumps
@@ -652,7 +652,7 @@ TEST(RungeKutta, DrivesASinusoidWithoutDrift) {
 }
 
 TEST(RungeKutta, AMotorOnASwingingLoadKeepsTheOrder) {
-  // against the same at 1/800 s: a winch that shortens and lengthens a swinging rod
+  // compared with 1/800 s: a winch that shortens and lengthens a swinging rod
   const auto end = [](int rate) {
     World world = with(problems::chain(1), 1.0 / rate, 0.0);
     Motor motor;
@@ -683,7 +683,7 @@ TEST(RungeKutta, ABiasThatJumpsActsAsAnImpulse) {
   world.set_motor(rod, motor);
   run(world, 1);
   EXPECT_NEAR(world.joint_state(rod).reached_rate, 0.5, 1e-12);
-  // the jump is along the rod: what is at right angles to it goes on with gravity alone
+  // the jump is along the rod: across the rod only gravity acts
   const Vector3d n = before.position.normalized();
   const Vector3d tangent(-n.z(), 0.0, n.x());
   EXPECT_NEAR(world.state(bob).linear_velocity.dot(tangent), before.linear_velocity.dot(tangent),
@@ -715,7 +715,7 @@ TEST(RungeKutta, ReportsTheMeanForceOfTheTick) {
       motor.bias = bias;
       world.set_motor(rod, motor);
       run(world, 30);
-      // against 64 ticks in its place: forces times time add up
+      // compared with 64 shorter ticks: impulses add up
       World fine = with(world, 0.02 / 64.0, 1e-12, order);
       double impulse = 0.0;
       for (int i = 0; i < 64; ++i) {
@@ -730,8 +730,8 @@ TEST(RungeKutta, ReportsTheMeanForceOfTheTick) {
 }
 
 TEST(RungeKutta, AMotorThatEndsAtATickStopsAtOnce) {
-  // 0.5 s of bias at ticks of 0.01 s, against a tick that the end splits: a swinging load tells
-  // what the jump of its velocity did sideways
+  // 0.5 s of bias at ticks of 0.01 s, against a tick that the end splits: a swinging load shows the
+  // sideways effect of the velocity's jump
   const auto end = [](double tick) {
     World world = with(problems::chain(1), tick, 1e-10);
     Motor motor;
@@ -748,7 +748,7 @@ TEST(RungeKutta, ASineThatReachedTheEndOfItsTravelComesBackAfterAnEdit) {
   World world = with(problems::chain(1), 0.01, 1e-8);
   const JointId rod = world.joint_ids().front();
   Motor motor;
-  motor.amplitude = -10.0;  // 3.2 m in half a period, of 1 m that there is
+  motor.amplitude = -10.0;  // 3.2 m in half a period, more than the 1 m that there is
   motor.frequency = 1.0;
   world.set_motor(rod, motor);
   while (!world.joint_state(rod).saturated) run(world, 1);
@@ -759,7 +759,7 @@ TEST(RungeKutta, ASineThatReachedTheEndOfItsTravelComesBackAfterAnEdit) {
 }
 
 TEST(RungeKutta, FollowsAKinematicBody) {
-  // a mass on a rod from the rim of a turning wheel, seen from the wheel: there it is at rest
+  // a mass on a rod from the rim of a rotating wheel: at rest in the wheel's frame
   World world = with(without_weight(), 0.02, 1e-10);
   Body wheel = make_body("wheel", Point{}, 0.0, {0.3, 0.0, 0.0});
   wheel.type = BodyType::kKinematic;
@@ -794,7 +794,7 @@ TEST(RungeKutta, TheTickMayChangeBetweenSteps) {
 }
 
 TEST(RungeKutta, KeepsRodsToRoundingFarFromTheOrigin) {
-  // three masses on two rods fall and turn for 200 s: 196 km
+  // three masses on two rods fall and rotate for 200 s: 196 km
   World world = with(World(), 0.1, 1e-8);
   BodyId last = kWorldBody;
   for (int i = 0; i < 3; ++i) {
@@ -822,7 +822,7 @@ TEST(RungeKutta, AMotorTravelsOnceWhoeverCarriesItsIsland) {
   std::uint32_t changes = 0;
   for (int i = 1; i <= 150; ++i) {
     changes += world.step().changes;
-    // the travel is the sum of 0.3 mm a tick, in whichever way it is rounded
+    // the travel is the sum of 0.3 mm a tick, in any rounding
     ASSERT_NEAR(world.joint_state(id).travel, -0.003 * i, 1e-13) << i;
   }
   EXPECT_GE(changes, 3u);
@@ -854,7 +854,7 @@ TEST(RungeKutta, ALoopClosedAsItRunsIsClosedSmoothly) {
   for (int i = 0; i < 200; ++i) {
     run(world, 1);
     const Vector3d now = world.state(last).position;
-    ASSERT_LE((now - before).norm(), 0.1);  // of 1.5 m that are closed in half a second
+    ASSERT_LE((now - before).norm(), 0.1);  // 1.5 m are closed in half a second
     before = now;
     EXPECT_EQ(world.joint_state(id).closing, i < 49) << i;
   }

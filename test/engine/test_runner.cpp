@@ -32,7 +32,7 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
-/// Runs the real program in a folder of its own.
+/// Runs the real program in its own folder.
 class Runner : public testing::Test {
  protected:
   void SetUp() override {
@@ -45,7 +45,7 @@ class Runner : public testing::Test {
   }
   std::string in_folder(const std::string& name) const { return folder_.path() + "/" + name; }
 
-  /// The exit status. `with` is what starts the program.
+  /// Runs the program and returns its exit status; `with` is a prefix of the command.
   int run(const std::string& arguments, const std::string& with = "") const {
     const std::string command = "cd '" + folder_.path() + "' && " + with +
                                 " '" CONSTRAINT_SIM_RUN "' " + arguments +
@@ -65,13 +65,13 @@ class Runner : public testing::Test {
 
 TEST_F(Runner, PrintsASummary) {
   ASSERT_EQ(run("scene.yaml --duration 1"), 0) << err();
-  EXPECT_EQ(err(), "");  // no progress bar where nobody looks
+  EXPECT_EQ(err(), "");  // no progress bar without a terminal
   for (const char* line : {"steps                  100\n", "simulated time         1 s\n",
                            "method                 runge_kutta\n"})
     EXPECT_NE(out().find(line), std::string::npos) << line << "is not in\n" << out();
 }
 
-// Three processes: 5 s at once, and 2 s and 3 s, the second of which has nothing but the file.
+// Three processes: 5 s at once, and 2 s and 3 s, where the last one continues from the file alone.
 TEST_F(Runner, GoesOnFromASnapshotInAnotherProcess) {
   for (const std::string scene : {"winch", "two_boxes", "heavy_load", "gripper"}) {
     ASSERT_EQ(run(scene + " --duration 5 --report whole.json") % 4, 0) << err();
@@ -248,8 +248,8 @@ TEST_F(Runner, RefusesBadInputInOneLine) {
   }
 }
 
-// What was there stays until the whole of an output is written: on a disk that is full (here: a
-// file of more than 4 KiB cannot be made), and where the program is killed.
+// Existing files stay until an output is written completely: on a full disk (here: files above 4
+// KiB cannot be made), and where the program is killed.
 TEST_F(Runner, KeepsOldFilesUntilNewOnesAreWhole) {
   const std::string outputs = " --csv a.csv --save a.yaml --report a.json --snapshot a.snapshot";
   const std::vector<std::string> names{"a.csv", "a.yaml", "a.json", "a.snapshot"};
@@ -346,7 +346,7 @@ TEST_F(Runner, TellsWarnings) {
   EXPECT_EQ(lines_of(err()).size(), 2u) << err();
 }
 
-// after one more tick the body would be past the largest coordinate
+// After one more tick the body would be beyond the largest coordinate.
 TEST_F(Runner, ReportsFailedPhysics) {
   std::ofstream(in_folder("far.yaml")) << "world: {time_step: 1}\n"
                                           "bodies:\n  - {name: a, mass: 1, position: [1e20, 0, 0],"
@@ -358,7 +358,7 @@ TEST_F(Runner, ReportsFailedPhysics) {
   EXPECT_EQ(report().at("failed_body"), "a");
 }
 
-// Sums and largest values over all steps, as the engine gives them.
+// Sums and largest values over all steps, as the engine reports them.
 TEST_F(Runner, ReportsWorkAndWhatTheSweepsLeft) {
   const std::string scene =
       "world: {method: sequential_impulses, time_step: 0.001}\n"

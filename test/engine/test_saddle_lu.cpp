@@ -1,5 +1,5 @@
-// Newton's systems of bodies and rows against dense factorisations: trees, loops, nets, and blocks
-// that are singular though the matrix is not.
+// Newton systems of bodies and rows against dense factorisations: trees, loops, nets, and singular
+// blocks in regular matrices.
 
 #include <Eigen/LU>
 
@@ -16,13 +16,13 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-/// A link between two bodies, or one and the world.
+/// A link between two bodies, or between a body and the world.
 struct Held {
   int a, b = -1;
   int rows = 1;
 };
 
-/// Nodes as ImplicitStep makes them: leaves before roots, rows with the body further from the root.
+/// Nodes as in ImplicitStep: leaves before roots, rows with the body further from the root.
 struct System {
   SaddleLu lu;
   MatrixXd A;
@@ -50,8 +50,8 @@ struct System {
     A = MatrixXd::Zero(unknown, unknown);
   }
 
-  /// [K, -Gᵀ; G, 0] with K near the identity and unsymmetric rows: G and what pulls differ by as
-  /// much as in a step that bends the mechanism.
+  /// Fills [K, -Gᵀ; G, 0] with K near the identity and unsymmetric rows: G and the transposed block
+  /// differ as much as in a step that bends the mechanism.
   void fill(const List<int>& dofs, const List<Held>& held, Random* random) {
     for (std::size_t i = 0; i < dofs.size(); ++i)
       block(first_of_body[i], first_of_body[i], dofs[i], dofs[i], 0.2, random) +=
@@ -88,8 +88,8 @@ struct System {
     return lu.solve(x->data());
   }
 
-  /// A solution is as good as its residual, of which refinements and the check
-  /// of a forest leave 1e-10 at most, as a share of the largest sum of |A| |x| + |b|.
+  /// Expects a residual of at most 1e-10 of the largest sum of |A| |x| + |b|, as refinements and
+  /// the check of a forest guarantee.
   void expect_solved(const char* what) {
     const VectorXd b = VectorXd::LinSpaced(A.rows(), -1.0, 1.0);
     VectorXd x = b;
@@ -138,11 +138,13 @@ List<Graph> graphs() {
   through_world.name = "chain held at both ends";
   through_world.held.push_back({0, -1, 3});
   all.push_back(through_world);
-  Graph linkage = chain(3, 6, 5);  // Bennett's: 10 rows in a block of 6 freedoms, but for one
+  Graph linkage = chain(
+      3, 6,
+      5);  // Bennett's linkage: 10 rows in a block of 6 degrees of freedom, one of them redundant
   linkage.name = "linkage through the world";
   linkage.held.push_back({0, -1, 2});
   all.push_back(linkage);
-  Graph to_parent = chain(2, 6, 1);  // 4 rows of a point, all to a body that turns
+  Graph to_parent = chain(2, 6, 1);  // 4 rows of a point, all to a rotating body
   to_parent.name = "point with four rods";
   to_parent.dofs[0] = 3;
   for (int k = 0; k < 3; ++k) to_parent.held.push_back({0, 1});
@@ -165,7 +167,7 @@ TEST(SaddleLu, SolvesForestsLoopsAndNets) {
   }
 }
 
-// By A⁻¹ of the dense factorisation, since a small residual alone would tell little of it.
+// Errors are found with A⁻¹ of the dense factorisation, since residuals may be small regardless.
 TEST(SaddleLu, AgreesWithADenseFactorisation) {
   Random random;
   for (const Graph& graph : graphs()) {
@@ -175,7 +177,7 @@ TEST(SaddleLu, AgreesWithADenseFactorisation) {
     const VectorXd b = VectorXd::LinSpaced(system.A.rows(), -1.0, 1.0);
     VectorXd x = b;
     ASSERT_TRUE(system.solve(&x)) << graph.name;
-    // ‖A⁻¹‖ times the residual that is left, at most 1e-10 of 2 ‖A‖ ‖x‖
+    // ‖A⁻¹‖ times the remaining residual, at most 1e-10 of 2 ‖A‖ ‖x‖
     const double norm = system.A.cwiseAbs().rowwise().sum().maxCoeff();
     const double inverse = dense.inverse().cwiseAbs().rowwise().sum().maxCoeff();
     const double largest = x.cwiseAbs().maxCoeff();
@@ -206,8 +208,8 @@ System straight_cable(int points, const Graph& graph) {
   return system;
 }
 
-// Point 0 has rows to the next and to the world along one line: its own block is singular. The
-// cable gives way elsewhere, by a spring between the last point and the world.
+// Point 0 has rows to the next point and to the world along one line: its own block is singular. A
+// spring between the last point and the world makes the whole matrix regular.
 TEST(SaddleLu, SolvesWhereTheBlockOfANodeIsSingular) {
   constexpr int kPoints = 5;
   Graph graph = chain(kPoints, 3, 1);
@@ -222,13 +224,14 @@ TEST(SaddleLu, FindsOutWhereTheMatrixIsSingular) {
   constexpr int kPoints = 5;
   Graph graph = chain(kPoints, 3, 1);
   graph.held.push_back({0, -1});
-  System system = straight_cable(kPoints, graph);  // one rod follows from the others
+  System system = straight_cable(kPoints, graph);  // a rod is redundant
   ASSERT_FALSE(Eigen::FullPivLU<MatrixXd>(system.A).isInvertible());
   VectorXd b = VectorXd::LinSpaced(system.A.rows(), -1.0, 1.0);
   EXPECT_FALSE(system.solve(&b));
 }
 
-// Matrices that change little are refined with old factors; those that change much are not.
+// Slightly changed matrices are solved by refinement with old factors; largely changed ones are
+// not.
 TEST(SaddleLu, GoesOnWithOldFactorsOnlyAsTheyServe) {
   Random random;
   const Graph graph = net(12);
@@ -265,7 +268,7 @@ TEST(SaddleLu, IsTheSameToTheBitAfterForgettingAndInCopies) {
   }
 }
 
-// How much is delayed depends on the matrix, so the same ones come twice.
+// The number of delayed pivots depends on the matrix, so each matrix is solved twice.
 TEST(SaddleLu, AllocatesNothingOnceItsArraysHaveTheirLargestSize) {
   for (const Graph& graph : graphs()) {
     System system(graph.dofs, graph.parents, graph.held);
@@ -320,8 +323,8 @@ World linkage(int sides, double stiffness) {
   return world;
 }
 
-// The last bar of these is held by two balls and maybe a spring: its rows alone are as many as it
-// moves, or more. Newton's steps then went down by a few percent each, and no tick was carried.
+// Two balls and possibly a spring hold the last bar of the loop: its rows alone are as many as its
+// degrees of freedom, or more.
 TEST(SaddleLu, LetsNewtonConvergeInLoopsThroughTheWorld) {
   for (const int sides : {4, 5}) {
     for (const double time_step : {0.1, 0.01, 0.001}) {
@@ -339,7 +342,7 @@ TEST(SaddleLu, LetsNewtonConvergeInLoopsThroughTheWorld) {
         iterations += island.iterations;
         substeps += island.substeps;
       }
-      // squares: from 1e-1 to below 1e-18 in 6, and fewer the shorter the step
+      // quadratic convergence: from 1e-1 to below 1e-18 in 6, and fewer for shorter steps
       EXPECT_LE(iterations / substeps, 7.0) << sides << " sides, " << time_step;
     }
   }

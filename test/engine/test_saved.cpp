@@ -1,6 +1,6 @@
 // shards: 3
-// A saved scene goes on as it would have. Oracle: the world that was saved, going on itself. What a
-// save cannot keep shows in the hash, and equal hashes mean equal bits from then on.
+// A saved scene continues as the world would have. Oracle: the saved world itself, continued. The
+// hash shows what a save cannot keep, and equal hashes mean equal bits from then on.
 
 #include <atomic>
 #include <filesystem>
@@ -19,7 +19,7 @@ constexpr int kApart = kSanitizedShare > 1 ? 1 : 3;
 
 using Eigen::Vector3d;
 
-/// How far the bodies of two worlds are apart at most [m].
+/// Returns the largest distance of bodies between two worlds [m].
 double apart(const World& a, const World& b) {
   double most = 0.0;
   for (const BodyId id : a.body_ids()) {
@@ -46,8 +46,8 @@ struct Run {
 
 class SavedScene : public testing::TestWithParam<Run> {};
 
-// By impulses nothing is forgotten: the same bits. Methods that go on from one step to the next
-// begin anew, which the hash tells; the motion then differs by their tolerances.
+// Impulses continue with the same bits. Methods that carry data between steps restart, which the
+// hash shows; the motion then differs by their tolerances.
 TEST_P(SavedScene, GoesOnAsItWouldHave) {
   World world = shipped(GetParam().scene, GetParam().method);
   const std::vector<int> all = kIsLongRun ? std::vector{0, 1, 7, 150, 400} : std::vector{0, 7, 150};
@@ -74,10 +74,10 @@ TEST_P(SavedScene, GoesOnAsItWouldHave) {
         ASSERT_EQ(again.state_hash(), original.state_hash()) << steps << "+" << step;
       }
     }
-    // 1.3e-5 measured, of heavy_load, whose light links move faster than ticks can show; the
-    // others stay far below
+    // 1.3e-5 measured, for heavy_load, whose light links move faster than ticks resolve; the others
+    // are far below
     if (!is_same) {
-      // methods begin anew; the first tick of a stiff island is made of two halves
+      // methods restart; the first tick of a stiff island consists of two halves
       EXPECT_LT(apart(again, original), 1e-3) << steps;
     }
   }
@@ -100,7 +100,7 @@ INSTANTIATE_TEST_SUITE_P(All, SavedScene,
 
 // ---- the hash
 
-/// Steps all worlds side by side. Two that once have the same hash keep it.
+/// Steps all worlds together. Two worlds whose hashes agree once keep equal hashes.
 void expect_equal_futures(std::vector<World>* worlds, int steps) {
   const std::size_t n = worlds->size();
   std::vector<std::uint64_t> before(n), now(n);
@@ -118,8 +118,8 @@ void expect_equal_futures(std::vector<World>* worlds, int steps) {
 
 class HashedScene : public testing::TestWithParam<Run> {};
 
-// A world, its copy, what was saved of it, the same world after an edit that changes nothing but
-// lets its methods begin anew, and each of the last two after a way of its own to the same tick.
+// A world, its copy, a saved and loaded one, and the world after an edit that only restarts its
+// methods, each of the last two also after another path to the same tick.
 TEST_P(HashedScene, WithEqualHashesHasEqualFutures) {
   World world = shipped(GetParam().scene, GetParam().method);
   for (const int steps : {1, kFutures}) {
@@ -148,8 +148,7 @@ INSTANTIATE_TEST_SUITE_P(All, HashedScene,
                                                      Method::kSequentialImpulses})),
                          name_of);
 
-// What began anew differs at once, and in the step after, from other numbers.
-// numbers.
+// A restarted world differs at once, and in the next step, in its hash.
 TEST(Hashed, TellsWhatWasForgotten) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     World world = shipped("double_pendulum", method);
@@ -164,13 +163,13 @@ TEST(Hashed, TellsWhatWasForgotten) {
     edited.step();
     EXPECT_NE(again.state_hash(), world.state_hash());
     EXPECT_NE(edited.state_hash(), world.state_hash());
-    if (method == Method::kEnergyMomentum) continue;  // whose cost is saved, but not kept by edits
+    if (method == Method::kEnergyMomentum) continue;  // edits forget the saved cost
     EXPECT_EQ(edited.state_hash(), again.state_hash());
     EXPECT_EQ(save_scene(edited), save_scene(again));
   }
 }
 
-// Where nothing moves only the memory tells: how long ago the last shorter step was.
+// Where nothing moves only the memory differs: the time since the last shorter step.
 TEST(Hashed, TellsMemoryWhereStatesAreTheSame) {
   WorldOptions options;
   options.method = Method::kEnergyMomentum;
@@ -187,8 +186,7 @@ TEST(Hashed, TellsMemoryWhereStatesAreTheSame) {
   EXPECT_NE(again.state_hash(), world.state_hash());
 }
 
-// Two boxes that tumble alike but for the step size found before: bodies that nothing holds have
-// memory as well.
+// Two boxes tumble alike but for the last step size: free bodies have memory too.
 TEST(Hashed, TellsWhatAFreeBodyGoesOnFrom) {
   World world;
   Body box = make_body("box", Box{{0.1, 0.2, 0.4}}, 1.0, Vector3d::Zero());
@@ -202,8 +200,8 @@ TEST(Hashed, TellsWhatAFreeBodyGoesOnFrom) {
   EXPECT_NE(again.state_hash(), world.state_hash());
 }
 
-// Corrections and self-stress of impulses are in the text and in the hash: a scene without them is
-// another one.
+// Corrections and self-stress of impulses are in the text and in the hash: a scene without them
+// differs.
 TEST(Hashed, TellsCorrectionsAndSelfStress) {
   World world = shipped("bridge", Method::kSequentialImpulses);
   run(world, 20);
@@ -244,7 +242,7 @@ TEST(Saved, RefusesCorrectionsThatNoSaveHas) {
   }
 }
 
-// A reset returns to velocities without what closed errors when the scene was saved.
+// A reset returns to velocities without the corrections at the time of saving.
 TEST(Saved, ReturnsAtAResetToVelocitiesWithoutCorrections) {
   World world = shipped("bridge", Method::kSequentialImpulses);
   run(world, 20);
@@ -256,7 +254,7 @@ TEST(Saved, ReturnsAtAResetToVelocitiesWithoutCorrections) {
   EXPECT_NEAR(again.energy(), energy, 1e-12 * std::abs(energy));
 }
 
-// A step that is stopped leaves the self-stress as it was.
+// A stopped step leaves the self-stress unchanged.
 TEST(Saved, KeepsSelfStressWhereAStepIsStopped) {
   World world = shipped("bridge", Method::kSequentialImpulses);
   run(world, 20);
@@ -267,9 +265,10 @@ TEST(Saved, KeepsSelfStressWhereAStepIsStopped) {
   EXPECT_EQ(save_scene(world), before);
 }
 
-// ---- one thing each that a save has to keep
+// ---- single elements that a save has to keep
 
-/// The distance after `more` steps of a world saved after `steps` from itself gone on.
+/// Returns the distance after `more` steps between a world saved after `steps`, and the world
+/// continued.
 double apart_after(World world, int steps, int more) {
   run(world, steps);
   World again = load_scene(save_scene(world));
@@ -278,7 +277,7 @@ double apart_after(World world, int steps, int more) {
   return apart(world, again);
 }
 
-// Balls of a heap under `auto`: contacts, free flight, and those that rest already.
+// Balls of a heap under `auto`: contacts, free flight, and balls at rest.
 TEST(Saved, KeepsContactsOfBallsThatFall) {
   World world = shipped("falling_balls", Method::kAuto);
   for (int round = 0; round < 6; ++round) {
@@ -313,10 +312,7 @@ TEST(Saved, KeepsWhatIsClosing) {
   EXPECT_LT(apart_after(world, 0, 100), 1e-9);  // the tolerance over a second
 }
 
-// 2^-7 s ticks, so that all times are exact.
-// Two welds that a box cannot both meet: once that is known, a loaded world knows it as well, and
-// does not begin to close them anew.
-// A joint that breaks while it closes an error closes nothing from then on.
+// A joint that breaks while its error is closing closes nothing from then on.
 TEST(Saved, ForgetsWhatABrokenJointWasClosing) {
   for (const Method method : {Method::kAuto, Method::kEnergyMomentum, Method::kEventDriven,
                               Method::kSequentialImpulses}) {
@@ -338,6 +334,7 @@ TEST(Saved, ForgetsWhatABrokenJointWasClosing) {
   }
 }
 
+// Two welds contradict each other; a loaded world keeps that result and does not close them again.
 TEST(Saved, KeepsWhatIsKnownToContradict) {
   const std::string scene = R"(
 world: {time_step: 0.01}
@@ -370,7 +367,7 @@ constraints:
 
 TEST(Saved, KeepsMotorsAndWrenches) {
   WorldOptions options;
-  options.time_step = 0.0078125;
+  options.time_step = 0.0078125;  // 2^-7 s, so that all times are exact
   World world(options);
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 1.0}));
   Joint winch = make_joint("winch", kWorldBody, {0.0, 0.0, 3.0}, ball, Vector3d::Zero());
@@ -378,7 +375,8 @@ TEST(Saved, KeepsMotorsAndWrenches) {
   world.add_joint(winch);
   world.add_wrench({ball, {0.3, 0.2, 0.0}, Vector3d::Zero(), 0.5, 1.234567});
   for (const int steps : {10, 70, 120, 200})
-    EXPECT_LT(apart_after(world, steps, 200), 1e-7) << steps;  // the tolerance, swung up
+    EXPECT_LT(apart_after(world, steps, 200), 1e-7)
+        << steps;  // the tolerance, amplified by the swing
 }
 
 TEST(Saved, KeepsWhoSleeps) {
@@ -406,7 +404,7 @@ TEST(Saved, KeepsWhoSleeps) {
     ASSERT_EQ(again.contacts().size(), world.contacts().size());
     woke = woke || world.report().asleep < 3;
   }
-  EXPECT_TRUE(woke);  // by the ball that fell on them
+  EXPECT_TRUE(woke);  // the falling ball wakes the boxes
 }
 
 TEST(Saved, ReturnsAtAResetToWhatWasLoaded) {
@@ -422,7 +420,7 @@ TEST(Saved, ReturnsAtAResetToWhatWasLoaded) {
   EXPECT_EQ(now.closing, loaded.closing);
 }
 
-// In a world that takes over time goes on, and with it all that has a time.
+// In a world that takes over, time continues, and all times of elements with it.
 TEST(Saved, MovesAlongInAWorldThatTakesOver) {
   World world = shipped("falling_balls", Method::kSequentialImpulses);
   run(world, 150);
@@ -435,7 +433,7 @@ TEST(Saved, MovesAlongInAWorldThatTakesOver) {
     world.step();
     again.step();
   }
-  EXPECT_EQ(apart(world, again), 0.0);  // no number of it hangs on time
+  EXPECT_EQ(apart(world, again), 0.0);  // no number of it depends on time
 }
 
 // ---- random worlds

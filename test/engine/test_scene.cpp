@@ -22,7 +22,7 @@ std::string scene_path(const std::string& name) {
   return std::string(CONSTRAINT_SIM_SCENE_DIR) + "/" + name + ".yaml";
 }
 
-/// What load_scene says about a scene that cannot be; "accepted" when it says nothing.
+/// Returns the error of load_scene; "accepted" without an error.
 std::string error_of(const std::string& text) {
   try {
     load_scene(text, "s");
@@ -44,7 +44,7 @@ const DistanceJoint& distance_of(const World& world, const std::string& name) {
   return joint_of(world, name).distance;
 }
 
-/// How many doubles lie between the two; a huge number when either is not finite.
+/// Returns the number of doubles between two numbers; a huge number where either is not finite.
 std::int64_t ulps_between(double a, double b) {
   if (a == b) return 0;
   if (!std::isfinite(a) || !std::isfinite(b)) return std::numeric_limits<std::int64_t>::max();
@@ -56,7 +56,7 @@ std::int64_t ulps_between(double a, double b) {
   return std::abs(ordered(a) - ordered(b));
 }
 
-/// The contract's bound on what saving and loading may change.
+/// Expects a difference within the promised bound of saving and loading.
 void expect_within_4_ulp(double a, double b, const std::string& what) {
   EXPECT_LE(ulps_between(a, b), 4) << what << ": " << a << " and " << b;
 }
@@ -219,7 +219,7 @@ bodies:
   EXPECT_EQ(state_of(world, "floor").position, Vector3d(0, 0, -2));
   EXPECT_EQ(state_of(world, "floor").orientation.w(), 1.0);
   EXPECT_EQ(state_of(world, "wall").position, Vector3d(3, 0, 0));
-  // from +z to +x is a quarter turn about +y; a few roundings in making the quaternion
+  // the turn of +z to +x is a quarter turn about +y; a few roundings in making the quaternion
   EXPECT_NEAR(state_of(world, "wall").orientation.y(), std::sqrt(0.5), 1e-15);
   EXPECT_NEAR(state_of(world, "wall").orientation.w(), std::sqrt(0.5), 1e-15);
   const Vector3d down = state_of(world, "ceiling").orientation * Vector3d::UnitZ();
@@ -268,7 +268,7 @@ constraints:
   EXPECT_NEAR(distance_of(world, "rope").max_length, 3.0, 1e-15);
 }
 
-// ---- what cannot be
+// ---- invalid scenes
 
 struct BadScene {
   std::string text;
@@ -339,7 +339,7 @@ INSTANTIATE_TEST_SUITE_P(
                              "s:2: world.sleep_speed: must be a finite number >= 0, got -1"},
                     BadScene{"world:\n  threads: 0\n", "s:2: world.threads: must be >= 1, got 0"}));
 
-/// A scene whose third line onwards is the one body.
+/// Returns a scene whose body starts in the third line.
 std::string with_body(const std::string& lines) { return "world: {}\nbodies:\n" + lines; }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -409,7 +409,7 @@ INSTANTIATE_TEST_SUITE_P(
                  "s:6: bodies[0].position: the plane's normal and offset already say where it is; "
                  "give one or the other"}));
 
-/// A scene with a body `a` at (1, 0, 0), and whose fourth line onwards are the constraints.
+/// Returns a scene with a body `a` at (1, 0, 0), whose constraints start in the fourth line.
 std::string with_constraints(const std::string& lines) {
   return "bodies:\n  - {name: a, mass: 1, position: [1, 0, 0]}\nconstraints:\n" + lines;
 }
@@ -462,7 +462,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{with_constraints("  - name: j\n    body_b: a\n    broken: maybe\n"),
                  "s:6: constraints[0].broken: expected true or false, got 'maybe'"}));
 
-/// A scene with bodies `a`, `p` and `s`, and whose sixth line onwards are the wrenches.
+/// Returns a scene with bodies `a`, `p` and `s`, whose wrenches start in the sixth line.
 std::string with_wrenches(const std::string& lines) {
   return "bodies:\n  - {name: a, mass: 1, shape: {sphere: {radius: 1}}}\n"
          "  - {name: p, mass: 1}\n  - {name: s, type: static}\nwrenches:\n" +
@@ -521,13 +521,13 @@ INSTANTIATE_TEST_SUITE_P(
                              "s:5: contacts[0].points[0].position: must be at most 1e+20, got "
                              "(-1e+30, 0, 0)"}));
 
-// these are the World's to refuse, in its own words; where they stand is the scene's
 TEST(LoadScene, ColorsChangeNoHash) {
   const std::string plain = with_body("  - {name: a, mass: 1}\n");
   const std::string coloured = with_body("  - {name: a, mass: 1, color: [1, 0, 0, 1]}\n");
   EXPECT_EQ(load_scene(plain, "s").state_hash(), load_scene(coloured, "s").state_hash());
 }
 
+// The World rejects these in its own words; the scene adds their place.
 TEST(LoadScene, PointsAtWhatTheWorldRefuses) {
   const auto starts = [](const std::string& text) {
     const std::string error = error_of(text);
@@ -562,7 +562,7 @@ TEST(LoadSceneFile, NamesTheFile) {
 
 // ---- saving
 
-/// Numbers of all sizes, with all digits in use.
+/// Random numbers of all sizes, with all digits in use.
 class Dice {
  public:
   explicit Dice(unsigned seed) : engine_(seed) {}
@@ -882,7 +882,7 @@ TEST(SaveScene, LeavesOutTheListOfNoWrenches) {
 
 struct Shipped {
   const char* name;
-  double largest_error;  ///< [m] of any constraint in the first two seconds
+  double largest_error;  ///< largest error of a constraint in the first two seconds [m]
 };
 
 class ShippedScene : public testing::TestWithParam<Shipped> {};
@@ -912,14 +912,14 @@ TEST_P(ShippedScene, IsSavedAsTheSameTextAfterRunning) {
 }
 
 // A point that moves at v leaves its circle of radius L by (v h)²/(2 L) each tick, and Baumgarte
-// takes back a share β of all there is: the error stays near (v h)²/(2 L β) or below. Where
-// contacts or too few sweeps add to it, the bound is about twice what was measured.
+// removes a share β of the error: it stays near (v h)²/(2 L β) or below. Where contacts or too few
+// sweeps add to it, the bound is about twice the measured error.
 const Shipped kShipped[] = {
     {"pendulum", 4e-4},         // v² = 2 g L: 3.92e-4
     {"double_pendulum", 5e-4},  // v² = 4.8 g when one ball has all the energy: 2.9e-4, and somewhat
                                 // more as the other ball moves too
     {"chain_heavy_end", 1e-4},   // sweeps; measured 5.5e-5
-    {"heavy_load", 1e-12},       // by discrete gradients: round-off, as impulses would drop it
+    {"heavy_load", 1e-12},       // discrete gradients: round-off; impulses would drop the load
     {"bridge", 1.2e-3},          // sweeps, and self-stress that they find again; measured 1.01e-3
     {"two_boxes", 7e-4},         // the first pull and the floor; measured 3.5e-4
     {"winch", 1e-5},             // the load swings at 0.3 m/s on 2 m: 1e-6, and one sudden pull
@@ -937,7 +937,7 @@ const Shipped kShipped[] = {
     {"screw", 1e-13},
     {"gripper", 1e-13},
     {"squeezer", 1e-13},
-    {"safety_rope", 1e-13},  // from event to event: rounding, too
+    {"safety_rope", 1e-13},  // motion between located events: rounding
     {"breaking_rod", 1e-13},
     {"rocking_block", 0.0},  // has no constraints
     {"newtons_cradle", 1e-13},
@@ -958,7 +958,7 @@ TEST(ShippedScenes, AreAllTested) {
   EXPECT_EQ(files, tested);
 }
 
-// Oracle: exact rationals, by hand. 1e-12 as these are some ten roundings of numbers below 10.
+// Oracle: exact rationals, by hand. 1e-12: about ten roundings of numbers below 10.
 TEST(WorkedExample, HasTheVelocitiesOfTheFirstTickByHand) {
   World world = load_scene_file(scene_path("worked_example"));
   world.step();

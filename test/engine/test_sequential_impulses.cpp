@@ -1,4 +1,4 @@
-// The method: its order, what it conserves, and what it leaves alone.
+// Sequential impulses: the order, conserved quantities, and states that must not change.
 
 #include "engine/constraints/contact.h"
 #include "engine/math/list.h"
@@ -13,7 +13,7 @@ using Eigen::Vector3d;
 
 // ---- the pendulum: 1 m, g = 9.81, released from the horizontal (-1, 0) at rest
 
-constexpr double kPeriod = 2.36784194757623745;  // [s], by elliptic integrals
+constexpr double kPeriod = 2.36784194757623745;  // elliptic integral [s]
 const Vector3d kPendulumAt10s(-0.27508746257611686, 0.0, -0.961419205099125064);
 
 double error_at_10s(World world, BodyId bob, double length) {
@@ -30,7 +30,8 @@ double rod_pendulum_error(double h, double beta) {
   return error_at_10s(world, bob, 1.0);
 }
 
-// m r² + I over m r is 1 m for r = ½ m, m = 1 kg, I = ¼ kg m²: the same motion at half the size
+// A ball pendulum: m r² + I over m r is 1 m for r = ½ m, m = 1 kg, I = ¼ kg m²: the same motion at
+// half the size.
 double ball_pendulum_error(double h, double beta) {
   WorldOptions chosen = options(h);
   chosen.baumgarte = beta;
@@ -44,7 +45,7 @@ double ball_pendulum_error(double h, double beta) {
 
 using ErrorOf = double (*)(double h, double beta);
 
-// With β = 1 the next order is 2 % of the first here.
+// Expects order one; with β = 1 the next order is 2 % of the first.
 void expect_order_one(ErrorOf error) {
   const List<double> steps{1.0 / 2000.0, 1.0 / 4000.0, 1.0 / 8000.0, 1.0 / 16000.0};
   List<double> errors;
@@ -53,8 +54,8 @@ void expect_order_one(ErrorOf error) {
   EXPECT_LT(errors.back(), 2e-4);
 }
 
-// With β = 0.1 the rod is ten times as far off, which is of second order and of the other sign:
-// both are equal at 1/1500 s, and only well below that the first is what remains.
+// Expects order one in the limit. With β = 0.1 the rod's error is ten times as large, of second
+// order and opposite sign: both terms are equal at 1/1500 s, and the first dominates well below.
 void expect_order_one_in_the_end(ErrorOf error) {
   const List<double> steps{1.0 / 16000.0, 1.0 / 32000.0, 1.0 / 64000.0};
   List<double> errors;
@@ -70,7 +71,7 @@ TEST(Pendulum, OnARodHasOrderOne) {
 
 TEST(Pendulum, OnABallJointHasOrderOne) { expect_order_one(ball_pendulum_error); }
 
-// It is back where it was released, at rest, after a period: the time of its highest point.
+// The bob returns to its start, at rest, after a period, at the time of its highest point.
 TEST(Pendulum, Period) {
   const double h = 1e-4;
   World world(options(h));
@@ -90,7 +91,7 @@ TEST(Pendulum, TensionAtRestIsTheWeight) {
   EXPECT_NEAR(world.report().max_constraint_error, 0.0, 1e-12);
 }
 
-// ---- what is conserved
+// ---- conserved quantities
 
 struct FreePair {
   World world;
@@ -110,8 +111,8 @@ struct FreePair {
   }
 };
 
-// Each of 10 000 steps rounds the momenta, in all sizes up to that of the angular one, which the
-// distance from the origin makes grow with time, a few times over in its ten sweeps.
+// Each of 10 000 steps rounds the momenta a few times in its ten sweeps, in sizes up to that of the
+// angular momentum, which grows with the distance from the origin.
 TEST(Momentum, OfAJoinedPairIsKeptToRoundOff) {
   for (const JointType& type :
        {JointType(rod(0.7)), JointType(spring(0.7, 200.0, 1.0)), JointType(rope(0.7))}) {
@@ -130,8 +131,8 @@ TEST(Momentum, OfAJoinedPairIsKeptToRoundOff) {
   }
 }
 
-// Stage 6 carries over the angular momentum, so at any spin and any tick the energy lies between
-// that of turning about the axes of the largest and of the least inertia.
+// Stage 6 transfers the angular momentum, so at any spin and any tick the energy lies between those
+// of rotation about the axes of the largest and of the least inertia.
 TEST(FreeBox, KeepsAngularMomentumAndBoundsEnergy) {
   for (const double spin : {0.1, 3.0, 100.0, 1e4}) {
     for (const double h : {0.001, 0.01, 1.0 / 30.0}) {
@@ -144,7 +145,7 @@ TEST(FreeBox, KeepsAngularMomentumAndBoundsEnergy) {
       const Vector3d I = inertia_of(box);
       for (int step = 0; step < 3000; ++step) {
         ASSERT_FALSE(world.step().failed);
-        // allow one rounding in each of the nine products of a step
+        // each of the nine products of a step is rounded
         ASSERT_LT((angular_momentum(world) - L).norm(), 9.0 * (step + 1) * kEpsilon * L.norm());
         ASSERT_LT(world.energy(), 0.5 * L.squaredNorm() / I.minCoeff() * (1.0 + 1e-9));
         ASSERT_GT(world.energy(), 0.5 * L.squaredNorm() / I.maxCoeff() * (1.0 - 1e-9));
@@ -167,9 +168,9 @@ TEST(FreeBox, TurnsEvenlyAboutAPrincipalAxis) {
   EXPECT_NEAR(world.state(id).angular_velocity.z(), 2.0, 1000 * 4 * kEpsilon);
 }
 
-// ---- what is left alone
+// ---- states that must not change
 
-// x = x₀ + v t and q = exp(ω t) q₀ to the rounding of each step, though a heavy load hangs on it.
+// x = x₀ + v t and q = exp(ω t) q₀ to the rounding of each step, with a heavy load attached.
 TEST(Kinematic, MovesAtItsTwistWhateverPulls) {
   World world(options(0.01));
   Random random;
@@ -226,7 +227,8 @@ TEST(Static, NeverMoves) {
 
 // ---- sweeps
 
-/// Largest rod error in one second of a chain of ten with a load ten times a link, swinging.
+/// Returns the largest rod error in one second of a swinging chain of ten with a load ten times a
+/// link.
 double chain_error(bool warm_starting, int iterations) {
   WorldOptions chosen = options(0.01);
   chosen.warm_starting = warm_starting;
@@ -296,13 +298,13 @@ TEST(Friction, NeverLeavesTheDisk) {
       if (tangential > 0.999 * rough.friction * rows[i].impulse && tangential > 0.0) ++sliding;
     }
   }
-  EXPECT_GT(sliding, 100);  // or the limit was never met
+  EXPECT_GT(sliding, 100);  // otherwise the limit was never reached
 }
 
-// ---- bodies without joints or extent beside those with
+// ---- bodies without joints or extent beside others
 
-// A point mass that nothing touches falls as if it were alone: x = x₀ + v₀ t + ½ g t (t + h), to
-// rounding. Errors of the hinge beside it are closed in the first steps.
+// A point mass without contact falls as if alone: x = x₀ + v₀ t + ½ g t (t + h), to rounding.
+// Errors of the hinge beside it close in the first steps.
 TEST(FreePoint, FallsBesideAJoint) {
   Random random;
   for (int scene = 0; scene < 100; ++scene) {

@@ -18,8 +18,8 @@ std::string refusal(const Shape& shape) {
   return "";
 }
 
-/// The mean of (y² + z², z² + x², x² + y²) over the solid, by the midpoint rule on n³ cells of the
-/// box around it.
+/// Returns the mean of (y² + z², z² + x², x² + y²) over the solid, by the midpoint rule on n³ cells
+/// of its bounding box.
 template <class IsInside>
 Eigen::Vector3d integrated_unit_inertia(const Eigen::Vector3d& size, const IsInside& is_inside) {
   constexpr int n = 100;
@@ -52,7 +52,7 @@ TEST(UnitInertia, IsTheIntegralOverTheSolid) {
   const Eigen::Vector3d of_cylinder = integrated_unit_inertia(
       {1.0, 1.0, 3.0}, [](const Eigen::Vector3d& p) { return p.head<2>().norm() < 0.5; });
 
-  // the midpoint rule is off by 1/n² = 1e-4, and a bit more at the sphere's ragged surface
+  // the error of the midpoint rule is 1/n² = 1e-4, and slightly more at the sphere's ragged surface
   EXPECT_TRUE(unit_inertia(box).isApprox(of_box, 2e-4)) << of_box.transpose();
   EXPECT_TRUE(unit_inertia(sphere).isApprox(of_sphere, 1e-3)) << of_sphere.transpose();
   EXPECT_TRUE(unit_inertia(cylinder).isApprox(of_cylinder, 1e-3)) << of_cylinder.transpose();

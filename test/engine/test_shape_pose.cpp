@@ -1,4 +1,4 @@
-// Shapes beside the centre of mass of their body.
+// Shapes off the centre of mass of their body.
 
 #include "constraint_sim/engine/scene.h"
 #include "support.h"
@@ -13,7 +13,7 @@ Quaterniond about_x(double angle) {
   return Quaterniond(Eigen::AngleAxisd(angle, Vector3d::UnitX()));
 }
 
-// A ball that falls on a slope: a box of a static body elsewhere, or the box's own body.
+// A ball falls on a slope: a box with a pose in a static body, or the box's own body.
 TEST(ShapePose, AShapeIsWhereItsBodyPutsIt) {
   std::vector<BodyState> ends;
   for (const bool has_pose : {false, true}) {
@@ -38,13 +38,13 @@ TEST(ShapePose, AShapeIsWhereItsBodyPutsIt) {
     EXPECT_FALSE(world.contacts().empty());
     ends.push_back(world.state(id));
   }
-  // rounding of the box's place, which contacts carry on
+  // rounding of the box's pose, which contacts amplify
   EXPECT_LT((ends[0].position - ends[1].position).norm(), 1e-10);
   EXPECT_LT((ends[0].angular_velocity - ends[1].angular_velocity).norm(), 1e-9);
 }
 
-// A ball whose centre of mass is d below its middle, on a plane without friction: the middle moves
-// such that the centre of mass only goes up and down, and it rocks with ω² = m g d / I.
+// A ball whose centre of mass is d below its centre, on a frictionless plane: the centre of mass
+// moves vertically only, and the ball rocks with ω² = m g d / I.
 TEST(ShapePose, ABallWithItsMassBelowRocks) {
   const double m = 2.0, d = 0.05, inertia = 0.03, r = 0.2;
   const double period = 2.0 * kPi / std::sqrt(m * kGravity * d / inertia);
@@ -57,7 +57,7 @@ TEST(ShapePose, ABallWithItsMassBelowRocks) {
     ball.state.orientation = about_x(0.05);
     ball.state.position.z() = r - d * std::cos(0.05);
     const BodyId id = world.add_body(ball);
-    // the first time that it turns back from the other side
+    // the first time that it reverses on the other side
     double before = 0.0, time = 0.0;
     int turns = 0;
     while (turns < 2 && time < 3.0 * period) {
@@ -67,7 +67,7 @@ TEST(ShapePose, ABallWithItsMassBelowRocks) {
       if (before * w < 0.0) ++turns;
       before = w;
     }
-    // a tick to see it in, and of amplitude θ the share θ²/16 = 1.6e-4
+    // a tick of resolution, and for an amplitude θ the share θ²/16 = 1.6e-4
     EXPECT_NEAR(time, period, 1.5 * h + 2e-3 * period) << h;
   }
 }

@@ -1,7 +1,6 @@
-// Springs and servos on slender bodies. How fast a spring swings a body follows from the inertia
-// about the axis that the spring turns it about. The least inertia, about the long axis of the
-// body, is up to a thousand times smaller and has no part in the motion. The oracle is runge_kutta
-// with a tolerance of 1e-13 m/s.
+// Springs and servos on slender bodies. The frequency of a spring depends on the inertia about the
+// axis of rotation. The least inertia, about the long axis of the body, is up to a thousand times
+// smaller and takes no part in the motion. Oracle: runge_kutta with a tolerance of 1e-13 m/s.
 
 #include "constraint_sim/engine/island.h"
 #include "support.h"
@@ -25,7 +24,7 @@ const char* name_of(Elastic kind) {
   return kNames[static_cast<std::size_t>(kind)];
 }
 
-/// One or two slender arms along x from the origin, of which each has a spring at its inner end.
+/// One or two slender arms along x from the origin, each with a spring at its inner end.
 struct SlenderArms {
   double length, mass, frequency, damping_ratio, start;
   double aspect;  // length over thickness
@@ -40,7 +39,8 @@ struct SlenderArms {
         aspect(between_logs(3.0, 40.0, random)),
         count(1 + random->below(2)) {}
 
-  // The stiffness [N m/rad] that swings one arm about its end at `frequency` [rad/s].
+  // Returns the stiffness [N m/rad] at which an arm oscillates about its end with `frequency`
+  // [rad/s].
   double stiffness() const { return frequency * frequency * mass * length * length / 3.0; }
 
   Joint joint(int number, Elastic kind, BodyId inner, BodyId arm) const {
@@ -79,7 +79,7 @@ struct SlenderArms {
       arm.no_collision = true;
       const BodyId id = world.add_body(arm);
       world.add_joint(joint(i, kind, inner, id));
-      if (kind == Elastic::kLine) {  // from above, at the outer end
+      if (kind == Elastic::kLine) {  // spring from above to the outer end
         Joint line;
         line.name = "line" + std::to_string(i);
         line.kind = JointKind::kDistance;
@@ -98,8 +98,8 @@ struct SlenderArms {
 
 class SlenderBodies : public testing::TestWithParam<Elastic> {};
 
-// 1e-6 m: the default tolerance of runge_kutta is 1e-8 m/s for 0.5 s, and two arms make at most
-// some hundred times more of an error in that time.
+// 1e-6 m: the default tolerance of runge_kutta is 1e-8 m/s for 0.5 s, and two arms amplify an error
+// some hundred times in that time.
 TEST_P(SlenderBodies, AreStiffByTheAxisOfTheirSprings) {
   Random random;
   for (int seed = 0; seed < kSlenderSeeds; ++seed) {

@@ -1,5 +1,5 @@
-// Slips that are slow beside what friction does within a substep: where a body begins to slip with
-// hardly more force than friction holds. Oracles: closed forms.
+// Slips that are slow beside the effect of friction within a substep: a body begins to slip with
+// slightly more force than friction holds. Oracles: closed forms.
 
 #include "by_events.h"
 #include "support.h"
@@ -13,9 +13,8 @@ class SlowSlipsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, SlowSlipsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
 
-// (1 + ε) μ m g pushes a box that stands on its corners: ε μ g t²/2. Stages that follow the
-// direction of the slip need 1/ε of them, and were given up: the most is what a handful of events
-// may need.
+// A force (1 + ε) μ m g pushes a box that stands on its corners: ε μ g t²/2. Stages that follow the
+// direction of the slip would need 1/ε of them; the bound is that of a handful of events.
 TEST_P(SlowSlipsAt, ABoxIsPushedBeyondFriction) {
   constexpr double kMass = 2.0;
   for (const double mu : {0.1, 0.3, 0.49}) {
@@ -41,9 +40,8 @@ TEST_P(SlowSlipsAt, ABoxIsPushedBeyondFriction) {
   }
 }
 
-// A box is pulled by a spring whose end goes at a constant rate u: it sticks until the spring has
-// μ m g, and then is at u (t − sin(ωt)/ω), and so at rest again after 2π/ω. By `auto` it was 4 cm
-// off.
+// A spring whose end moves at a constant rate u pulls a box: it sticks until the spring has μ m g,
+// then is at u (t − sin(ωt)/ω), and at rest again after 2π/ω.
 TEST_P(SlowSlipsAt, ASpringPullsABoxUntilItSlips) {
   constexpr double kMass = 2.0, kMu = 0.2, kRate = 0.25;
   for (const double stiffness : {10.0, 40.0, 400.0}) {

@@ -1,4 +1,4 @@
-// A snapshot answers as its world does, at any moment and after any edit, and taking it changes
+// A snapshot answers like its world, at any moment and after any edit, and taking it changes
 // nothing.
 
 #include "constraint_sim/engine/plan.h"
@@ -54,7 +54,7 @@ void expect_same_answers(const World& snapshot, const World& world) {
 
 using Edit = void (*)(World*);
 
-// each leaves something for the next one
+// Edits, each of which leaves something for the next one.
 const Edit kEdits[] = {
     [](World* world) {
       Motor motor = world->joint(world->joint_ids().front()).motor;
@@ -86,7 +86,7 @@ TEST(Snapshot, AnswersAsItsWorldDoesAfterStepsAndEdits) {
         world.take_snapshot(&snapshot);
         expect_same_answers(snapshot, world);
         World first;
-        world.take_snapshot(&first);  // with nothing to reuse
+        world.take_snapshot(&first);  // nothing to reuse
         expect_same_answers(first, world);
       };
       look();
@@ -102,14 +102,14 @@ TEST(Snapshot, AnswersAsItsWorldDoesAfterStepsAndEdits) {
   }
 }
 
-// Of scenes in which a step meets nothing new and gives no method up on its way: the answer before
-// it is what it then does.
+// Scenes in which a step meets nothing new and abandons no method: the answer before the step is
+// the step's own.
 TEST(Islands, AskedForAfterAnEditAreThoseOfTheNextStep) {
   const std::pair<const char*, Method> scenes[] =
       {
           {"chain_heavy_end", Method::kAuto}, {"winch", Method::kRungeKutta},
           {"bridge", Method::kAuto},          {"two_boxes", Method::kRungeKutta},
-          {"weak_winch", Method::kAuto},  // in contact all the time, by events
+          {"weak_winch", Method::kAuto},  // always in event-driven contact
       };
   for (const auto& [scene, method] : scenes) {
     SCOPED_TRACE(scene);

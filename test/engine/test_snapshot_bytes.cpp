@@ -1,5 +1,5 @@
 // shards: 4
-// Snapshots as bytes. Oracle: the world that was written, going on itself, to the bit.
+// Snapshots as bytes. Oracle: the written world itself, continued, to the bit.
 
 #include <algorithm>
 #include <cstdlib>
@@ -27,7 +27,7 @@ const std::uint64_t kRandom = 100 / kSeedShare;                  // scenes of ea
 
 std::vector<std::string> shipped() { return scene_names(CONSTRAINT_SIM_SCENE_DIR); }
 
-/// The same hash after every step.
+/// Expects the same hash after every step.
 void expect_same_future(World world, World again, int steps, const std::string& what) {
   for (int i = 0; i <= steps; ++i) {
     ASSERT_EQ(again.state_hash(), world.state_hash()) << what << ", " << i << " steps later";
@@ -76,8 +76,8 @@ TEST_P(Snapshots, OfAShippedSceneGoOnWithTheSameBits) {
 INSTANTIATE_TEST_SUITE_P(All, Snapshots, testing::ValuesIn(shipped()),
                          [](const auto& of) { return of.param; });
 
-// Taken where rows are left out, and where joints contradict each other: all that is kept goes on
-// with the same bits, reports included.
+// Snapshots of worlds with dropped rows and with contradictory joints continue with the same bits,
+// reports included.
 TEST(SnapshotBytes, OfSingularAndContradictoryJointsGoOnWithTheSameReports) {
   const std::vector<World> scenes = {redundant::n_four_bar(2),
                                      redundant::peaucellier(),
@@ -127,8 +127,8 @@ TEST(SnapshotBytes, OfRandomScenesGoOnWithTheSameBits) {
   }
 }
 
-/// The hash that the runner, a process of its own, comes to from these bytes; none where its steps
-/// are others.
+/// Returns the hash that the runner, a separate process, computes from these bytes; none where its
+/// steps differ.
 std::string hash_in_another_process(const World& world, int steps, const std::string& folder) {
   const std::string file = folder + "/one.snapshot", report = folder + "/report.json";
   std::ofstream(file, std::ios::binary) << write_snapshot(world);
@@ -153,7 +153,7 @@ std::string shown(std::uint64_t hash) {
   return text.str();
 }
 
-// 500 ticks, go back, 500 ticks: in this process, and in one that has nothing but the file.
+// 500 ticks, return, 500 ticks: in this process, and in one that has only the file.
 TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
   const TemporaryFolder folder;
   int compared = 0;
@@ -161,7 +161,7 @@ TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
     World again = read_snapshot(write_snapshot(world));
     const World start = world;
     for (int i = 0; i < kFuture; ++i) {
-      if (world.step().failed) return;  // a random one may come to what no method can do
+      if (world.step().failed) return;  // a random one may reach a state that no method can advance
       again.step();
     }
     ++compared;
@@ -185,12 +185,12 @@ TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
   EXPECT_GT(compared, static_cast<int>(19 * kRandom / 10));
 }
 
-// Edits before and after, and what a reset and ids go by.
+// Edits before and after, with resets and ids.
 TEST(SnapshotBytes, TakeTheSameEditsAfterwards) {
   for (const std::string& scene : shipped()) {
     World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + scene + ".yaml");
     run(world, 20);
-    world.remove_body(world.body_ids().back());  // not yet compiled
+    world.remove_body(world.body_ids().back());  // the edited world is not yet compiled
     World again = read_snapshot(write_snapshot(world));
     for (World* one : {&world, &again}) {
       run(*one, 5);
@@ -212,7 +212,7 @@ TEST(SnapshotBytes, TakeTheSameEditsAfterwards) {
   }
 }
 
-// The wrench that acted in the last step was on the body with the last index.
+// The wrench of the last step acted on the body with the last index.
 TEST(SnapshotBytes, AreReadAfterABodyWithAWrenchIsRemoved) {
   World world{WorldOptions{}};
   world.add_body(make_body("kept", Sphere{0.1}, 1.0, {0.0, 0.0, 0.0}));

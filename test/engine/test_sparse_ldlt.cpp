@@ -1,4 +1,4 @@
-// The sparse factorisation against dense ones, and what it does where rows depend on each other.
+// The sparse factorisation against dense ones, and its behaviour with dependent rows.
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -14,7 +14,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Pattern = List<std::pair<int, int>>;
 
-/// Puts A into a factorisation with this pattern.
+/// Returns a factorisation of A with this pattern.
 SparseLdlt with_values(const MatrixXd& A, const Pattern& pattern) {
   SparseLdlt ldlt;
   ldlt.analyze(static_cast<int>(A.rows()), pattern);
@@ -31,7 +31,7 @@ VectorXd solve(const SparseLdlt& ldlt, const VectorXd& b) {
   return x;
 }
 
-/// G Gᵀ for rows that each couple with the ones of the pattern, and well conditioned.
+/// Returns a well-conditioned G Gᵀ with this pattern.
 MatrixXd positive_definite(int n, const Pattern& pattern, Random* random) {
   MatrixXd A = MatrixXd::Zero(n, n);
   for (const auto& [i, j] : pattern) A(i, j) = A(j, i) = (*random)();
@@ -45,7 +45,7 @@ void expect_solves(int n, const Pattern& pattern, Random* random) {
   EXPECT_EQ(ldlt.factor(1e-8), 0);
   const VectorXd b = VectorXd::LinSpaced(n, -1.0, 1.0);
   const VectorXd x = solve(ldlt, b);
-  // diagonally dominant, so both solutions are good to n roundings
+  // diagonally dominant, so both solutions are accurate to n roundings
   EXPECT_LE((x - A.ldlt().solve(b)).norm(), 4.0 * n * kEpsilon * x.norm());
 }
 
@@ -74,7 +74,7 @@ TEST(SparseLdlt, SolvesRandomPatternsWithLoops) {
   }
 }
 
-TEST(SparseLdlt, SolvesNets) {  // with blocks of all widths
+TEST(SparseLdlt, SolvesNets) {  // nets have blocks of all widths
   Random random;
   for (const int side : {3, 10, 20}) {
     Pattern pattern;
@@ -91,7 +91,7 @@ TEST(SparseLdlt, ChainsAndTreesHaveNoFill) {
   for (int i = 1; i < 1000; ++i) tree.emplace_back((i - 1) / 2, i);
   SparseLdlt ldlt;
   ldlt.analyze(1000, tree);
-  EXPECT_EQ(ldlt.values().size(), 1000u + 1000u);  // the root has a place below it as well
+  EXPECT_EQ(ldlt.values().size(), 1000u + 1000u);  // the root has an entry below it too
 }
 
 TEST(SparseLdlt, RingsHaveLittleFill) {
@@ -136,7 +136,7 @@ TEST(SparseLdlt, CountsAndTouchesDependentRows) {
     }
     SparseLdlt ldlt = with_values(A, pattern);
     EXPECT_EQ(ldlt.factor(1e-8), 2) << has_loop;
-    // what is left of these pivots is rounding
+    // pivots of dependent rows are rounding errors
     EXPECT_LT(ldlt.smallest_pivot(), 1e-14);
     const VectorXd x = solve(ldlt, A * VectorXd::Ones(6));
     EXPECT_LE((A * x - A * VectorXd::Ones(6)).norm(), 1e-13 * A.norm());  // rounding
@@ -161,8 +161,8 @@ TEST(SparseLdlt, LeavesDependentRowsOut) {
       if (!ldlt.is_left_out(static_cast<std::size_t>(ldlt.place(i)))) kept.push_back(i);
     EXPECT_EQ(left_out, 1) << has_loop;
     EXPECT_EQ(kept.size(), 4u) << has_loop;
-    if (!has_loop) continue;  // those without a force are kept
-    // what is kept is independent
+    if (!has_loop) continue;  // rows without a force are kept
+    // the kept rows are independent
     MatrixXd rest(4, 6);
     for (int i = 0; i < 4; ++i) rest.row(i) = G.row(kept[static_cast<std::size_t>(i)]);
     EXPECT_EQ(Eigen::FullPivLU<MatrixXd>(rest).rank(), 4);

@@ -1,4 +1,5 @@
-// Steps that end early: by the stop flag, by a time without a next tick, by what the system throws.
+// Steps that end early: by the stop flag, by a time without a next tick, by exceptions of the
+// system.
 
 #include <atomic>
 #include <chrono>
@@ -15,7 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A box on the floor, a pendulum, a stiff spring and a box that tumbles: an island of each kind.
+/// A box on the floor, a pendulum, a stiff spring and a tumbling box: an island of each kind.
 World one_of_each(int iterations) {
   WorldOptions options;
   options.time_step = 0.01;
@@ -51,7 +52,7 @@ TEST(Stop, AStepThatNeverEndsIsEndedByTheFlagAndTheStateIsThatOfBefore) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     stop = true;
   });
-  const std::clock_t start = std::clock();  // the processor's time: others may be busy
+  const std::clock_t start = std::clock();  // processor time: others may be busy
   const StepReport report = world.step();
   const double passed = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   other.join();
@@ -79,8 +80,8 @@ TEST(Stop, AWorldThatWasStoppedGoesOn) {
   run(other, 50);
   EXPECT_FALSE(world.report().stopped);
   EXPECT_EQ(world.step_count(), other.step_count());
-  // methods begin anew, so that substeps differ: both are within the tolerance of 1e-8 m a second,
-  // and the block, whose impulses are forgotten, within the fall of one tick, g h² = 1e-3 m
+  // methods restart, so substeps differ: both are within the tolerance of 1e-8 m/s, and the block,
+  // whose impulses are lost, within the fall of one tick, g h² = 1e-3 m
   for (const BodyId id : world.body_ids())
     EXPECT_LT((world.state(id).position - other.state(id).position).norm(),
               world.body(id).name == "block" ? 1e-3 : 1e-7)
@@ -99,7 +100,7 @@ TEST(Stop, WithoutTheFlagSetNothingChanges) {
 TEST(Stop, ATimeWithoutANextTickIsRefused) {
   World world = one_of_each(10);
   const std::uint64_t hash = world.state_hash();
-  EXPECT_THROW(world.set_time(1e15, 0), std::invalid_argument);  // its ulp is 0.125 s
+  EXPECT_THROW(world.set_time(1e15, 0), std::invalid_argument);  // the ulp of 1e15 s is 0.125 s
   EXPECT_EQ(world.state_hash(), hash);
   world.set_time(1e9, 0);  // 1.2e-7 s
   WorldOptions shorter = world.options();

@@ -1,6 +1,6 @@
 // Trees of joints with axes by their own elimination, against the rows of the same mechanism, and
-// where rows lose what a light link has to hold. Against the independent reference, moved,
-// reordered, with laws and with a base that moves they are in test_random_mechanisms.cpp and
+// where rows lose the force on a light link. Comparisons with the independent reference, moved,
+// reordered, with laws and with a moving base, are in test_random_mechanisms.cpp and
 // test_judged_mechanisms.cpp.
 
 #include "random_joints.h"
@@ -11,7 +11,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Bars of 1 kg and a metre along x on hinges by turns across each other, the last of `load` kg.
+/// Bars of 1 kg and 1 m along x on hinges with alternating axes, the last of `load` kg.
 World arm(int bars, double load, double h = 0.01) {
   WorldOptions chosen;
   chosen.method = Method::kRungeKutta;
@@ -37,8 +37,8 @@ World arm(int bars, double load, double h = 0.01) {
   return world;
 }
 
-// One pivot a hinge keeps what matrices of rows lose: 1 / m of the load in sums with those of
-// links. Energy to rounding of some hundred steps; joints to that of 3 m.
+// A pivot per hinge keeps the accuracy that the Delassus matrix loses by adding 1 / m of the load
+// to 1 / m of links. Tolerances: rounding of some hundred steps for energy, and of 3 m for joints.
 TEST(TreeOfBodies, HoldsAnyLoadOnLightLinks) {
   for (const double load : {1.0, 1e3, 1e6, 1e9, 1e12}) {
     World world = arm(3, load);
@@ -50,7 +50,7 @@ TEST(TreeOfBodies, HoldsAnyLoadOnLightLinks) {
   }
 }
 
-// A second hinge on the axis of the first makes rows redundant, which are not left to the tree.
+// A second hinge on the axis of the first makes rows redundant, for which the tree is not used.
 TEST(TreeOfBodies, MovesAsTheRowsOfTheSameMechanismDo) {
   for (const int bars : {1, 2, 5}) {
     World tree = arm(bars, 2.0), rows = arm(bars, 2.0);
@@ -76,7 +76,7 @@ TEST(TreeOfBodies, MovesAsTheRowsOfTheSameMechanismDo) {
   }
 }
 
-// In free space the root hangs on nothing: what moves it are the others.
+// In free space the root hangs on nothing: the other bodies move it.
 TEST(TreeOfBodies, KeepsMomentaInFreeSpace) {
   WorldOptions chosen = weightless(0.01);
   chosen.method = Method::kRungeKutta;
@@ -110,8 +110,8 @@ TEST(TreeOfBodies, KeepsMomentaInFreeSpace) {
   EXPECT_NEAR(world.energy(), energy, 1e-8 * energy);
 }
 
-// Two hinges on one axis and a third body on a rope that is slack: as many joints as a tree of
-// three bodies has, and none.
+// Two hinges on one axis and a third body on a slack rope: as many joints as a tree of three
+// bodies, but no tree.
 TEST(TreeOfBodies, IsNotWhatHasAsManyJoints) {
   WorldOptions chosen = weightless(0.01);
   chosen.method = Method::kAuto;

@@ -13,9 +13,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kLeast = 1e-8;  // pivots, of their diagonal entries
+constexpr double kLeast = 1e-8;  // least pivot over its diagonal entry
 
-/// Tridiagonal and positive definite: B Bᵀ of a random bidiagonal B.
+/// Returns a tridiagonal, positive definite matrix: B Bᵀ of a random bidiagonal B.
 MatrixXd random_matrix(Index n) {
   MatrixXd B = MatrixXd::Zero(n, n);
   for (Index i = 0; i < n; ++i) {
@@ -53,7 +53,7 @@ TEST(TridiagonalLdlt, TellsWhereARowDependsOnOthers) {
   for (const Index n : {1, 2, 3, 6, 7}) {
     for (Index zero = 0; zero < n; ++zero) {
       MatrixXd B = MatrixXd::Identity(n, n);
-      if (n > 1) B.row(zero) = B.row(zero == 0 ? 1 : zero - 1);  // twice the same
+      if (n > 1) B.row(zero) = B.row(zero == 0 ? 1 : zero - 1);  // a duplicated row
       if (n == 1) B.setZero();
       TridiagonalLdlt ldlt;
       ldlt.resize(static_cast<std::size_t>(n));

@@ -1,4 +1,4 @@
-// The tutorial's own numbers: the constraint on a line, the worked example, the experiment.
+// Numbers of the tutorial: the constraint on a line, the worked example, the experiment.
 
 #include "constraint_sim/engine/distance_1d.h"
 #include "support.h"
@@ -25,7 +25,7 @@ TEST(Distance1d, JacobianIsTheGradient) {
     const double step = 1e-2;
     const auto C = [&](double dx, double dy) { return distance_1d(x + dx, y + dy, L).C; };
     const Distance1d constraint = distance_1d(x, y, L);
-    // central differences of a quadratic are exact but for the round-off of C ≤ 20 over the step
+    // central differences of a quadratic are exact except for the rounding of C ≤ 20 over the step
     const double tolerance = 20.0 * kEpsilon / step;
     EXPECT_NEAR((C(step, 0.0) - C(-step, 0.0)) / (2.0 * step), constraint.j_x, tolerance);
     EXPECT_NEAR((C(0.0, step) - C(0.0, -step)) / (2.0 * step), constraint.j_y, tolerance);
@@ -43,7 +43,7 @@ TEST(Distance1d, LambdaByHand) {
 struct Line {
   double x = -0.7, y = 0.9, v_x = 0.3, v_y = -1.1, mass_x = 2.0, mass_y = 5.0, L = 1.6;
 
-  /// Velocities after one step of the tutorial's formula.
+  /// Returns the velocities after one step of the tutorial's formula.
   Vector3d by_formula(double zeta, double h) const {
     const Distance1d c = distance_1d(x, y, L);
     const double lambda = lambda_1d(c, v_x, v_y, mass_x, mass_y, zeta, h);
@@ -68,8 +68,8 @@ struct Line {
   }
 };
 
-// The world's row is the tutorial's divided by ‖d‖, so its bias is too. A dozen roundings of
-// numbers up to 60 are allowed for.
+// The world's row and its bias are the tutorial's divided by ‖d‖. The bound allows a dozen
+// roundings of numbers up to 60.
 constexpr double kRoundOff1d = 12 * 60 * kEpsilon;
 
 TEST(Distance1d, WorldMovesTwoPointMassesInTheSameWay) {
@@ -121,7 +121,7 @@ struct WorkedExample {
   double impulse() const { return world.joint_state(line).force * world.options().time_step; }
 };
 
-constexpr double kWorked = 1e-12;  // far above the round-off of two dozen operations, 1e-14
+constexpr double kWorked = 1e-12;  // far above the rounding of two dozen operations, 1e-14
 
 void expect_near(const Vector3d& is, const Vector3d& expected, double tolerance) {
   EXPECT_LE((is - expected).norm(), tolerance)
@@ -137,7 +137,7 @@ TEST(WorkedExample, CDotAndConstraintMass) {
 }
 
 TEST(WorkedExample, WithoutBias) {
-  WorkedExample example(DistanceJoint{});  // as long as it is: C = 0, so Baumgarte adds nothing
+  WorkedExample example(DistanceJoint{});  // present length: C = 0, so Baumgarte adds nothing
   example.world.step();
   EXPECT_NEAR(example.impulse(), -64.0 / 27.0, kWorked);
   const BodyState& a = example.world.state(example.a);
@@ -160,8 +160,8 @@ TEST(WorkedExample, WithBaumgarte) {
   expect_near(b.angular_velocity, {0.0, 0.0, -13.0 / 27.0}, kWorked);
 }
 
-// One row is solved in one sweep, so more sweeps, and the impulse of the step before, change
-// nothing of what the row asks: J V = 0.
+// One sweep solves a single row, so more sweeps, and the previous step's impulse, keep the row's
+// target: J V = 0.
 TEST(WorkedExample, RowIsMetAfterEverySweepAndStep) {
   WorkedExample example(DistanceJoint{});
   example.world.step();
@@ -175,7 +175,7 @@ TEST(WorkedExample, RowIsMetAfterEverySweepAndStep) {
   // linear momentum along the rod is only exchanged
   EXPECT_NEAR(2.0 * n.dot(a_1.linear_velocity - a.linear_velocity),
               -4.0 * n.dot(b_1.linear_velocity - b.linear_velocity), kWorked);
-  // and the impulse is the one that the row wants: (ζ − β/h C − J V)/(J M⁻¹ Jᵀ)
+  // the impulse satisfies the row: (ζ − β/h C − J V)/(J M⁻¹ Jᵀ)
   const auto arm = [&](const Vector3d& p, const BodyState& body) { return p - body.position; };
   const auto turned = [](const BodyState& body, const Vector3d& inertia, const Vector3d& x) {
     const Vector3d x_B = body.orientation.conjugate() * x;
@@ -193,7 +193,7 @@ TEST(WorkedExample, RowIsMetAfterEverySweepAndStep) {
 
 // ---- the experiment: pull the bodies apart and watch the error
 
-/// Two boxes joined by a rod of 2 m between the faces that look at each other, pulled apart by 1 m.
+/// Two boxes joined by a rod of 2 m between the faces towards each other, pulled apart by 1 m.
 struct PulledApart {
   World world;
   JointId joint;
@@ -242,7 +242,7 @@ TEST(PullApart, JointsOwnBetaOverridesTheWorlds) {
 TEST(PullApart, JointSaysThatItIsClosingUntilOneHundredthIsLeft) {
   PulledApart pulled(0.5, std::nullopt);
   EXPECT_TRUE(pulled.world.joint_state(pulled.joint).closing);
-  run(pulled.world, 6);  // 1/64 is left
+  run(pulled.world, 6);  // 1/64 remains
   EXPECT_TRUE(pulled.world.joint_state(pulled.joint).closing);
   run(pulled.world, 1);
   EXPECT_FALSE(pulled.world.joint_state(pulled.joint).closing);

@@ -1,5 +1,4 @@
-// verify(): chaos told apart from faults, and the estimate as a statement about the error at the
-// end.
+// verify(): distinguishes chaos from faults, and tests the estimate as a bound of the final error.
 
 #include <atomic>
 #include <cmath>
@@ -42,11 +41,11 @@ TEST(Verify, BoundsTheErrorOfAPendulumByEstimateAndGrowth) {
     EXPECT_EQ(report.other_method, Method::kEnergyMomentum);
     const VerifiedFigures& figures = only_body(report).figures;
     EXPECT_NEAR(figures.time, 5.0, 1e-12);
-    // of order 4, at half the step of the run that it is compared with
+    // order 4, at half the step of the compared run
     EXPECT_LE(figures.other_method, figures.other_error) << only_body(report).no_other_method;
 
     for (int i = 0; i < 100; ++i) world.step();
-    // θ(t) = 2 asin(k sn(K + ω t, k)), as pendulum.h has it
+    // θ(t) = 2 asin(k sn(K + ω t, k)), as in pendulum.h
     const long double k = std::sin(static_cast<long double>(from) / 2);
     const long double u =
         std::comp_ellint_1(k) + std::sqrt(static_cast<long double>(kGravity / length)) * 5.0L;
@@ -89,7 +88,7 @@ TEST(Verify, FindsImpulsesWithALongTick) {
   EXPECT_STREQ(bob.verdict(), "exceeds");
   EXPECT_NE(bob.no_estimate.find("sequential_impulses has no estimate"), std::string::npos);
   EXPECT_EQ(report.other_method, Method::kAuto);
-  // of first order: off by g h² / 2 and more from the first tick on
+  // first order: off by g h² / 2 and more from the first tick on
   EXPECT_GT(bob.exceeded->half_step, 1e-3);
   EXPECT_GT(bob.exceeded->other_method, 1e-3);
 }
@@ -104,7 +103,7 @@ TEST(Verify, FindsSubstepsWithoutATolerance) {
   world.set_options(options);
   const VerifyReport report = verify(world, verify_ticks(20));
   const VerifiedBody& bob = only_body(report);
-  // the estimate says so, or the comparison does
+  // either the estimate or the comparison shows it
   EXPECT_TRUE(report.exceeds() || bob.chaotic_from || bob.figures.global_error() > 1e-3)
       << to_table(report);
 }
@@ -139,7 +138,7 @@ TEST(Verify, LeavesTheWorldAndItsHash) {
   EXPECT_EQ(world.state_hash(), hash);
 }
 
-// The first run is that of the world itself, with the bits of the world itself.
+// The first run repeats the world itself, bit for bit.
 TEST(Verify, GivesEveryRunTheCommandsAtTheirTime) {
   World world = swinging_pendulum(0.01, 1.0, 1.0);
   VerifyOptions options = verify_ticks(100);

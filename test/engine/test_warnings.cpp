@@ -1,5 +1,5 @@
-// What a step warns of: errors that are not closed, energy without a cause, and what turns
-// too fast; whose it is, when, and that nothing is told of what is well.
+// Warnings of a step: errors that are not closed, energy without a cause, and unresolved rotation;
+// their body or joint, their time, and their absence in correct scenes.
 
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ World after(World world, double seconds) {
   return world;
 }
 
-/// Whether any step within so long has a warning, and which.
+/// Returns the warnings of the first step that has some, within a duration.
 std::vector<std::string> warnings_within(World world, double seconds) {
   const long steps = std::lround(seconds / world.options().time_step);
   for (long i = 0; i < steps; ++i) {
@@ -42,7 +42,7 @@ std::string one_line(const std::vector<std::string>& lines) {
   return lines.empty() ? "" : lines.front();
 }
 
-/// A mass on a rod of 1 m and one of 1.2 m to the same point: both are off by 0.1 m, the mean.
+/// A mass on two rods of 1 m and 1.2 m to one point: both are off by 0.1 m.
 World two_lengths() {
   World world(options(0.01));
   WorldOptions chosen = world.options();
@@ -72,7 +72,7 @@ TEST(Warnings, NamesRodsThatContradictEachOther) {
   Motor winding;
   winding.bias = 0.1;
   world.set_motor(world.find_joint("short"), winding);
-  EXPECT_TRUE(step_warnings(world).empty());  // until the next step
+  EXPECT_TRUE(step_warnings(world).empty());  // an edit clears warnings until the next step
 }
 
 TEST(Warnings, NothingWhileAnEditIsBeingClosed) {
@@ -84,7 +84,7 @@ TEST(Warnings, NothingWhileAnEditIsBeingClosed) {
     world.add_joint(hang("rod", bob, rod(1.0)));
     EXPECT_EQ(one_line(warnings_within(world, 3.0)), "");
     BodyState state = world.state(bob);
-    for (int i = 0; i < 5; ++i) {  // and again before it is done
+    for (int i = 0; i < 5; ++i) {  // edited again before closing ends
       for (int step = 0; step < 30; ++step)
         ASSERT_EQ(world.step().unclosed_joints, 0u) << name(method) << " " << i << " " << step;
       world.set_state(bob, state);
@@ -137,7 +137,7 @@ TEST(Warnings, WhatTooFewSweepsCannotHold) {
 
 // ---- energy
 
-// A truss that turns by 2 rad in a tick on a stiff spring: impulses follow its line too late.
+// A truss that rotates by 2 rad a tick on a stiff spring: impulses follow its line too late.
 World gaining_spring() {
   WorldOptions chosen = weightless(0.1);
   World world(chosen);
@@ -160,10 +160,10 @@ TEST(Warnings, EnergyThatImpulsesGain) {
   double gained = 0.0, least = start;
   for (int step = 1; step <= 160; ++step) {
     const StepReport& report = world.step();
-    if (step % 16 != 0) continue;  // when it is looked at
+    if (step % 16 != 0) continue;  // energy is checked in these steps
     least = std::min(least, report.energy);
     gained = report.energy - least;
-    // sweeps' rounding is allowed
+    // rounding of the sweeps is allowed
     if (gained > 0.1) {
       ASSERT_NEAR(report.energy_rise, gained, 1e-6 * gained) << step;
     }
@@ -175,7 +175,7 @@ TEST(Warnings, EnergyThatImpulsesGain) {
   EXPECT_EQ(list[0].whose, "left");
 }
 
-// Without a tolerance steps are as long as ticks, and much too long here.
+// Without a tolerance steps are as long as ticks, which are much too long here.
 TEST(Warnings, EnergyThatTooLongStepsGain) {
   World world = problems::chain(2);
   WorldOptions chosen = world.options();
@@ -190,8 +190,8 @@ TEST(Warnings, EnergyThatTooLongStepsGain) {
   EXPECT_EQ(one_line(warnings_within(world, 10.0)), "");
 }
 
-// What is done from outside is a cause: wrenches, motors, kinematic bodies, closings, also where
-// they begin and end between two looks.
+// External actions are causes: wrenches, motors, kinematic bodies and closings, also where they
+// begin and end between two checks.
 TEST(Warnings, DrivesAreCauses) {
   for (const Method method : {Method::kAuto, Method::kEnergyMomentum}) {
     WorldOptions chosen = options(0.01);
@@ -231,9 +231,9 @@ TEST(Warnings, DrivesAreCauses) {
   }
 }
 
-// ---- what is well
+// ---- correct scenes
 
-// The worked example spins in first order, and is off by 1e-3 m again after some seconds.
+// The worked example spins with first-order errors, and exceeds 1e-3 m again after some seconds.
 TEST(Warnings, NothingOfShippedScenes) {
   for (const auto& file : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
     const double seconds = file.path().stem() == "worked_example" ? 2.0 : 4.0;
@@ -241,7 +241,7 @@ TEST(Warnings, NothingOfShippedScenes) {
   }
 }
 
-// Energy of random scenes never rises without a cause by any method; joints of those that are
+// Energy of random scenes never rises without a cause by any method; joints of scenes that are
 // integrated throughout stay within 1e-6 m.
 TEST(Warnings, NothingOfRandomScenes) {
   for (std::uint64_t seed = 1; seed <= 30u / kSeedShare; ++seed) {
@@ -262,9 +262,8 @@ TEST(Warnings, NothingOfRandomScenes) {
   }
 }
 
-// A ball that swings on two rods which cannot both be met: once what does not fit has been closed
-// as far as it goes, its energy rises in some ticks by what corrections of its position add, and by
-// nothing else. The bound is some ulp of the energy of 110 J.
+// A ball swings on two contradictory rods: after closing, its energy rises in some ticks by the
+// work of position corrections only. The bound is a few ulp of the energy of 110 J.
 TEST(Warnings, EnergyThatCorrectionsOfPositionsAdd) {
   World world = load_scene(
       "world: {time_step: 0.05, closing_time: 0.5}\n"
@@ -288,7 +287,7 @@ TEST(Warnings, EnergyThatCorrectionsOfPositionsAdd) {
   EXPECT_LT(unbooked, 1e-12);
 }
 
-// ---- what cannot be resolved
+// ---- unresolved motion
 
 TEST(Warnings, SpinThatImpulsesCannotFollow) {
   World world =
@@ -300,8 +299,8 @@ TEST(Warnings, SpinThatImpulsesCannotFollow) {
   EXPECT_EQ(world.step().unresolved_bodies, 0u);
 }
 
-// A light body under one 1e20 times as heavy falls freely: told from the first step that cannot
-// meet the joints by more than a millimetre.
+// A light body under one 1e20 times as heavy falls freely: reported from the first step whose joint
+// errors exceed a millimetre.
 TEST(Warnings, MassesThatCannotBeHeld) {
   for (const double rate : {60.0, 1000.0}) {
     World world = redundant::with(redundant::mass_ratio(1.0, 1e20), Method::kAuto, rate);

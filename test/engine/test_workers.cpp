@@ -1,4 +1,4 @@
-// Islands carried at the same time: the same bits with any number of threads.
+// Islands advanced in parallel: the same bits with any number of threads.
 
 #include <atomic>
 
@@ -26,8 +26,8 @@ TEST(Workers, CallEachOnce) {
   EXPECT_EQ(calls, 100);
 }
 
-/// Smooth, stiff and contradicting islands, motors, turning bodies and contacts, enough of them for
-/// threads to be worth it.
+/// Smooth, stiff and contradictory islands, motors, rotating bodies and contacts, enough for
+/// several threads.
 World many_islands(int threads) {
   WorldOptions options;
   options.time_step = 0.02;
@@ -48,7 +48,7 @@ World many_islands(int threads) {
     }
     world.add_joint(top);
     world.add_joint(make_joint("low" + name, a, Vector3d::Zero(), b, {-0.1, 0.0, 0.0}));
-    if (k % 7 == 0)  // cannot be met beside the other two
+    if (k % 7 == 0)  // contradicts the other two
       world.add_joint(make_joint("odd" + name, kWorldBody, at + Vector3d(9, 0, 0), a,
                                  Vector3d::Zero(), rod(3.0)));
     Body ball = make_body("ball" + name, Sphere{0.2}, 1.0, {5.0, 3.0 * k, 0.3 + 0.1 * k});
@@ -73,9 +73,9 @@ TEST(Threads, ChangeNotOneBit) {
       ASSERT_EQ(world.report().islands, one.islands) << step;
       ASSERT_EQ(world.report().substeps, one.substeps) << step;
     }
-    if (step == 10) worlds.back() = worlds.front();  // with one thread, in the middle
+    if (step == 10) worlds.back() = worlds.front();  // copies the world with a single thread
   }
-  EXPECT_GT(changes, 20u);  // methods came and went
+  EXPECT_GT(changes, 20u);  // methods changed
   EXPECT_GT(worlds.front().report().islands[static_cast<std::size_t>(Method::kEnergyMomentum)], 0u);
 }
 

@@ -1,4 +1,4 @@
-// The world: identities, editing, time, failure, and what a step reports.
+// The world: ids, edits, time, failure, and the report of a step.
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint.h"
@@ -30,7 +30,7 @@ struct Row5 {
   }
 };
 
-// ---- identities
+// ---- ids
 
 TEST(Ids, StayValidOverAddingRemovingAndStepping) {
   Row5 row;
@@ -78,7 +78,7 @@ TEST(Ids, OfTheWorldItself) {
   EXPECT_THROW(world.set_state(kWorldBody, BodyState{}), std::invalid_argument);
 }
 
-// Contacts know their bodies after others have left; warm starting does not mix them up.
+// Contacts keep their bodies when others are removed; warm starting does not mix them up.
 TEST(Ids, OfContactsSurviveRemovals) {
   World world(options(0.01));
   const BodyId first = world.add_body(ball("first", -3.0));
@@ -100,7 +100,7 @@ TEST(Ids, OfContactsSurviveRemovals) {
     for (const Contact& contact : world.contacts()) {
       const BodyId id =
           world.body(contact.body_a).name == "floor" ? contact.body_b : contact.body_a;
-      // one sweep settles a ball, but only from its own impulse of before is it there at once
+      // a single sweep suffices only if warm started from the ball's own impulse
       ASSERT_NEAR(contact.normal_force, world.body(id).mass * kGravity, 1e-9);
     }
   }
@@ -175,8 +175,8 @@ TEST(Time, GoesOnWhenTheTickChanges) {
   EXPECT_EQ(world.step_count(), 80u);
 }
 
-// Time is its value at the last change of the tick plus steps times tick: other options are no
-// change, and leave no trace in its digits.
+// Time is its value at the last change of the tick plus steps times tick: other options leave no
+// trace in its digits.
 TEST(Time, IsNotTouchedByOtherOptions) {
   World world(options(0.01));
   World edited = world;
@@ -188,7 +188,7 @@ TEST(Time, IsNotTouchedByOtherOptions) {
     edited.set_options(options);
   }
   EXPECT_EQ(edited.time(), world.time());
-  EXPECT_NE(edited.state_hash(), world.state_hash());  // the number of sweeps decides the motion
+  EXPECT_NE(edited.state_hash(), world.state_hash());  // the number of sweeps changes the motion
   edited.set_options(world.options());
   EXPECT_EQ(edited.state_hash(), world.state_hash());
 }
@@ -252,7 +252,7 @@ TEST(Failure, KeepsTheStateBeforeAndGoesOnAfterAnEdit) {
   EXPECT_NEAR(world.state(resting).position.z(), 0.1, 2.0 * kGravity * 1e-4);
 }
 
-// ---- what a step reports
+// ---- report of a step
 
 TEST(Report, EnergyOfAFreeFall) {
   World world(options(0.01));
@@ -264,7 +264,8 @@ TEST(Report, EnergyOfAFreeFall) {
   EXPECT_NEAR(world.energy(), 3.0 * kGravity + turning, 1e-13);
   for (int n = 1; n <= 100; ++n) {
     world.step();
-    // velocities first: −½ g² h² n less than at the start; over the kinetic energy, about −1/n
+    // velocities first: ½ g² h² n less energy than at the start; over the kinetic energy, about
+    // −1/n
     const double loss = 0.5 * kGravity * kGravity * 1e-4 * n;
     const double kinetic = 0.5 * world.state(id).linear_velocity.squaredNorm() + turning;
     ASSERT_NEAR(world.report().energy, 3.0 * kGravity + turning - loss, 1e-11);
@@ -280,7 +281,7 @@ TEST(Report, DriftCountsFromTheLastEdit) {
   EXPECT_LT(world.report().energy_drift, 0.0);
   world.set_state(id, world.state(id));
   world.step();
-  // one step at 9.8 m/s loses ½ g² h² of ½ v²: g² h²/v² = 1e-4
+  // a step at 9.8 m/s loses ½ g² h² of ½ v²: g² h²/v² = 1e-4
   EXPECT_NEAR(world.report().energy_drift, -1e-4, 1e-5);
 }
 
@@ -295,7 +296,7 @@ TEST(Report, NamesTheWorstJoint) {
   EXPECT_EQ(*report.closing_joint, row.joints[3]);
   EXPECT_EQ(report.closing_error, std::abs(row.world.joint_state(row.joints[3]).error));
   EXPECT_GT(report.closing_error, 0.05);
-  // that of a joint that nothing closes is another one
+  // worst_joint is a joint that nothing closes
   ASSERT_TRUE(report.worst_joint.has_value());
   EXPECT_NE(*report.worst_joint, row.joints[3]);
   EXPECT_EQ(report.max_constraint_error,
@@ -332,7 +333,7 @@ TEST(Report, StagesAreTimedOnlyWithAClock) {
   for (const double time : world.step().stage_times) EXPECT_EQ(time, 0.0);
   world.set_clock(counting_clock);
   const StepReport& report = world.step();
-  for (std::size_t i = 0; i < kStageCount; ++i)  // two readings a stage, and none is integrated
+  for (std::size_t i = 0; i < kStageCount; ++i)  // two readings a stage; none is integrated
     EXPECT_EQ(report.stage_times[i],
               i == static_cast<std::size_t>(Stage::kIntegration) ? 0.0 : 1.0);
   world.set_clock(nullptr);
@@ -375,12 +376,12 @@ TEST(ContinueFrom, TimeGoesOnAndTheMotionIsThatFromZero) {
     fresh.step();
     continued.step();
   }
-  // the phase is round-off of 2π·0.7·12.34 = 54 rad away, times the travel of 0.1 m
+  // the phase differs by the rounding of 2π·0.7·12.34 = 54 rad, times the travel of 0.1 m
   EXPECT_NEAR(continued.state(continued.find_body("load")).position.z(),
               fresh.state(fresh.find_body("load")).position.z(), 1e-14);
 }
 
-// A gear names the joints that it couples by their ids, which are others then.
+// A gear refers to its joints by ids, which change.
 TEST(ContinueFrom, GearsGoOnCouplingTheirJoints) {
   const World old = swinging_winch();
   const auto gears = [] { return load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/gear_train.yaml"); };

@@ -1,4 +1,4 @@
-// Forces and torques on bodies: impulse by force and time, whatever the tick.
+// Forces and torques on bodies: impulse is force times time, at any tick.
 
 #include "support.h"
 
@@ -9,7 +9,7 @@ using Eigen::Vector3d;
 
 constexpr double kMass = 2.5;
 
-/// One box, weightless, at no special orientation.
+/// A weightless box in a general orientation.
 struct Floating {
   World world;
   BodyId box;
@@ -23,7 +23,7 @@ struct Floating {
   }
 
   Vector3d velocity() const { return world.state(box).linear_velocity; }
-  /// About its centre of mass [kg m²/s].
+  /// Returns the angular momentum about the centre of mass [kg m²/s].
   Vector3d spin() const {
     const BodyState& state = world.state(box);
     return angular_momentum(world) - kMass * state.position.cross(state.linear_velocity);
@@ -46,8 +46,8 @@ struct Span {
 
 class WrenchSpan : public testing::TestWithParam<Span> {};
 
-// The sum of up to a thousand impulses, each rounded once, and each end of the span to half an ulp
-// of a time below 2 s.
+// Bound: the sum of up to a thousand impulses, each rounded once, and each end of the interval to
+// half an ulp of a time below 2 s.
 TEST_P(WrenchSpan, GivesForceTimesDuration) {
   const auto [time_step, start, duration] = GetParam();
   const Vector3d F(3.0, -4.0, 5.0);
@@ -71,29 +71,29 @@ TEST_P(WrenchSpan, GivesTorqueTimesDuration) {
       const Vector3d tau = 0.05 * Vector3d::Unit(axis);
       floating.world.add_wrench(torque(floating.box, tau, start, start + duration));
       while (floating.world.time() < start + duration) floating.world.step();
-      // as above, but L goes through ω and back at every step: some ten roundings of |L| < 0.1
+      // L is converted to ω and back at every step: about ten roundings of |L| < 0.1
       EXPECT_LT((floating.spin() - before - duration * tau).norm(), 1e4 * kEpsilon * 0.1) << axis;
       EXPECT_TRUE(floating.velocity().isZero(0.0));
     }
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Spans, WrenchSpan,
-                         testing::Values(Span{0.01, 0.0, 0.25},       // whole ticks
-                                         Span{0.01, 0.0, 0.123456},   // ends within a tick
-                                         Span{0.01, 0.0789, 0.5},     // starts and ends within one
-                                         Span{0.01, 0.034, 0.002},    // all within one
-                                         Span{0.01, 0.0396, 0.0009},  // over the border of two
-                                         Span{0.001, 0.0333333, 0.777777}, Span{0.3, 0.1, 0.7},
-                                         Span{2.0, 0.5, 0.25}),
-                         [](const auto& info) { return "Span" + std::to_string(info.index); });
+INSTANTIATE_TEST_SUITE_P(
+    Spans, WrenchSpan,
+    testing::Values(Span{0.01, 0.0, 0.25},       // whole ticks
+                    Span{0.01, 0.0, 0.123456},   // ends within a tick
+                    Span{0.01, 0.0789, 0.5},     // starts and ends within ticks
+                    Span{0.01, 0.034, 0.002},    // within a single tick
+                    Span{0.01, 0.0396, 0.0009},  // across the border of two ticks
+                    Span{0.001, 0.0333333, 0.777777}, Span{0.3, 0.1, 0.7}, Span{2.0, 0.5, 0.25}),
+    [](const auto& info) { return "Span" + std::to_string(info.index); });
 
 TEST(Wrenches, OfAForceForEverCarriesExactly) {
   Floating hovering(0.01);
   WorldOptions heavy = hovering.world.options();
-  heavy.gravity = {0.0, 0.0, -8.0};  // 2.5 · 8 is exact, so is what remains
+  heavy.gravity = {0.0, 0.0, -8.0};  // 2.5 · 8 is exact, and so is the difference
   hovering.world.set_options(heavy);
-  hovering.world.set_time(1e6, 0);  // where a tick is no longer the difference of two times
+  hovering.world.set_time(1e6, 0);  // at 1e6 s the tick differs from the difference of two times
   hovering.world.add_wrench(force(hovering.box, {0.0, 0.0, 8.0 * kMass}));
   for (int step = 1; step <= 1000; ++step) {
     hovering.world.step();
@@ -109,7 +109,7 @@ TEST(Wrenches, AddUp) {
   both.world.add_wrench(force(both.box, {0.0, 2.0, 0.0}, 0.25, 1.0));
   both.world.add_wrench({both.box, {1.0, 0.0, 0.0}, {0.0, 0.0, 0.1}, 0.5, 1.0});
   run(both.world, 100);
-  // 1 N for 1 s in all, 2 N for 0.75 s, 0.1 N m for 0.5 s; a hundred roundings
+  // 1 N for 1 s, 2 N for 0.75 s, 0.1 N m for 0.5 s; a hundred roundings
   EXPECT_LT((kMass * both.velocity() - Vector3d(1.0, 1.5, 0.0)).norm(), 1e-13);
   EXPECT_LT((both.spin() - Vector3d(0.0, 0.0, 0.05)).norm(), 1e-13);
 }
@@ -131,7 +131,7 @@ TEST(Wrenches, ActOnTheirBodyAlone) {
   EXPECT_GT(floating.world.state(other).linear_velocity.x(), 0.0);
 }
 
-// Oracle: a floor that rubs with μ holds against less than μ m g.
+// Oracle: friction μ of a floor holds against less than μ m g.
 TEST(Wrenches, MeetWhatHoldsTheBody) {
   const auto slides = [](double share) {
     World world(options(0.01));
@@ -148,7 +148,7 @@ TEST(Wrenches, MeetWhatHoldsTheBody) {
   EXPECT_NEAR(slides(1.5), 0.5 * 0.5 * kGravity, 0.05);  // (1.5 − 1) μ g for 1 s; 2 % for sweeps
 }
 
-// ---- their time
+// ---- their interval
 
 TEST(Wrenches, WaitForTheirStart) {
   Floating floating(0.01);
@@ -157,7 +157,8 @@ TEST(Wrenches, WaitForTheirStart) {
   EXPECT_TRUE(floating.velocity().isZero(0.0));
   EXPECT_EQ(floating.world.wrenches().size(), 1u);
   floating.world.step();
-  EXPECT_NEAR(kMass * floating.velocity().x(), 0.005, 1e-15);  // half a tick; times round at 0.2
+  EXPECT_NEAR(kMass * floating.velocity().x(), 0.005,
+              1e-15);  // half a tick; times are rounded at 0.2
 }
 
 TEST(Wrenches, ActNotBeforeTheyAreAdded) {
@@ -183,7 +184,7 @@ TEST(Wrenches, MoveAlongWhenTheTimeIsSet) {
   run(floating.world, 24);
   EXPECT_TRUE(floating.velocity().isZero(0.0));
   run(floating.world, 30);
-  EXPECT_NEAR(kMass * floating.velocity().x(), 0.25, 1e-13);  // times round at 100
+  EXPECT_NEAR(kMass * floating.velocity().x(), 0.25, 1e-13);  // times are rounded at 100
 }
 
 TEST(Wrenches, MoveAlongWhenTheTimeIsSetBack) {
@@ -193,7 +194,7 @@ TEST(Wrenches, MoveAlongWhenTheTimeIsSetBack) {
   floating.world.set_time(0.0, 0);
   ASSERT_EQ(floating.world.wrenches().size(), 1u);
   run(floating.world, 40);
-  EXPECT_NEAR(kMass * floating.velocity().x(), 0.25, 1e-14);  // times round at 1
+  EXPECT_NEAR(kMass * floating.velocity().x(), 0.25, 1e-14);  // times are rounded at 1
 }
 
 TEST(Wrenches, TooShortForTheTimeThatIsSetAreDropped) {
@@ -281,13 +282,13 @@ TEST(Wrenches, StayWhenAStepFails) {
   EXPECT_FALSE(floating.world.step().failed);
 }
 
-// ---- what they count as
+// ---- their work
 
 TEST(Wrenches, WorkShowsAsDrift) {
   Floating floating(0.01);
   floating.world.add_wrench(force(floating.box, {1.0, 0.0, 0.0}));
   run(floating.world, 10);
-  EXPECT_NEAR(floating.world.report().energy_drift, 1.0, 1e-14);  // all there is came from work
+  EXPECT_NEAR(floating.world.report().energy_drift, 1.0, 1e-14);  // all energy came from work
 }
 
 }  // namespace

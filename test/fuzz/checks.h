@@ -1,6 +1,6 @@
 #pragma once
 
-// Checks that all fuzz targets make of a world.
+// Checks that all fuzz targets make on a world.
 
 #include <atomic>
 #include <chrono>
@@ -72,7 +72,7 @@ class Watchdog {
   std::thread thread_;
 };
 
-/// Whether a step of this world is short enough for thousands of executions a second.
+/// Returns whether a world is small enough for thousands of steps a second.
 inline bool is_small(const engine::World& world) {
   return world.body_ids().size() <= 40 && world.joint_ids().size() <= 40 &&
          world.options().threads <= 2;

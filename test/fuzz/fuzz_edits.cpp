@@ -1,6 +1,6 @@
-// Sequences of edits: any bytes are edits of a world, with right and with wrong arguments, and
-// between them steps, copies, snapshots, saves and questions. A rejected edit changes nothing; a
-// copy goes on with the same bits.
+// Sequences of edits: any bytes are edits of a world, with valid and invalid arguments, and between
+// them steps, copies, snapshots, saves and queries. A rejected edit changes nothing; a copy
+// continues with the same bits.
 
 #include <fuzzer/FuzzedDataProvider.h>
 
@@ -54,7 +54,7 @@ class Editor {
 
   // ---- arguments
 
-  /// Mostly from -2 to 2, sometimes anything.
+  /// Returns a number, mostly from -2 to 2, sometimes an extreme one.
   double number() {
     static const double kAny[] = {0.0,
                                   -0.0,
@@ -104,7 +104,7 @@ class Editor {
     return state;
   }
   std::string name(const char* kind) { return kind + std::to_string(below(20)); }
-  /// A body that is there, the world, or one that may not be there.
+  /// Returns an existing body, the world, or a body that may not exist.
   BodyId body() {
     const std::vector<BodyId> ids = world_.body_ids();
     const int choice = below(16);
@@ -256,7 +256,7 @@ class Editor {
 
   // ---- edits
 
-  /// An edit that is rejected leaves the world as it was.
+  /// Tries an edit; a rejected one must leave the world unchanged.
   template <class Action>
   void attempt(Action action) {
     const std::uint64_t before = world_.state_hash();
@@ -384,7 +384,7 @@ class Editor {
     }
   }
 
-  /// A copy goes on with the same bits; what only looks at a world changes nothing.
+  /// Checks that a copy continues with the same bits, and that queries change nothing.
   void copy() {
     World other = world_;
     fuzz::require(other.state_hash() == world_.state_hash(), "a copy has another hash");

@@ -1,6 +1,6 @@
-// Snapshots: any bytes are read or rejected. Bytes go by the build, so the corpus has scenes: a
-// scene becomes the snapshot of its world after some steps before it is changed. Sums and hashes
-// are not checked, so that what is behind them is reached.
+// Snapshots: any bytes are read or rejected. Bytes depend on the build, so the corpus contains
+// scenes: a scene becomes the snapshot of its world after some steps, and then is mutated. Sums and
+// hashes are not checked, so that the data behind them is reached.
 
 #include "checks.h"
 #include "engine/snapshot/snapshot_checks.h"
@@ -11,7 +11,7 @@ extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, st
 
 namespace {
 
-/// The snapshot of the scene with this text after up to 30 steps; empty where there is none.
+/// Returns the snapshot of a scene after up to 30 steps; empty for an invalid scene.
 std::string snapshot_of(const std::string& scene, unsigned seed) {
   try {
     engine::World world = engine::load_scene(scene);

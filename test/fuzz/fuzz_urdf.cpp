@@ -1,5 +1,5 @@
-// Robots: any URDF, with any YAML beside it, is added or rejected. The YAML follows the last line
-// that begins with `---`. A robot that is added can be stepped.
+// Robots: any URDF, with any extra YAML, is added or rejected. The YAML follows the last line that
+// begins with `---`. An added robot can be stepped.
 
 #include "checks.h"
 #include "urdf/robot.h"

@@ -1,4 +1,4 @@
-"""Runs cases as the program does, but a mass of 13 kg crashes it and one of 14 kg hangs it."""
+"""Runs cases like the program, but a mass of 13 kg crashes it and one of 14 kg hangs it."""
 import os
 import signal
 import sys

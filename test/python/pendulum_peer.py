@@ -27,7 +27,7 @@ def euler(angle, rate, gain, step):
 
 
 def pendulum_of(scene):
-    """(gravity, length, angle from straight down), or why it is none."""
+    """Returns (gravity, length, angle from straight down), or the reason why the scene is no pendulum."""
     joints = scene.get('constraints', [])
     if len(scene['bodies']) != 1 or len(joints) != 1 or 'stiffness' in joints[0]:
         return 'scene: is not one body on a rod'

@@ -2,8 +2,8 @@
 
     random_sequences.py [--count N] [--first SEED] [--seconds S]
 
-A call either does what it says or raises ValueError, TypeError or RuntimeError and changes nothing. Copies and
-saved worlds go on as the world does. What breaks that ends the run with the seed, which repeats it.
+A call either has its documented effect or raises ValueError, TypeError or RuntimeError and changes nothing. Copies and
+saved worlds continue like the world. A violation ends the run with its seed, which repeats it.
 """
 import argparse
 import copy
@@ -19,11 +19,11 @@ from constraint_sim import engine
 REJECTIONS = (ValueError, TypeError, RuntimeError)
 TYPES = ('distance', 'ball', 'hinge', 'slider', 'cylindrical', 'planar', 'universal', 'weld', 'point_on_line',
          'point_on_plane', 'parallel', 'gear', 'pulley', 'screw', 'magic')
-EDITS = 40  # of a sequence
+EDITS = 40  # edits per sequence
 
 
 class Finding(Exception):
-    """Something that may not be."""
+    """A violation of a guarantee."""
 
 
 def require(holds, sentence):
@@ -32,7 +32,7 @@ def require(holds, sentence):
 
 
 class Odd:
-    """An argument of a class of its own, whose conversion may do anything."""
+    """An argument of an own class, whose conversion may do anything."""
 
     def __init__(self, value, action=None):
         self.value, self.action = value, action
@@ -44,13 +44,13 @@ class Odd:
 
 
 class Sequence:
-    """One sequence; all that is drawn follows from the seed."""
+    """One sequence; its random draws depend on the seed alone."""
 
     def __init__(self, seed):
         self.random = random.Random(seed)
         self.world = engine.World()
         self.attempt(lambda: self.world.set_options(**self.options()))
-        self.kept = None  # a copy, and the hash it has
+        self.kept = None  # a copy, and its hash
 
     def run(self):
         for _ in range(EDITS):
@@ -67,7 +67,7 @@ class Sequence:
         return self.random.uniform(-2.0, 2.0) if self.random.random() < 0.9 else self.random.choice(anything)
 
     def interfere(self):
-        """What another piece of a program might do meanwhile."""
+        """Does something that another part of a program might do meanwhile."""
         if self.world.body_names and self.random.random() < 0.5:
             self.world.remove_body(self.random.choice(self.world.body_names))
 
@@ -103,7 +103,7 @@ class Sequence:
             return engine.Sphere(0.2)
 
     def some(self, **values):
-        """Each with its function, as often as its chance."""
+        """Returns keyword arguments, each drawn by its function with its probability."""
         return {key: draw() for key, (chance, draw) in values.items() if self.random.random() < chance}
 
     def body(self):
@@ -148,7 +148,7 @@ class Sequence:
     # ---- calls
 
     def attempt(self, call):
-        """A call that is rejected changes nothing, unless an argument did."""
+        """Makes a call; a rejected call must change nothing, unless an argument did."""
         before, names = self.world.state_hash, self.world.body_names
         try:
             return call()
@@ -260,7 +260,7 @@ class Sequence:
 
 
 def run(first, count, seconds=math.inf):
-    """How many sequences were run. Throws Finding with the seed."""
+    """Returns the number of sequences that were run. Raises Finding with the seed."""
     ends = time.monotonic() + seconds
     for seed in range(first, first + count):
         if time.monotonic() > ends:

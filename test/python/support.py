@@ -1,4 +1,4 @@
-"""What the tests of Python share. CONSTRAINT_SIM_RUN is the runner's path; scripts/test sets it."""
+"""Helpers shared by the tests of Python. CONSTRAINT_SIM_RUN is the runner's path; scripts/test sets it."""
 import os
 import pathlib
 import subprocess

@@ -1,4 +1,5 @@
-"""scripts/count_tests.py sees a case that failed, one that was skipped, one that did not run, and a crash."""
+"""scripts/count_tests.py detects a case that failed, one that was skipped, one that did not run, and a
+crash."""
 import pathlib
 import stat
 import subprocess

@@ -23,7 +23,7 @@ PENDULUM = SCENES / 'pendulum.yaml'
 
 
 def hanging(**options):
-    """A bob of 1 kg on a rod of 1 m, released at 0.1 rad."""
+    """Returns a bob of 1 kg on a rod of 1 m, released at 0.1 rad."""
     world = engine.World(**options)
     world.add_body('bob', shape=engine.Sphere(0.1), mass=1.0,
                    position=(math.sin(0.1), 0.0, -math.cos(0.1)))
@@ -32,7 +32,7 @@ def hanging(**options):
 
 
 def test_same_bits_as_the_runner(tmp_path):
-    """Every scene of the repository: state hash, states and sums of the JSON report."""
+    """Compares for every scene of the repository the state hash, states and sums of the JSON report."""
     scenes = sorted(SCENES.glob('*.yaml'))
     assert len(scenes) >= 11
     for scene in scenes:
@@ -62,8 +62,8 @@ def test_single_steps_are_those_of_a_run():
 
 
 def test_pendulum_against_the_elliptic_period():
-    """Amplitude 0.1 rad: period 2 pi sqrt(l/g) / agm(1, cos(angle / 2)), after Gauss. The ball turns
-    with nothing: the rod holds its centre."""
+    """Amplitude 0.1 rad: period 2 pi sqrt(l/g) / agm(1, cos(angle / 2)), after Gauss. The ball does not rotate:
+    the rod holds its centre."""
     a, b = 1.0, math.cos(0.05)
     while abs(a - b) > 1e-16:
         a, b = (a + b) / 2.0, math.sqrt(a * b)
@@ -75,7 +75,8 @@ def test_pendulum_against_the_elliptic_period():
 
 
 def test_verify():
-    """A pendulum holds, also from the text of a scene; impulses at a long tick do not; the world stays."""
+    """verify() accepts a pendulum, also from the text of a scene, and rejects impulses at a long tick; the world
+    stays unchanged."""
     world = hanging()
     world.run(0.5)
     before = world.state_hash
@@ -183,7 +184,7 @@ def test_bodies_joints_and_options_go_round():
 
 
 def test_joints_with_axes():
-    """A hinge turns about its axis alone; what has no direction, or says it twice, is refused."""
+    """A hinge rotates about its axis only; axes without direction, or given twice, are rejected."""
     def arm():
         world = engine.World(method='runge_kutta', time_step=0.01)
         world.add_body('arm', shape=engine.Box((1.0, 0.1, 0.1)), mass=1.0, position=(0.5, 0.0, 0.0))
@@ -211,7 +212,7 @@ def test_joints_with_axes():
 
 
 def bar(method='runge_kutta', gravity=0.0):
-    """A bar of 2 kg and 1 m along x, from the origin on; its moment about the end is BAR_INERTIA."""
+    """Returns a bar of 2 kg and 1 m along x, from the origin on; its moment about the end is BAR_INERTIA."""
     world = engine.World(method=method, time_step=0.01, gravity=(0.0, 0.0, -gravity))
     world.add_body('bar', shape=engine.Box((1.0, 0.1, 0.1)), mass=2.0, position=(0.5, 0.0, 0.0))
     return world
@@ -230,9 +231,9 @@ def test_laws_of_coordinates():
                                       'velocity': pytest.approx(0.5, abs=1e-12),
                                       'effort': pytest.approx(0.0, abs=1e-12)}
     assert door['reached_rate'] == door['coordinates'][0]['velocity']
-    world.set_motor('door', force=BAR_INERTIA * 2.0)  # [rad/s^2] times that
+    world.set_motor('door', force=BAR_INERTIA * 2.0)  # [rad/s^2] times the moment
     world.run(1.0)
-    # 0.5 + 0.5 t + t^2 at t = 1, to the substeps' tolerance of 1e-8 m per second
+    # 0.5 + 0.5 t + t^2 at t = 1, within the substeps' tolerance of 1e-8 m/s
     assert world.joint_state('door')['coordinates'][0]['position'] == pytest.approx(2.0, abs=1e-7)
     world.set_motor('door', removed=True)
     assert world.joint('door')['coordinates'][0]['motor'] is None
@@ -383,14 +384,14 @@ def test_plan_and_reports():
     dropped.run(0.3)
     contact, = dropped.contacts()
     assert {contact['body_a'], contact['body_b']} == {'floor', 'ball'}
-    assert contact['normal_force'] == pytest.approx(9.81, rel=0.05)  # at rest it bears its weight
+    assert contact['normal_force'] == pytest.approx(9.81, rel=0.05)  # at rest it carries the weight
     on_ball = 1.0 if contact['body_a'] == 'ball' else -1.0
     assert on_ball * contact['force'][2] == pytest.approx(contact['normal_force'])
     assert contact['state'] == 'closed'  # without friction
 
 
 def test_events_of_the_last_step():
-    """A ball falls by 1 m onto a floor, e = 0, beside a bob whose rod bears half of 3 m g."""
+    """A ball falls by 1 m onto a floor, e = 0, beside a bob whose rod breaks at half of 3 m g."""
     world = engine.World(time_step=1 / 60, tolerance=1e-10)
     world.add_body('floor', type='static', shape=engine.Plane())
     world.add_body('ball', shape=engine.Sphere(0.1), mass=2.0, position=(0, 0, 1.1))
@@ -403,7 +404,7 @@ def test_events_of_the_last_step():
         told.update({event['kind']: event for event in world.events()})
     assert set(told) == {'contact_began', 'broken'}
     hit, broken = told['contact_began'], told['broken']
-    fall = (2 / 9.81) ** 0.5  # rounding of the time and of the impulse is left
+    fall = (2 / 9.81) ** 0.5  # rounding of the time and of the impulse
     assert hit['time'] == pytest.approx(fall, abs=1e-12)
     assert hit['impulse'] == pytest.approx(2.0 * 9.81 * fall, abs=1e-11)
     assert {hit['body_a'], hit['body_b']} == {'floor', 'ball'}
@@ -437,12 +438,12 @@ def test_failed_physics_is_reported_not_raised():
 
 
 def test_what_impulses_report():
-    """Work of a force against the energy it gives, and sums and maxima of a run against its steps."""
+    """Compares the work of a force with the energy that it gives, and sums and maxima of a run with its steps."""
     world = engine.World(method='sequential_impulses', gravity=(0.0, 0.0, 0.0))
     world.add_body('puck', mass=1.0)
     world.add_wrench('puck', force=(2.0, 0.0, 0.0))
     run = world.run(1.0)
-    # impulses act before the motion of their tick: a hundredth more way than 1 m; sums of 100 terms
+    # impulses act before the motion of their tick: a hundredth more distance than 1 m; sums of 100 terms
     assert run.driven_work == pytest.approx(2.0 * world.positions[0, 0], abs=1e-12)
     assert run.driven_work == pytest.approx(2.02, abs=1e-12)
     assert run.energy_final == pytest.approx(2.0, abs=1e-12)  # (2 N s)^2 / 2 kg
@@ -530,7 +531,7 @@ def test_bad_input_names_field_and_value():
 
 
 def test_worlds_on_threads_without_the_gil():
-    """While one world runs, this thread goes on; eight at once have the bits of one."""
+    """While one world runs, this thread continues; eight worlds at once have the bits of one."""
     expected = hanging()
     expected.run(20.0)
     worlds = [hanging() for _ in range(8)]
@@ -538,7 +539,7 @@ def test_worlds_on_threads_without_the_gil():
         list(pool.map(lambda world: world.run(20.0), worlds))
     assert {world.state_hash for world in worlds} == {expected.state_hash}
 
-    for limit in (0.5, 4.0, 16.0):  # the longer ones for a machine that is busy with others
+    for limit in (0.5, 4.0, 16.0):  # the longer ones for a busy machine
         slow = hanging(time_step=1e-4)
         thread = threading.Thread(target=slow.run, args=(1e4,), kwargs={'time_limit': limit})
         thread.start()
@@ -552,14 +553,14 @@ def test_worlds_on_threads_without_the_gil():
             time.sleep(0.01)
         if turns >= 5:
             break
-    # with the GIL held the loop would turn once or twice; 50 turns take 0.5 s, far fewer are enough
+    # with the GIL held the loop would run once or twice; 50 runs take 0.5 s, far fewer are enough
     assert turns >= 5
     assert refused == 'world: another thread is stepping it'
     slow.state('bob')
 
 
 def in_a_process(script, timeout=60):
-    """What a script prints that has the module as `engine`; ends within the timeout [s]."""
+    """Returns the output of a script that has the module as `engine`; it has to end within the timeout [s]."""
     start = f'import sys; sys.path[:0] = {sys.path!r}\nfrom constraint_sim import engine\n'
     run = subprocess.run([sys.executable, '-c', start + script], capture_output=True, text=True, timeout=timeout)
     assert run.returncode == 0, run.stderr
@@ -567,7 +568,7 @@ def in_a_process(script, timeout=60):
 
 
 def test_arrays_on_two_threads_at_once():
-    """The first arrays of a process, on threads that start together."""
+    """Makes the first arrays of a process on threads that start together."""
     script = ('import threading\n'
               'worlds = [engine.World() for _ in range(8)]\n'
               'for world in worlds: world.add_body("a", mass=1.0)\n'
@@ -585,7 +586,7 @@ def test_arrays_on_two_threads_at_once():
 
 
 def test_arguments_that_change_while_they_are_read():
-    """A list that its own element shortens, and one without end."""
+    """Passes a list that its own element shortens, and one without end."""
     script = ('import itertools\n'
               'class Number:\n'
               '    def __init__(self, action): self.action = action\n'
@@ -618,7 +619,7 @@ def test_arguments_that_change_while_they_are_read():
 
 
 def test_arguments_are_read_before_the_world_is_looked_at():
-    """Arguments let another thread step the world: no call then works on a world in a step."""
+    """Arguments let another thread step the world: no call then accesses a world during a step."""
     script = ('import threading, time\n'
               'world = engine.World(time_step=1e-4)\n'
               'for i in range(50): world.add_body(f"b{i}", mass=1.0, position=(i, 0, 0))\n'
@@ -676,7 +677,7 @@ def test_classes_of_ones_own():
 
 
 def test_a_saved_scene_replaces_the_old_one_as_a_whole(tmp_path):
-    """Here a file of more than 1 KiB cannot be made, as on a disk that is full."""
+    """A file of more than 1 KiB cannot be made here, as on a full disk."""
     path = tmp_path / 'saved.yaml'
     path.write_text('old')
     script = ('import resource, signal\n'
@@ -711,14 +712,14 @@ def test_time_limit_and_interrupt():
               '    world.step()\n    print("interrupted")\n')
     process = subprocess.Popen([sys.executable, '-c', script], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == 'running\n'
-    time.sleep(0.2)  # until it runs, of which nothing is told; before that it ends in the same way
+    time.sleep(0.2)  # until it runs, which is not reported; before that it ends in the same way
     process.send_signal(2)
     assert process.communicate(timeout=120)[0] == 'interrupted\n'
     assert process.returncode == 0
 
 
 def test_stubs_name_what_there_is():
-    """Every class, method, property and function of the module is in engine.pyi, and no other."""
+    """engine.pyi has every class, method, property and function of the module, and no others."""
     stubs = ast.parse((SOURCES / 'python/constraint_sim/engine.pyi').read_text())
     for node in stubs.body:
         if not isinstance(node, (ast.ClassDef, ast.FunctionDef)):
@@ -763,13 +764,13 @@ def test_typed_dicts_of_the_stubs_have_the_keys_there_are():
 
 
 def test_python_knows_every_key_of_a_scene():
-    """Of worlds, bodies, distance joints and motors: a key that the engine saves is a keyword here."""
+    """Keys of worlds, bodies, distance joints and motors that the engine saves are keywords here."""
     world = hanging()
     world.set_motor('rod', bias=0.1)
     saved = yaml.safe_load(world.save_scene())
     assert set(saved['world']) == set(world.options)
     assert set(saved['bodies'][0]) | {'shape_pose'} == set(world.body('bob'))  # saved where there is one
-    # what a joint is saved with: a rod has no limits, a soft joint no length of its own kind
+    # keys of a saved joint: a rod has no limits, a soft joint no length of its own kind
     assert set(saved['constraints'][0]) <= set(world.joint('rod'))
     assert set(saved['constraints'][0]['motor']) == set(world.joint('rod')['motor'])
 
@@ -777,7 +778,7 @@ def test_python_knows_every_key_of_a_scene():
 def test_examples():
     lines = run_example('pendulum.py').splitlines()
     assert len(lines) == 11
-    for line in lines:  # measured and closed form agree to what is printed
+    for line in lines:  # measured and closed form agree to the printed digits
         words = line.replace(',', '').split()
         assert float(words[2]) == pytest.approx(float(words[6]), abs=1e-10)
     assert 'mean 0.1' in run_example('monte_carlo.py')
@@ -786,7 +787,7 @@ def test_examples():
 
 
 def test_manual_examples(tmp_path):
-    """Every Python block of docs/python.md runs, in one process as a reader would type them."""
+    """Every Python block of docs/python.md runs, all in one process in order."""
     blocks = (SOURCES / 'docs/python.md').read_text().split('```python\n')[1:]
     assert len(blocks) >= 3
     code = '\n'.join(block.split('```')[0] for block in blocks)

@@ -1,4 +1,4 @@
-"""A part of the sequences that random_sequences.py runs by the thousand."""
+"""Runs some of the sequences that random_sequences.py runs by the thousand."""
 import random_sequences
 
 

@@ -1,4 +1,4 @@
-"""Studies: what is refused, what is run, that it is the runner's result, and that nothing is lost."""
+"""Studies: rejected ones, cases that are run, equality with the runner's results, and no lost cases."""
 import csv
 import io
 import json
@@ -176,7 +176,7 @@ REFUSED = (
     ('[1, 2, 3]', '[1, 2, 1000000]', 'cases, more than 200000'),
     (STUDY, '[', 'not valid YAML'),
     (STUDY, '3', 'study: must be a map, got 3'),
-    # names that stand for something in closed forms, or for a column
+    # names with a meaning in closed forms, or of a column
     *((f'{name}: {{', f'  {other}: {{', f'parameters.{other}: is not a name for a parameter')
       for name, other in (('  mass', 't'), ('  mass', 'pi'), ('  mass', 'sin'), ('  mass', 'outcome'),
                           ('  mass', 'sim_time'), ('  mass', 'state_hash'), ('  mass', 'warnings'),
@@ -198,7 +198,7 @@ REFUSED = (
           ('log_uniform', '[2, 1]', 'log_uniform: the second number must not be below the first'),
           ('uniform', '[-1e308, 1e308]', 'parameters.start.uniform: '),
           ('uniform', '[[1], 2]', 'uniform: must be a number'))),
-    # YAML that means harm
+    # malicious YAML
     (STUDY, '[' * 100000, 'lists and maps more than 32 deep'),
     (STUDY, '{a: ' * 100000, 'lists and maps more than 32 deep'),
     (STUDY, '? ' * 100000, 'lists and maps more than 32 deep'),
@@ -218,7 +218,7 @@ REFUSED = (
      'sin has 1 arguments, got 2'),
     ('scene: scene.yaml', 'scene: scene.yaml\nplots: [{x: [mass], y: run_time}]', "there is no ['mass']"),
     ('scene: scene.yaml', 'scene: scene.yaml\nreference: {csv: lines.csv}', 'reference.csv: cannot read'),
-    # files that are none
+    # invalid files
     ('scene: scene.yaml', 'scene: pipe', 'scenes.pipe: cannot read'),
     ('scene: scene.yaml', 'scene: /dev/zero', 'it is no regular file'),
     ('scene: scene.yaml', 'scene: .', 'scenes.: cannot read'),
@@ -270,7 +270,7 @@ def test_each_case_is_the_runners(tmp_path, capsys):
         assert runner_hash(capsys.readouterr().out, 0.5, tmp_path) == row['state_hash']
     first = on_threads[1]
     world = engine.load_scene_file(str(path.parent / 'scene.yaml'))
-    # 1 kg at 1 m, as it was written, but for the tick
+    # 1 kg at 1 m, as written, except for the tick
     world.set_options(time_step=0.02)
     world.run(0.5)
     assert (first['mass'], first['start'], first['method']) == ('1', '1.0', 'auto')
@@ -303,8 +303,8 @@ def test_random_parameters(tmp_path):
 
 
 def test_errors_against_a_closed_form(tmp_path):
-    """Free flight: x = v t, z = -g t^2 / 2 exactly; the method is exact up to rounding, and a closed form
-    that is off by 1 mm is found to be so."""
+    """Free flight: x = v t, z = -g t^2 / 2 exactly; the method is exact up to rounding, and a closed form with an
+    error of 1 mm shows that error."""
     scene = 'bodies:\n  - {name: ball, mass: 1, linear_velocity: [2, 0, 0]}\n'
     text = """
 scene: scene.yaml
@@ -335,7 +335,7 @@ def test_errors_against_a_tight_run_and_a_file(tmp_path):
     for one, other in zip(tight, filed):
         error = float(one['position_error'])
         assert 0.0 < float(one['reference_error']) < 1e-9, 'shorter ticks: never the same steps'
-        # the same reference but for its tick: to its own error, 1e-11 m a second
+        # the reference with another tick: to its own error, 1e-11 m a second
         assert abs(error - float(other['position_error'])) < 1e-9
         assert error < 1e-7 if one['method'] == 'auto' else 1e-4 < error < 0.1
 
@@ -349,7 +349,7 @@ def test_orientation_error():
     angle = math.pi / 2 - 1e-3
     reference[:, 0, 3:7] = math.sin(angle / 2), 0.0, 0.0, math.cos(angle / 2)
     assert differences(states, reference) == pytest.approx((0.0, 1e-3), rel=1e-9)
-    reference[:, 0, 3:7] *= -1.0  # the same orientation
+    reference[:, 0, 3:7] *= -1.0  # equal orientation
     assert differences(states, reference)[1] == pytest.approx(1e-3, rel=1e-9)
 
 
@@ -398,7 +398,7 @@ def test_too_slow_and_failed_are_outcomes(tmp_path):
 
 
 def test_what_the_runner_warns_of_is_told(tmp_path):
-    """Few sweeps over a rod with a heavy end leave errors; the runner says so with exit status 4."""
+    """Few sweeps over a rod with a heavy end leave errors, which the runner reports with exit status 4."""
     scene = """bodies:
   - {name: a, mass: 1, position: [1, 0, 0]}
   - {name: b, mass: 1000, position: [2, 0, 0]}
@@ -426,7 +426,7 @@ constraints:
 
 
 def test_memory_is_limited(tmp_path):
-    """What grows without end is ended: samples of 2 MB a tick, in the memory that 100 of them need."""
+    """Unbounded growth is ended: samples of 2 MB a tick, in the memory for 100 of them."""
     process = case_process.CaseProcess(memory=300 << 20)
     bodies = '\n'.join(f'  - {{name: b{index}, type: static}}' for index in range(20000))
     case = {'key': 'a', 'text': 'bodies:\n' + bodies, 'duration': 100.0, 'stride': 1, 'bodies': [],
@@ -439,13 +439,13 @@ def test_memory_is_limited(tmp_path):
 # ---- what was interrupted goes on
 
 def many(folder, count=80):
-    # a second or two in all, so that interruptions find something to interrupt
+    # a second or two in total, so that interruptions hit something
     return make(folder, STUDY.replace('values: [1, 2.5, 7]', f'linear: [1, 2, {count // 4}]').replace(
         'linear: [1, 2, 3]', 'values: [1]').replace('duration: 0.5', 'duration: 200'))
 
 
 def test_interrupted_and_resumed_is_the_same_table(tmp_path):
-    """By Ctrl-C and by force; bench/sweep_check.py does so ten times with 2000 cases."""
+    """Interrupts by Ctrl-C and by force; bench/sweep_check.py does so ten times with 2000 cases."""
     path = many(tmp_path / 'a')
     results = path.with_suffix('.results') / 'results.jsonl'
     delays, done = random.Random(3), [0]
@@ -459,7 +459,7 @@ def test_interrupted_and_resumed_is_the_same_table(tmp_path):
         done.append(len(results.read_bytes().splitlines()))
     assert 0 < done[1] < done[2] < 80
     with open(results, 'a') as file:
-        file.write('{"key": "cut o')  # as a full disk or a power cut leaves it
+        file.write('{"key": "cut o')  # as after a full disk or a power cut
     resumed = sweep(path, '--on', 'threads')
     whole = sweep(many(tmp_path / 'b'), '--on', 'threads')
     assert untimed(resumed) == untimed(whole) and len(whole) == 80
@@ -503,7 +503,7 @@ def test_the_bar_tells_the_time_left(monkeypatch):
     stream = Terminal()
     bar = progress.Progress('cases', 200, stream)
     now[0] += 50.0
-    bar.step(50)  # a quarter in 50 s: 150 s are left
+    bar.step(50)  # a quarter in 50 s: 150 s remain
     assert stream.getvalue().endswith('cases [#######                       ] 50/200, about 2 min 30 s left')
     now[0] += 0.1
     bar.step(50)
@@ -511,7 +511,7 @@ def test_the_bar_tells_the_time_left(monkeypatch):
 
 
 def test_the_bar_moves_with_each_case(tmp_path, monkeypatch):
-    """One group of six cases, two rounds: what is heard meanwhile, on threads and on a cluster."""
+    """Watches the progress of one group of six cases, two rounds, on threads and on a cluster."""
     text = STUDY.replace('values: [1, 2.5, 7]', 'values: [1]').replace('linear: [1, 2, 3]', 'values: [1]').replace(
         '1/100, 1/50', '1/100, 1/50, 1/20').replace('duration: 0.5', 'duration: 100') + 'rounds: 2\n'
     found = study.load(make(tmp_path, text))
@@ -573,7 +573,7 @@ def wait_until(condition, limit=120.0):
 
 
 def other_build(folder):
-    """An environment with a package that is not this one."""
+    """Returns an environment with another build of the package."""
     package = folder / 'other/constraint_sim'
     shutil.copytree(pathlib.Path(study.__file__).parents[1], package,
                     ignore=shutil.ignore_patterns('__pycache__'))
@@ -584,8 +584,8 @@ def other_build(folder):
 
 
 def test_workers_that_die_come_late_or_are_others_lose_nothing(tmp_path, capfd):
-    """A scheduler with three workers: the one that has all the work is killed, one comes late, and one of
-    another build gets nothing. bench/sweep_check.py has more of them, and 2000 cases."""
+    """A scheduler with three workers: the one with all the work is killed, one comes late, and one of another build
+    gets nothing. bench/sweep_check.py has more of them, and 2000 cases."""
     machines = Machines(tmp_path)
     try:
         first = machines.worker()
@@ -615,7 +615,7 @@ def test_a_worker_of_another_program_gives_nothing():
 # ---- pages
 
 def test_times_of_different_machines_are_not_compared():
-    """The diagram takes those of the machine that ran most; a page of a scene says that there are several."""
+    """The diagram takes times of the machine that ran most; a page of a scene says that there are several."""
     row = {'scene': 's', 'method': 'auto', 'tolerance': None, 'outcome': 'ok', 'position_error': 1e-3}
     table = [{**row, 'time_step': 0.01, 'run_time': 1.0, 'worker': 'one'},
              {**row, 'time_step': 0.02, 'run_time': 0.5, 'worker': 'one'},
@@ -645,7 +645,7 @@ limits: [{of: start, error: position_error, below: 1e-6}]
 
 
 def test_parquet_where_pyarrow_is(tmp_path, monkeypatch):
-    """Which of the two is written hangs on pyarrow alone; here a stand-in takes the columns."""
+    """The format depends on pyarrow alone; here a stand-in receives the columns."""
     table = [{'case': 0, 'a': 1.5, 'b': 'x'}, {'case': 1, 'a': None, 'b': 'y'}]
     monkeypatch.setattr(tables, 'pyarrow', None)
     assert tables.write(tmp_path, 'one', table).name == 'one.csv'
@@ -727,7 +727,7 @@ def test_report_of_a_scene(tmp_path, capsys):
     assert by_method['energy_momentum_order_2'] < by_method['sequential_impulses_10'] < 1e-2
     by_tolerance = {row['tolerance']: float(row['position_error']) for row in rows if row['method'] == 'auto'}
     assert by_tolerance['1e-10'] < 1e-9 < by_tolerance['0.001'] < 1e-2
-    # one body, no spring: the scene as it is
+    # one body, no spring: the unchanged scene
     stability = read(folder / 'stability.csv')
     assert len(stability) == 7 * 6 and [row['case'] for row in stability[:2]] == ['76', '77']
     text = (folder / 'summary.md').read_text()
@@ -747,7 +747,7 @@ def test_report_of_a_scene(tmp_path, capsys):
 
 
 def test_report_of_what_never_errs(tmp_path):
-    """Nothing moves, so there is nothing to draw, and no size."""
+    """A scene without motion has nothing to draw, and no size."""
     scene = tmp_path / 'scene.yaml'
     scene.write_text('bodies:\n  - {name: rock, type: static}\n')
     assert command.main([str(scene), '--report', '--duration', '0.1', '--on', 'threads']) == 0
@@ -790,7 +790,7 @@ constraints:
 
 
 def test_outcomes_of_a_report_are_those_of_the_report(tmp_path):
-    """What the engine says of itself is told apart from what was seen of a peer."""
+    """Reports of the engine itself are distinguished from observations of a peer."""
     path = make(tmp_path, 'scene: scene.yaml\nduration: 1\nmethods: [auto]\ntime_steps: [0.1]\n')
     found = study.load(path)
     found.methods.append(study.Method('other', {}, 'other x'))
@@ -821,7 +821,7 @@ def test_what_no_sweep_wrote_stays(tmp_path, capsys):
 
 
 def other_engine(folder):
-    """This engine's `auto` by the name of another."""
+    """Makes a peer with another name that runs this engine's `auto`."""
     program = folder / 'constraint_sim_report_other'
     ours = report_programs() / 'constraint_sim_report_engine'
     program.write_text(f"""#!/bin/sh
@@ -894,8 +894,8 @@ methods:
 
 
 def test_another_engine_is_held_against_this_one(tmp_path):
-    """A program that knows the equation of the pendulum and nothing of constraint_sim, whose errors are known:
-    rounding, and those of explicit Euler, which are of first order in the tick."""
+    """A program with the equation of the pendulum, independent of constraint_sim, has known errors: rounding, and
+    those of explicit Euler, first order in the tick."""
     shutil.copy(SOURCES / 'test/python/pendulum_peer.py', tmp_path)
     text = STUDY.replace('methods: [auto, {name: si, method: sequential_impulses, iterations: 20}]', """
 methods:
@@ -907,7 +907,7 @@ methods:
     assert len(rows) == 9 * 6 and {row['outcome'] for row in rows} == {'ok'}
     for start in range(0, 54, 6):
         auto, _, tight, _, coarse, fine = rows[start:start + 6]
-        # rounding of 500 steps; steps of 1 ms of order 4 err by 1e-12 m
+        # rounding of 500 steps; steps of 1 ms of order 4 have errors of 1e-12 m
         assert float(tight['position_error']) < 1e-10
         assert abs(float(tight['bob.vz']) - float(auto['bob.vz'])) < 1e-9
         # dt times half the integral of the acceleration's rate, at most 1 s² of 10 m/s³, amplified by less than 10
@@ -930,7 +930,7 @@ methods: [auto, {name: bad, program: pendulum_peer.py, peer: pendulum crash},
 
 
 def test_programs_that_are_built_are_methods(tmp_path):
-    """All contestants of the engines that this build has programs of: a pendulum converges with the tick."""
+    """With all contestants of the built programs a pendulum converges with the tick."""
     found = peers.found_in(report_programs())
     assert 'constraint_sim auto' in found
     listed = ''.join(f"\n  - {{name: '{label}', peer: {label}}}" for label in found)
@@ -952,8 +952,8 @@ def exported(part, problem, folder):
 
 
 def test_a_problem_of_the_report_is_a_study(tmp_path):
-    """Its errors against the report's own reference are those that the report measures, to the digits that it
-    prints, for each contestant of the programs that are built."""
+    """Errors of an exported study against the report's own reference equal those of the report, to the printed
+    digits, for each contestant of the built programs."""
     path = exported('grid', 'four_bar_1', tmp_path)
     ticks = [0.5, 0.1, 1 / 30, 1 / 60, 1 / 240, 1 / 1000]
     assert [float(row) for row in study.load(path, peers.found_in(report_programs())).time_steps] == ticks
@@ -1000,7 +1000,7 @@ methods: [{name: peer, peer: constraint_sim auto}]
 
 
 def test_studies_of_the_manual(tmp_path, capsys):
-    """All of them run; the newcomer's question has the answer that docs/sweeps.md gives."""
+    """All studies of the manual run; the first question has the answer in docs/sweeps.md."""
     manual = (SOURCES / 'docs/sweeps.md').read_text()
     paths = sorted((SOURCES / 'docs/studies').glob('*.yaml'))
     for path in paths:

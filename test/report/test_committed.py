@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""The committed report and the grids of bench/report/studies belong together: from the committed
-figures, those that the studies ask for and no others, comes the committed summary to the byte.
+"""Checks the committed report against the grids of bench/report/studies: from the committed
+figures, those of the studies and no others, the committed summary follows to the byte.
 
 test_committed.py PROGRAM, where PROGRAM is constraint_sim_report_engine, which knows the problems.
 """
@@ -34,7 +34,7 @@ def read(name):
 
 
 def is_among(value, steps):
-    """Whether it is one of these, to the six digits of the tables."""
+    """Returns whether a value is among these, to the six digits of the tables."""
     return any(math.isclose(float(value), step, rel_tol=1e-5) for step in steps)
 
 
@@ -46,7 +46,7 @@ class Committed(unittest.TestCase):
         cls.extreme = [p.name for p in cls.problems.values() if not p.graded]
 
     def scenes(self, part):
-        """Names of problems that a study has."""
+        """Returns the names of problems that a study has."""
         groups = {'graded': self.graded, 'extreme': self.extreme}
         return {name for scene in STUDIES[part].scenes for name in groups.get(scene, [scene])}
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What the report makes of its figures, against answers worked out by hand."""
+"""Evaluation of the report's figures, against results worked out by hand."""
 import math
 import os
 import pathlib
@@ -31,7 +31,7 @@ def problem(**values):
 
 
 class Script(unittest.TestCase):
-    """scripts/report in a package that measures nothing and only prints its arguments."""
+    """Runs scripts/report in a package that measures nothing and only prints its arguments."""
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
@@ -140,9 +140,9 @@ class Figures(unittest.TestCase):
             self.assertEqual(figures.verdict(row(**values), problem())[0], expected, values)
         for values in ({'outcome': 'not_finite'}, {'position': '20.1'},
                        {'position': '1e-9', 'energy': '10.1'},
-                       {'distance': '20.1'}):  # without a reference: from where it was
+                       {'distance': '20.1'}):  # without a reference: from the start position
             self.assertEqual(figures.verdict(row(**values), problem())[0], 'exploded', values)
-        # without a reference nothing is exact, and a conflict says nothing of the joints
+        # without a reference nothing is exact, and with a conflict the joints' error is meaningless
         self.assertEqual(figures.verdict(row(energy='0'), problem())[0], 'stable')
         self.assertEqual(figures.verdict(row(position='1e-3', constraint='1'),
                                          problem(conflict=True))[0], 'stable')
@@ -167,7 +167,7 @@ class Figures(unittest.TestCase):
 
 
 class Processes(unittest.TestCase):
-    """Engines crash and hang: the cell says so, and the others are not lost."""
+    """An engine may crash or hang: its cell reports that, and other cells are kept."""
 
     def run_program(self, text, values):
         with tempfile.TemporaryDirectory() as folder:
@@ -176,7 +176,7 @@ class Processes(unittest.TestCase):
             program.chmod(0o755)
             variant = cells.Variant(program, 'v', 'joint', 'tick', 'peer', '1', [])
             batch = cells.Batch(1, 'p', variant, values, False)
-            grace, cells.GRACE = cells.GRACE, 3.0  # a busy machine starts a shell in that
+            grace, cells.GRACE = cells.GRACE, 3.0  # a busy machine starts a shell within this time
             try:
                 return cells.run_batch(batch, folder, budget=0.1, repeats=1, perturbation=0.0,
                                        memory=0)
@@ -184,7 +184,7 @@ class Processes(unittest.TestCase):
                 cells.GRACE = grace
 
     LINE = 'p,peer v,tick,%s,ok,1,1,0,0,0,0,0,0,0,0'
-    # stands for a program: what it is asked to run are the arguments after --values
+    # replaces a program: its values are the arguments after --values
     LOOP = 'while [ "$1" != --values ]; do shift; done; shift\nfor v; do echo "begin $v"; %s\n' \
         'echo "' + LINE % '$v' + '"; done\n'
 

@@ -1,5 +1,5 @@
-// The report's measures against known answers, its references against published values and what
-// they must conserve, and the whole pipeline on a tiny set.
+// The report's measures against known answers, its references against published values and
+// conserved quantities, and the whole pipeline on a tiny set.
 
 #include <gtest/gtest.h>
 
@@ -28,7 +28,7 @@ using engine::kPi;
 
 // ---- measures
 
-/// A box of 2 kg that turns, and a point mass on a rod of 5 m to the world.
+/// A rotating box of 2 kg, and a point mass on a rod of 5 m to the world.
 Problem two_bodies() {
   Problem problem;
   problem.duration = 0.1;
@@ -55,10 +55,10 @@ TEST(Measures, AngleBetweenOrientations) {
   const Quaterniond none = Quaterniond::Identity();
   for (const double angle : {1e-9, 0.5, 3.0}) {
     const Quaterniond turned(Eigen::AngleAxisd(angle, Vector3d(1.0, 2.0, 3.0).normalized()));
-    // rounding of the unit quaternion, 1e-16, and nothing lost at small angles
+    // rounding of the unit quaternion, 1e-16, without loss at small angles
     EXPECT_NEAR(angle_between(none, turned), angle, 4e-16);
     Quaterniond negative = turned;
-    negative.coeffs() *= -1.0;  // the same orientation
+    negative.coeffs() *= -1.0;  // equal orientation
     EXPECT_NEAR(angle_between(none, negative), angle, 4e-16);
   }
 }
@@ -90,7 +90,7 @@ TEST(Measures, ErrorsOfJoints) {
   states[1].position = {3.0, 0.0, 4.0 + 1e-3};
   const double length = std::hypot(3.0, 4.001);
   EXPECT_NEAR(constraint_error(problem, states, 1.0), length - 5.0, 1e-15);
-  problem.joints[0].rate = 0.1;  // by now it should be longer
+  problem.joints[0].rate = 0.1;  // the target length has grown
   EXPECT_NEAR(constraint_error(problem, states, 2.0), 5.2 - length, 1e-15);
 
   Joint ball;
@@ -126,7 +126,7 @@ TEST(Measures, Penetration) {
 }
 
 TEST(Measures, PenetrationOfSpheres) {
-  // no order along x: 0.5 m apart on x, 0.25 m on y, far, and a large one that reaches the far one
+  // unsorted along x: 0.5 m apart on x, 0.25 m on y, far, and a large one that reaches the far one
   Problem problem;
   States states;
   const auto add = [&](const Vector3d& position, double radius) {
@@ -141,7 +141,7 @@ TEST(Measures, PenetrationOfSpheres) {
   add({10.0, 0.0, 0.0}, 0.25);
   add({0.0, 0.0, 0.0}, 0.25);
   add({0.5, 0.0, 0.0}, 0.25);
-  EXPECT_EQ(penetration(problem, states), 0.0);  // they touch
+  EXPECT_EQ(penetration(problem, states), 0.0);  // spheres touch
   add({0.5, 0.25, 0.0}, 0.25);
   EXPECT_NEAR(penetration(problem, states), 0.25, 1e-15);
   add({13.0, 0.0, 0.0}, 3.25);
@@ -159,13 +159,14 @@ TEST(Measures, WorstOfAllSamplesAndBodies) {
   motion.states[1][0].position.x() += 0.1;
   motion.states[2][1].position.y() -= 0.3;
   motion.states[1][0].orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitX());
-  motion.states[2][1].orientation = Eigen::AngleAxisd(0.5, Vector3d::UnitX());  // a point's: none
+  motion.states[2][1].orientation =
+      Eigen::AngleAxisd(0.5, Vector3d::UnitX());  // points have no orientation
   const Errors worst = errors(problem, motion, reference);
   EXPECT_NEAR(worst.position, 0.3, 1e-15);
   EXPECT_NEAR(worst.orientation, 0.2, 1e-15);
   EXPECT_NEAR(worst.constraint, std::sqrt(25.09) - 5.0, 1e-14);
-  EXPECT_TRUE(std::isnan(worst.momentum));     // it rests: there is no scale
-  EXPECT_TRUE(std::isnan(worst.penetration));  // nothing has a shape
+  EXPECT_TRUE(std::isnan(worst.momentum));     // at rest there is no scale
+  EXPECT_TRUE(std::isnan(worst.penetration));  // no shapes
 
   problem.measured = {0};
   EXPECT_NEAR(errors(problem, motion, reference).position, 0.1, 1e-15);
@@ -186,7 +187,7 @@ TEST(Measures, MomentumAndEnergyAreRelative) {
   EXPECT_NEAR(worst.momentum, 0.1, 1e-15);  // 11 of 10 kg m/s
   EXPECT_NEAR(worst.energy, 0.21, 1e-15);   // 30.25 of 25 J
   motion.states[1][0].velocity = {5.0, 0.0, 0.0};
-  motion.states[1][0].position.y() = 1.0;  // angular momentum about the origin: none before
+  motion.states[1][0].position.y() = 1.0;  // angular momentum about the origin, zero before
   EXPECT_NEAR(errors(problem, motion, Trajectory(2, start)).momentum, 0.0, 1e-15);
 }
 
@@ -214,7 +215,7 @@ TEST(References, ArriveWherePublished) {
   // thousand times
   const State box = problem_named("free_box_complex").reference(1).back().front();
   EXPECT_LE(angle_between(box.orientation, engine::problems::free_box_orientation()), 2e-11);
-  // IFToMM A02, given to 18 digits: the top of the first upright bar is its centre twice
+  // IFToMM A02, given to 18 digits: the top of the first upright bar is twice its centre
   EXPECT_LE(
       (2.0 * last("n_four_bar_2", 0) - Vector3d(0.328458111540815379, 0.0, 0.944518538178600962))
           .norm(),
@@ -237,7 +238,7 @@ TEST(References, OfChainsAgreeWithLagrangesEquations) {
   }
 }
 
-/// All whose computation takes less than a second.
+/// Returns the problems whose reference takes less than a second.
 std::vector<const Problem*> cheap_problems() {
   std::vector<const Problem*> cheap;
   for (const Problem& problem : problems()) {
@@ -269,20 +270,20 @@ TEST(References, BeginAtTheStartAndKeepJointsAndEnergy) {
       EXPECT_LE((trajectory.front()[i].position - problem->bodies[i].start.position).norm(),
                 1e-15 * largest)
           << problem->name;
-    // rounding of positions and orientations to double, of two bodies a joint
+    // rounding of positions and orientations to double, of two bodies per joint
     if (!problem->has_conflict && !std::isnan(errors.constraint)) {
       EXPECT_LE(errors.constraint, 1e-15 * largest) << problem->name;
     }
-    // own error of the references times the forces over the scale of energy; springs of 1e12 N/m
-    // make 1e-5 of rounding of lengths
+    // error of the references times the forces over the scale of energy; springs of 1e12 N/m make
+    // 1e-5 of the rounding of lengths
     if (!std::isnan(errors.energy) && problem->group != "stiff rows") {
       EXPECT_LE(errors.energy, 1e-10) << problem->name;
     }
   }
 }
 
-/// The integral of the velocities is the way, by Simpson's rule over samples. That is coarse, hence
-/// the tolerance, but sees a wrong sign, factor or frame.
+/// The integral of the velocities is the displacement, by Simpson's rule over samples. The
+/// tolerance is coarse, but shows a wrong sign, factor or frame.
 TEST(References, VelocitiesBelongToPositions) {
   for (const char* name : {"pendulum", "conical_pendulum", "dumbbell", "ring_12", "oscillator",
                            "compound_pendulum", "n_four_bar_2", "sliding_ball", "bouncing"}) {
@@ -325,12 +326,12 @@ TEST(Problems, AreManyAndHaveNamesOfTheirOwn) {
 TEST(Problems, OfEverySizeAreMadeByName) {
   EXPECT_EQ(problem_named("links_30").joints.size(), 30u);
   EXPECT_EQ(problem_named("bodies_7").bodies.size(), 7u);
-  EXPECT_EQ(problem_named("contacts_12").bodies.size(), 13u);  // and the plane
+  EXPECT_EQ(problem_named("contacts_12").bodies.size(), 13u);  // plus the plane
   EXPECT_GT(problem_named("links_100000").samples(), problem_named("links_100000").warm_up);
   for (const Problem& problem : problems()) EXPECT_EQ(problem.warm_up, 0) << problem.name;
   EXPECT_THROW(problem_named("links_"), std::invalid_argument);
   EXPECT_THROW(problem_named("nothing_10"), std::invalid_argument);
-  // balls touch the plane and nothing else
+  // balls touch the plane only
   const Problem& contacts = problem_named("contacts_700");
   EXPECT_EQ(penetration(contacts, start_of(contacts)), 0.0);
 }
@@ -403,8 +404,8 @@ std::vector<std::string> split(const std::string& line) {
   return parts;
 }
 
-/// References that know no engine against the engine, with 1e-10 m/s of tolerance over a few
-/// seconds: neither they nor the scenes that the adapter builds can be wrong alone.
+/// Independent references against the engine, with a tolerance of 1e-10 m/s over a few seconds: an
+/// error of either, or of the adapter's scenes, would show.
 TEST(Pipeline, ProblemsOfEventsAreMetByEvents) {
   const engine::TemporaryFolder temporary;
   const std::filesystem::path folder = temporary.path();
@@ -436,8 +437,8 @@ TEST(Pipeline, ProblemsOfEventsAreMetByEvents) {
   EXPECT_GE(met, 30);
 }
 
-/// Two problems, every method of ours within a budget that sanitizers keep, once as it is and once
-/// with gravity wrong by 1e-3.
+/// Two problems, every method of the engine within a budget that sanitizers keep, once unchanged
+/// and once with gravity wrong by 1e-3.
 TEST(Pipeline, WritesAllPagesAndShowsAPerturbedMethodAsWorse) {
   const engine::TemporaryFolder temporary;
   const std::filesystem::path folder = temporary.path();
@@ -464,7 +465,7 @@ TEST(Pipeline, WritesAllPagesAndShowsAPerturbedMethodAsWorse) {
     EXPECT_NE(columns.find("| `" + header[i] + "` |"), std::string::npos) << header[i];
   }
 
-  // also those of sizes and of many bodies, where memory and time are
+  // including those of sizes and of many bodies, where memory and time are
   std::ifstream sizes(folder / "out" / "scaling.csv");
   std::getline(sizes, line);
   const std::vector<std::string> sized = split(line);
@@ -484,7 +485,8 @@ TEST(Pipeline, WritesAllPagesAndShowsAPerturbedMethodAsWorse) {
   EXPECT_EQ(split(line), header);
   EXPECT_TRUE(std::getline(many, line) && line.find("pendula_1000") != std::string::npos);
 
-  // all methods are there, twice; gravity wrong by 1e-3 moves the pendulum by about 1e-2 m in 10 s
+  // all methods are present, twice; gravity wrong by 1e-3 moves the pendulum by about 1e-2 m in 10
+  // s
   std::map<std::string, double> best;
   while (std::getline(cells, line)) {
     const std::vector<std::string> row = split(line);
@@ -501,7 +503,7 @@ TEST(Pipeline, WritesAllPagesAndShowsAPerturbedMethodAsWorse) {
     EXPECT_LT(best[name], 1e-6) << name;
     EXPECT_GT(best[name + " perturbed"], 1e-3) << name;
   }
-  // and the page says so: to 1e-4 there is a run time of the one and none of the other
+  // the page shows it: to 1e-4 one has a run time and the other none
   const std::string page = content(folder / "out" / "index.html");
   const auto row_of = [&](const std::string& contestant) {
     const std::string start = "<td>pendulum</td><td>" + contestant + "</td>";

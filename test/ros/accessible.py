@@ -12,13 +12,13 @@ import support  # noqa: E402
 ACCESSIBLE, COMPONENT, TEXT = ("org.a11y.atspi." + name
                                for name in ("Accessible", "Component", "Text"))
 ON_SCREEN = 0
-TAB_BAR = 38  # the role of what has the name of its front tab
-CELLS = 56  # the role of a table cell: a tree has thousands
+TAB_BAR = 38  # role of the element with the name of its front tab
+CELLS = 56  # role of a table cell: a tree has thousands
 
 
 @contextlib.contextmanager
 def session(environment):
-    """A session bus of its own, whose address is put into the environment and given."""
+    """Starts an own session bus; puts its address into the environment and yields it."""
     with support.running(["dbus-daemon", "--session", "--nofork", "--nopidfile", "--print-address"],
                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
                          universal_newlines=True) as daemon:
@@ -34,8 +34,8 @@ def connect(address):
 
 
 class Desktop:
-    """Programs that run on a bus. The first one starts what programs register with; of Qt only those do so
-    for certain that run already."""
+    """Programs on a bus. The first one starts the registry; Qt programs register reliably only if it
+    already runs."""
     def __init__(self, session_address):
         answer = connect(session_address).call_sync(
             "org.a11y.Bus", "/org/a11y/bus", "org.a11y.Bus", "GetAddress", None, None, 0, -1, None)
@@ -67,7 +67,7 @@ class Widget:
                 for owner, path in self.call(ACCESSIBLE, "GetChildren")[0]]
 
     def below(self):
-        """All widgets in it, nearest first, but not what is in cells."""
+        """Yields all widgets in this one, nearest first, except those in cells."""
         level = [self]
         while level:
             yield from level
@@ -78,10 +78,10 @@ class Widget:
         try:
             return [] if widget.role() == CELLS else widget.children()
         except GLib.Error:
-            return []  # it is gone
+            return []  # the widget is gone
 
     def find(self, name):
-        """The nearest widget of this name, or None."""
+        """Returns the nearest widget of this name, or None."""
         return self.find_where(lambda found: found == name)
 
     def find_containing(self, text):

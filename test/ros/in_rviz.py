@@ -17,16 +17,16 @@ from support import NODE
 
 PACKAGE = rospkg.RosPack().get_path("constraint_sim")
 WIDTH, HEIGHT = 1280, 800
-START = 180.0  # [s] that rviz may take, which draws without a graphics card beside other programs
+START = 180.0  # time for rviz to start; it draws without a graphics card, beside other programs [s]
 
 
 class SendFilePath:
-    """The service rviz/SendFilePath, whose Python type is in a package that is not needed else."""
+    """The service rviz/SendFilePath, whose Python type is in a package that is not needed otherwise."""
     _type, _md5sum, _request_class, _response_class = "rviz/SendFilePath", "*", String, Bool
 
 
 def shipped_configuration():
-    """The shipped configuration without the panel, so that the view fills the window."""
+    """Returns the shipped configuration without the panel, so that the view fills the window."""
     with open(os.path.join(PACKAGE, "config/constraint_sim.rviz")) as file:
         text = file.read()
     text, count = re.subn(r"  - Class: constraint_sim/Simulator\n(?:    .*\n)+", "", text)
@@ -35,7 +35,7 @@ def shipped_configuration():
 
 
 def fitted_configuration(scene):
-    """That with the view that the launch file gives this scene."""
+    """Returns that configuration with the view that the launch file sets for this scene."""
     text = subprocess.check_output(["rosrun", "constraint_sim", "rviz_config", scene],
                                    universal_newlines=True)
     config = yaml.safe_load(text)
@@ -44,7 +44,7 @@ def fitted_configuration(scene):
 
 
 def read_view(path):
-    """The 3-D view of a screenshot as an array of rows, columns, rgb."""
+    """Returns the 3-D view of a screenshot as an array of rows, columns, rgb."""
     raw = subprocess.check_output(["convert", path, "-depth", "8", "rgb:-"])
     picture = numpy.frombuffer(raw, numpy.uint8).reshape(HEIGHT, WIDTH, 3)
     return picture[70:760, 24:1256].astype(float)
@@ -62,16 +62,16 @@ def virtual_display():
 
 
 class InRviz(unittest.TestCase):
-    """rviz with a configuration, on a display of its own."""
-    configuration = None  # or what each test shows
+    """Runs rviz with a configuration, on an own display."""
+    configuration = None  # or each test shows one
 
     @classmethod
     def setUpClass(cls):
         cls.stack = contextlib.ExitStack()
         display = cls.stack.enter_context(virtual_display())
         cls.folder = cls.stack.enter_context(tempfile.TemporaryDirectory())
-        # rviz keeps settings in its home, which other tests must neither see nor write; caches of fonts
-        # and shaders are made for that
+        # rviz keeps settings in its home, which other tests must neither see nor write; caches of fonts and
+        # shaders may be shared
         caches = os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache"))
         cls.environment = dict(os.environ, DISPLAY=display, LIBGL_ALWAYS_SOFTWARE="1",
                                HOME=cls.folder, XDG_CACHE_HOME=caches, XDG_RUNTIME_DIR=cls.folder)
@@ -82,7 +82,7 @@ class InRviz(unittest.TestCase):
 
     @classmethod
     def show_configuration(cls, configuration):
-        """Starts rviz with this configuration, or has the one that runs load it, which takes less time."""
+        """Starts rviz with this configuration, or loads it in the running rviz, which is faster."""
         config = os.path.join(cls.folder, "view.rviz")
         with open(config, "w") as file:
             file.write(configuration)
@@ -103,16 +103,17 @@ class InRviz(unittest.TestCase):
 
     @classmethod
     def prepare(cls):
-        """What rviz needs beside the display."""
+        """Prepares further needs of rviz beside the display."""
 
     def screenshot(self, name):
-        """Its path: in the folder of CONSTRAINT_SIM_SCREENSHOTS, where that is set."""
+        """Takes a screenshot; returns its path, in the folder of CONSTRAINT_SIM_SCREENSHOTS if that is
+        set."""
         path = os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder), name)
         subprocess.check_call(["import", "-window", "root", path], env=self.environment)
         return path
 
     def shrink(self, name, width, zoom=1):
-        """That screenshot's view alone, or the middle of it, small enough for a page."""
+        """Saves the view of that screenshot, or its middle, small enough for a page."""
         path = os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder), name)
         middle = "%dx%d+0+0" % (1232 / zoom, 690 / zoom)
         subprocess.check_call(["convert", path, "-crop", "1232x690+24+70", "+repage",

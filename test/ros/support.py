@@ -1,4 +1,4 @@
-"""What the node's tests share: waiting on conditions, running programs, calls with fields by name."""
+"""Helpers shared by the node's tests: waiting for conditions, running programs, calls with fields by name."""
 import contextlib
 import functools
 import os
@@ -16,7 +16,7 @@ from constraint_sim.msg import Body, Shape
 from constraint_sim.srv import GetWorldPropertiesRequest  # noqa: F401  (the package must be built)
 
 NODE = "/constraint_sim"
-TIMEOUT = 120.0  # [s] far beyond what anything here takes, so that a slow machine is no failure
+TIMEOUT = 120.0  # far beyond the time of any step here, so that a slow machine causes no failure [s]
 
 
 def wait_until(condition, what, timeout=TIMEOUT):
@@ -44,14 +44,14 @@ def running(command, **options):
 
 @functools.lru_cache()
 def node_program():
-    """The node's program itself, which starts sooner than rosrun and gets the signals that are meant
-    for it."""
+    """Returns the node's program itself, which starts faster than rosrun and receives signals directly."""
     return subprocess.check_output(["catkin_find", "--first-only", "--libexec", "constraint_sim",
                                     "constraint_sim_node"], universal_newlines=True).strip()
 
 
 def node_command(**parameters):
-    """The node with these parameters and no others: private ones outlive the node they were for."""
+    """Returns the command of the node with only these parameters: private ones persist on the parameter
+    server."""
     if rospy.has_param(NODE):
         rospy.delete_param(NODE)
     return ([node_program(), "__name:=constraint_sim"] +
@@ -66,7 +66,7 @@ def call(name, /, **fields):
 
 
 def sphere(name, x=0.0, y=0.0, z=0.0, **fields):
-    """A dynamic ball of 1 kg and 0.1 m at a place."""
+    """Returns a dynamic ball of 1 kg and 0.1 m at a place."""
     body = Body(name=name, mass=1.0, shape=Shape(type=Shape.SPHERE, dimensions=[0.1]))
     body.pose.position.x, body.pose.position.y, body.pose.position.z = x, y, z
     for field, value in fields.items():
@@ -79,33 +79,33 @@ def properties():
 
 
 def empty_world():
-    """A paused world without bodies."""
+    """Loads a paused world without bodies."""
     call("pause_physics")
     assert call("load_scene", text="bodies: []").success
     return properties()
 
 
 def memory_of(process):
-    """Resident memory [MiB]."""
+    """Returns the resident memory [MiB]."""
     with open("/proc/%d/status" % process.pid) as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmRSS:")) / 1024
 
 
 def topics_between(publisher, subscriber):
-    """The topics that a node sends to another one: to be subscribed is not yet to be connected."""
+    """Returns the topics that a node sends to another one: a subscription is not yet a connection."""
     uri = rosnode.get_api_uri(rosgraph.Master(rospy.get_name()), publisher, skip_cache=True)
     if not uri:
         return set()  # not up yet
     try:
         _, _, connections = xmlrpc.client.ServerProxy(uri).getBusInfo(rospy.get_name())
     except ConnectionError:
-        return set()  # it is gone, and the master does not know
+        return set()  # the node is gone, and the master does not know
     return {topic for _, other, direction, _, topic, *_ in connections
             if direction == "o" and other == subscriber}
 
 
 def stamp_of(message):
-    """Of the message, or of the first of its transforms or markers; 0 where there is none."""
+    """Returns the stamp of the message, or of the first of its transforms or markers; 0 without one."""
     if hasattr(message, "header"):
         return message.header.stamp
     parts = message.transforms if hasattr(message, "transforms") else message.markers
@@ -130,26 +130,26 @@ class Listener:
             cls._subscribers.pop().unregister()
 
     def find(self, condition=lambda message: True, what="a message", start=0):
-        """The first message that meets the condition, also of those that have come already: of topics
-        that say things once, as latched ones do."""
+        """Returns the first message that meets the condition, also of received ones: latched topics send
+        only once."""
         return wait_until(
             lambda: next((m for m in self.messages[start:] if condition(m)), None), what)
 
     def wait(self, condition=lambda message: True, what="a message"):
-        """The first message that meets the condition and comes after this call; the node may have made
-        it before."""
+        """Returns the first message after this call that meets the condition; the node may have made it
+        before."""
         return self.find(condition, what, len(self.messages))
 
     def present(self, condition=lambda message: True, what="a message"):
-        """The first message that meets the condition and is of the world as it is at this call or later,
-        where stamps are wall time: not of a tick in the middle of what has been stepped."""
+        """Returns the first message that meets the condition and is of the world at this call or later,
+        where stamps are wall time: not of an intermediate tick."""
         now = rospy.Time.from_sec(time.time())
         return self.find(lambda m: stamp_of(m) >= now and condition(m), what)
 
 
 class ServiceCase(unittest.TestCase):
     """Calls that must succeed, and calls that must fail and change nothing."""
-    told = None  # what a call that succeeds says; None where that does not matter
+    told = None  # status_message of a successful call; None: any
 
     def good(self, name, /, *, told=None, **fields):
         answer = call(name, **fields)
@@ -160,7 +160,7 @@ class ServiceCase(unittest.TestCase):
         return answer
 
     def bad(self, named, name, /, **fields):
-        """The answer names what `named` lists, and the world stays what it was."""
+        """Expects a failure whose message contains `named`, and an unchanged world."""
         before = properties()
         answer = call(name, **fields)
         self.assertFalse(answer.success, "%s accepted %s" % (name, fields))

@@ -16,7 +16,7 @@ def rod(name, body_a, body_b, **fields):
 
 
 def chain(links):
-    """Balls in a row, each on a rod to the one before."""
+    """Returns balls in a row, each on a rod to the previous one."""
     balls = [sphere("ball_%d" % i, x=i, no_collision=True) for i in range(links)]
     rods = [rod("rod_%d" % i, "ball_%d" % (i - 1) if i else "world", "ball_%d" % i,
                 length=1.0 if i else 0.5) for i in range(links)]
@@ -53,7 +53,7 @@ class Batches(unittest.TestCase):
         self.assertIn("rod_0", answer.status_message)
 
     def hash_after(self, edit):
-        """That of a new world, 100 steps after an edit at time 0."""
+        """Returns the hash of a new world, 100 steps after an edit at time 0."""
         self.assertTrue(call("load_scene", text="bodies: []").success)
         call("reset_simulation")
         edit()

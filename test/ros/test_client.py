@@ -61,7 +61,7 @@ class Client(unittest.TestCase):
         sim.set_motor("hinge", bias=0.5, max_force=20.0, timeout=1.0)
         sim.step(100)
         state = sim.state("door")
-        # a motor without a load turns by 0.5 rad in 1 s, but for what it takes to start
+        # a motor without a load turns by 0.5 rad in 1 s, except for its start
         self.assertAlmostEqual(2.0 * state.pose.orientation.z, 0.5, delta=0.02)
         sim.set_constraint("hinge", enabled=0)
         sim.push("door", force=(0, 0, 5.0), duration=1.0)
@@ -122,9 +122,9 @@ class Client(unittest.TestCase):
 
     def test_the_example_in_cpp(self):
         said = output_of("rosrun", "constraint_sim", "client_example")
-        # the pendulum of 1 m released from the horizontal, as the engine's own test has it
+        # the pendulum of 1 m released from the horizontal, as in the engine's own test
         x, z = [float(word.split()[0]) for word in said.split("= ")[1:]]
-        self.assertAlmostEqual(x * x + z * z, 1.0, delta=2e-6)  # of the printed digits
+        self.assertAlmostEqual(x * x + z * z, 1.0, delta=2e-6)  # rounding of the printed digits
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""contact_forces against closed forms: a block on a slope that friction holds, and one that slides."""
+"""Tests contact_forces against closed forms: a block on a slope, held by friction or sliding."""
 import math
 import unittest
 
@@ -11,7 +11,7 @@ from constraint_sim.msg import ContactForce, ContactForces
 from support import NODE, Listener, call
 
 G, MASS, SLOPE, HEIGHT = 9.81, 2.0, 0.4, 0.4
-UP = numpy.array([math.sin(SLOPE), 0.0, math.cos(SLOPE)])         # out of the slope
+UP = numpy.array([math.sin(SLOPE), 0.0, math.cos(SLOPE)])         # normal of the slope
 DOWNHILL = numpy.array([math.cos(SLOPE), 0.0, -math.sin(SLOPE)])
 
 
@@ -39,7 +39,7 @@ class Forces(unittest.TestCase):
         Listener.stop_all()
 
     def contacts(self, method, friction, steps):
-        """Forces on the block and its slip against the slope in each contact, and the messages."""
+        """Returns forces on the block and its slip on the slope at each contact, and the messages."""
         answer = call("load_scene", text=scene(method, friction))
         self.assertTrue(answer.success, answer.status_message)
         listener = Listener(NODE + "/contact_forces", ContactForces)
@@ -70,7 +70,7 @@ class Forces(unittest.TestCase):
         self.check_held("event_driven", 1e-9)
 
     def test_by_impulses_friction_holds_the_block(self):
-        self.check_held("sequential_impulses", 0.02)  # what the sweeps leave of 20 N
+        self.check_held("sequential_impulses", 0.02)  # residual of the sweeps, of 20 N
 
     def check_sliding(self, method, rounding):
         mu = 0.2
@@ -83,7 +83,7 @@ class Forces(unittest.TestCase):
         for force, slip, contact in found:
             self.assertEqual(contact.state, ContactForce.SLIPPING)
             friction = force - force.dot(UP) * UP
-            # mu N in each of them, against the slip
+            # mu N at each contact, against the slip
             self.assertAlmostEqual(numpy.linalg.norm(friction), mu * force.dot(UP), delta=rounding)
             self.assertLess(friction.dot(slip),
                             -0.999 * numpy.linalg.norm(friction) * numpy.linalg.norm(slip))

@@ -14,7 +14,7 @@
 namespace constraint_sim {
 namespace {
 
-// what a call throws, or nothing
+// Returns the error of a call; empty without one.
 template <class Call>
 std::string error_of(Call call) {
   try {
@@ -207,7 +207,7 @@ TEST(Conversions, RelativeVelocitiesAreTheRatesOfRelativePlaces) {
     const engine::BodyState after = relative_to(moved(frame, kStep), moved(state, kStep));
     const engine::BodyState before = relative_to(moved(frame, -kStep), moved(state, -kStep));
     const Eigen::Vector3d rate = (after.position - before.position) / (2.0 * kStep);
-    // central differences: h² times third derivatives of order 10, and round-off over h
+    // central differences: h² times third derivatives of order 10, and rounding over h
     EXPECT_LT((rate - relative_to(frame, state).linear_velocity).norm(), 1e-8);
   }
 }
@@ -226,7 +226,7 @@ TEST(Conversions, ARopeAndAStrutTakeThePresentDistance) {
   EXPECT_EQ(from_msg(msg, world).distance.min_length, 5.0);
 }
 
-/// A hinge between two boxes, b turned by 90 degrees about x.
+/// A hinge between two boxes, b rotated by 90 degrees about x.
 struct Door {
   engine::World world;
   Constraint msg;
@@ -246,20 +246,20 @@ struct Door {
     msg.body_b = "b";
   }
 
-  /// As the world has it once it is added.
+  /// Returns the joint as the world has it after adding.
   engine::Joint added() {
     engine::World copy = world;
     return copy.joint(copy.add_joint(from_msg(msg, copy)));
   }
 };
 
-// to the rounding of two rotations of unit vectors
+// Rounding of two rotations of unit vectors.
 constexpr double kRounding = 1e-15;
 
 TEST(Conversions, TheAxesOfAHingeArriveOnTheirBodies) {
   Door door;
-  door.msg.axis_a.y = 2.0;   // of any length
-  door.msg.axis_b.z = -0.5;  // b's -z lies along a's y
+  door.msg.axis_a.y = 2.0;   // any length
+  door.msg.axis_b.z = -0.5;  // b's -z is along a's y
   const engine::Joint joint = from_msg(door.msg, door.world);
   EXPECT_EQ(joint.kind, engine::JointKind::kHinge);
   EXPECT_EQ(joint.body_a, door.world.find_body("a"));
@@ -294,7 +294,7 @@ TEST(Conversions, AxesThatCannotBeAreNamed) {
   EXPECT_EQ(error(1.0, "rope").rfind("axis_a: constraints of type 'rope' have none", 0), 0u);
 }
 
-/// Adds what the message has no field for.
+/// Sets a key, for settings without a field in the message.
 void set(Constraint& msg, const std::string& key, double value) {
   msg.keys.push_back(key);
   msg.values.push_back(value);
@@ -473,7 +473,7 @@ std::vector<std::uint8_t> bytes_of_message(const Message& message) {
   return bytes;
 }
 
-// As roscpp does for topics and services of the node.
+// Reads a message as roscpp does for topics and services of the node.
 template <class Message>
 Message received(std::vector<std::uint8_t> bytes) {
   Received<Message> received;
@@ -506,12 +506,13 @@ TEST(Received, MessagesAreReadAsTheyWereWritten) {
                ros::service_traits::md5sum<ApplyEditsRequest>());
 }
 
-// Lengths that bytes announce: roscpp would allocate 2 TB, and 4 GiB of numbers, whose bytes are 8
-// by a length of 32 bits.
+// Announced lengths: roscpp would allocate 2 TB, and 4 GiB of numbers, whose size in bytes is 8 in
+// 32-bit arithmetic.
 TEST(Received, ListsAreAsLongAsTheBytesThatAreThere) {
   EXPECT_THROW(received<ApplyEditsRequest>({0xff, 0xff, 0xff, 0xff}),
                ros::serialization::StreamOverrunException);
-  std::vector<std::uint8_t> numbers(20, 0);  // no name, no keys, the number of values, and one
+  std::vector<std::uint8_t> numbers(20,
+                                    0);  // no name, no keys, the number of values, and one value
   numbers[8] = 1;
   numbers[11] = 0x20;
   EXPECT_THROW(received<SetBodyPropertiesRequest>(numbers),

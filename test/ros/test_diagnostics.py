@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""/diagnostics: three statuses a second, and what makes each of them warn."""
+"""/diagnostics: three statuses a second, and the warnings of each."""
 import unittest
 
 import rospy
@@ -41,7 +41,7 @@ class Diagnostics(unittest.TestCase):
 
     def test_all_is_well(self):
         call("unpause_physics")
-        # in one of the seconds, for a busy machine drops ticks
+        # in some second, since a busy machine drops ticks
         clock = self.wait("clock", OK, lambda s: s.message == "keeps up" and
                           abs(float(values(s)["real_time_factor"]) - 1.0) < 0.1)
         self.assertEqual(clock.hardware_id, NODE)
@@ -62,7 +62,7 @@ class Diagnostics(unittest.TestCase):
     def test_inconsistent_constraints_are_named(self):
         call("add_distance_constraint", name="longer", body_b="bob", length=1.5)
         call("unpause_physics")
-        # after the closing time, the mean of the two lengths is what is left
+        # after the closing time the mean of the two lengths remains
         found = self.wait("constraints", WARN, lambda s: "inconsistent" in s.message and
                           len(values(s)["inconsistent"].split(", ")) == 2)
         self.assertEqual(set(values(found)["inconsistent"].split(", ")), {"rod", "longer"})
@@ -91,7 +91,7 @@ constraints:
                 status(m, "constraints", "/strict").level == WARN, "the warning")
 
     def test_events_and_what_they_cost_are_counted(self):
-        """A ball that bounces for ever has an event a bounce, and each of them substeps."""
+        """A ball that bounces for ever has an event for each bounce, with substeps."""
         self.assertTrue(call("load_scene", text="""
 bodies:
 - {name: floor, type: static, shape: {plane: {}}, friction: 0.5, restitution: 1}
@@ -104,8 +104,8 @@ bodies:
                            int(values(found)["events in this second"]))
 
     def test_the_threshold_of_the_pace_is_a_parameter(self):
-        """A million times real time is out of reach: 0 asks for nothing, so that only what was
-        dropped is told."""
+        """A million times real time is out of reach: threshold 0 requires nothing, so that only dropped
+        ticks are reported."""
         with running(node_command(scene="pendulum", real_time_factor=1e6,
                                   diagnostics_real_time_factor=0.0) + ["__name:=patient"]):
             self.listener.wait(

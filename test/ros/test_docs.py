@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The examples of the documentation do what they say, and leave nothing out."""
+"""Examples of the documentation have their documented effect, and are complete."""
 import os
 import re
 import shlex
@@ -27,19 +27,19 @@ def read_page(document):
 
 
 def pages(document):
-    """A document, and the pages in the folder of its name in the order of its links to them."""
+    """Returns a document, and the pages in the folder of its name in the order of its links to them."""
     name = os.path.splitext(document)[0]
     links = re.findall(r"\(%s/(\w+\.md)" % os.path.basename(name), read_page(document))
     return [document] + [os.path.join(name, link) for link in dict.fromkeys(links)]
 
 
 def read(document):
-    """The text of all pages of a document, one after the other."""
+    """Returns the text of all pages of a document, in order."""
     return "\n".join(map(read_page, pages(document)))
 
 
 def examples(document, *beginnings):
-    """The lines in code blocks and spans that begin with one of these words, in their order."""
+    """Returns the lines in code blocks and spans that begin with one of these words, in order."""
     blocks_and_spans = re.findall(r"^```\w*\n(.*?)^```|`([^`]+)`", read(document), re.M | re.S)
     lines = [line for block, span in blocks_and_spans
              for line in block.splitlines() or [" ".join(span.split())]]
@@ -51,7 +51,7 @@ def is_refused(line):
 
 
 def first_column(table):
-    """The words in backticks in the first column of a Markdown table."""
+    """Returns the words in backticks in the first column of a Markdown table."""
     rows = re.findall(r"^\|([^|]*)\|", table, re.M)
     return {word for row in rows for word in re.findall(r"`([^`]+)`", row)}
 
@@ -72,7 +72,7 @@ def offered_services():
 
 
 def keys_in(value):
-    """All keys at any depth."""
+    """Returns all keys at any depth."""
     if isinstance(value, dict):
         return set(value).union(*map(keys_in, value.values()))
     return set().union(*map(keys_in, value)) if isinstance(value, list) else set()
@@ -87,9 +87,9 @@ class Docs(unittest.TestCase):
         self.assertEqual(done.returncode != 0, is_error, line + "\n" + done.stdout)
         if not line.startswith("rosservice call"):
             return
-        if is_error:  # dynamic_reconfigure has no field for a refusal
+        if is_error:  # dynamic_reconfigure has no field for a rejection
             return
-        answer = yaml.safe_load(done.stdout)  # nothing from a service of type Empty
+        answer = yaml.safe_load(done.stdout)  # empty for a service of type Empty
         if "/set_parameters " in line:
             self.assertIn("config", answer)
         elif answer is not None or is_refused(line):
@@ -100,12 +100,12 @@ class Docs(unittest.TestCase):
                          "rosrun dynamic_reconfigure")
         self.assertGreaterEqual(len(lines), least)
         with tempfile.TemporaryDirectory() as folder, running(node, cwd=folder):
-            properties()  # it is up
+            properties()  # the node is up
             for line in lines:
                 self.check(line, folder)
 
     def test_the_examples_of_the_readme(self):
-        self.check_examples("README.md", node_command(scene="bridge"))  # as ./scripts/demo does
+        self.check_examples("README.md", node_command(scene="bridge"))  # as in ./scripts/demo
 
     def test_the_examples_of_the_node(self):
         rospy.set_param("/use_sim_time", False)
@@ -190,14 +190,14 @@ class Docs(unittest.TestCase):
     def test_each_key_of_scenes_has_an_example(self):
         scenes, *others = map(read_page, pages("docs/scenes.md"))
         sections = re.split(r"^### ", scenes, flags=re.M)[1:] + others
-        self.assertGreaterEqual(len(sections), 5)  # they are found at all
+        self.assertGreaterEqual(len(sections), 5)  # the sections were found
         for section in sections:
             shown = set()
             for scene in map(yaml.safe_load, yaml_blocks(section)):
-                # the types of constraints have rows as well, and stand as values
+                # types of constraints have rows too, and occur as values
                 types = {c.get("type") for c in scene.get("constraints", [])}
                 shown |= keys_in(scene) | types
-            # those of plugins have examples that need one (docs/plugins.md, test_plugins)
+            # types of plugins have examples that need one (docs/plugins.md, test_plugins)
             missing = first_column(section) - shown - {"custom", "custom_force"}
             self.assertEqual(missing, set(), section.splitlines()[0])
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The topic events: what changed from one tick to the next, and no tick without a change."""
+"""The topic events: changes from one tick to the next, and no tick without a change."""
 import math
 import unittest
 
@@ -45,10 +45,10 @@ class Events(unittest.TestCase):
         event, = self.wait(Event.CONTACT_BEGAN)
         self.assertEqual(set(event.names), {"floor", "ball"})
         falls = math.sqrt(2 * 0.5 / 9.81)
-        # a tick late at most, for where no finer time is known it is the tick's end
+        # at most a tick late: where no finer time is known it is the end of the tick
         self.assertGreater(event.time - self.start, falls - TICK)
         self.assertLess(event.time - self.start, falls + 2 * TICK)
-        # what stops 2 kg, and a tick's weight: within the fall of a tick or two
+        # impulse that stops 2 kg, plus a tick's weight: within the fall of a tick or two
         self.assertAlmostEqual(event.impulse, 2 * 9.81 * falls, delta=3 * 2 * 9.81 * TICK)
         call("set_body_state", state=self.at("ball", 5.0))
         call("step", steps=2)
@@ -70,7 +70,7 @@ class Events(unittest.TestCase):
         call("step", steps=10)
         call("add_body", body=sphere("other", 0, 0, 0.1))
         call("step", steps=10)
-        self.wait(Event.CONTACT_BEGAN, 2)  # after all that could have come before
+        self.wait(Event.CONTACT_BEGAN, 2)  # after all earlier events
         self.assertEqual(self.events(Event.CONTACT_ENDED), [])
 
     def test_a_rope_gets_taut_and_slack(self):
@@ -100,11 +100,11 @@ class Events(unittest.TestCase):
         call("step", steps=20)
         self.assertEqual(self.wait(Event.SATURATED)[0].names, ["winch"])
         call("set_motor_bias", constraint="winch", bias=-0.1, max_force=500)
-        call("step", steps=100)  # which catches the ball, and then winds it up
+        call("step", steps=100)  # the winch catches the ball, and then winds it up
         self.assertEqual(self.wait(Event.RELEASED)[-1].names, ["winch"])
 
     def at_moments(self, events, *moments):
-        """Where events carry the bodies their times are those within the tick."""
+        """Event-driven islands have event times within the tick."""
         for event, moment in zip(events, moments):
             self.assertAlmostEqual(event.time - self.start, moment, delta=1e-9)
 
@@ -132,7 +132,7 @@ class Events(unittest.TestCase):
         self.at_moments([event], 1 / (0.3 * 9.81))
 
     def test_what_friction_holds_slips(self):
-        # when a spring whose other end goes on pulls with more than it holds, f = k v t
+        # a spring with a moving end pulls with more than friction holds, f = k v t
         self.load("- {name: drawn, mass: 1.5, shape: {sphere: {radius: 0.1}}}\n"
                   "- {name: end, type: kinematic, shape: {point: {}}, position: [0, 0, 1], "
                   "linear_velocity: [0, 0, 0.25]}\n",
@@ -156,13 +156,13 @@ class Events(unittest.TestCase):
         self.assertEqual(set(began.names), {"first", "second"})
         self.assertEqual(set(hit.names), {"second", "third"})
         self.at_moments([began, hit], 0.1, 0.1)
-        # each gets 3/4 of the speed of the one before and leaves that 1/4, so that the first hits
-        # the second again with 3/4 - 3/4 * 3/4 of it
+        # each gets 3/4 of the speed of the previous one and leaves it 1/4, so the first hits the second again
+        # with 3/4 - 3/4 * 3/4 of it
         self.assertAlmostEqual(began.impulse, 3 * 0.75 + 0.75 * 3 * (0.25 - 0.75 * 0.25), delta=1e-9)
         self.assertAlmostEqual(hit.impulse, 3 * 0.75 ** 2, delta=1e-9)
 
     def test_contacts_go_to_impulses_and_come_back(self):
-        # six balls lie in a row; three more fly past, which makes nine that may touch
+        # six balls lie in a row; three more fly past: nine that may touch
         ball = ("- {name: %s, mass: 1, shape: {sphere: {radius: 0.1}}, friction: 0.5, "
                 "position: [%.4f, %g, %g], linear_velocity: [0, %g, 0]}\n")
         self.load(FLOOR + "".join(
@@ -176,7 +176,7 @@ class Events(unittest.TestCase):
             self.assertTrue(all(len(event.names) == 1 for event in events))
             self.assertLessEqual(lie, {event.names[0] for event in events})
         first = {name: min(e.time for e in gone if e.names == [name]) for name in lie}
-        for name in lie:  # half a second at least
+        for name in lie:  # at least half a second
             self.assertGreater(min(e.time for e in back if e.names == [name]), first[name] + 0.49)
 
     def test_a_failure_names_the_body(self):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Kinematic bodies that follow frames of tf, in simulated time, so that each run is the same."""
+"""Kinematic bodies that follow frames of tf, in simulated time, so that each run is equal."""
 import math
 import unittest
 
@@ -26,12 +26,12 @@ constraints:
 
 
 def carrier(t):
-    """Where the frame is: x [m] and its angle about z [rad]."""
+    """Returns the pose of the frame: x [m] and its angle about z [rad]."""
     return SWING * (1.0 - math.cos(RATE * t)), 0.5 * math.sin(t)
 
 
 def transforms(start, end):
-    """Of the frame at each SAMPLE, as another node would send them one by one."""
+    """Returns transforms of the frame at each SAMPLE, as another node would send them."""
     message = TFMessage()
     for i in range(round(start / SAMPLE), round(end / SAMPLE) + 1):
         t = i * SAMPLE
@@ -47,15 +47,15 @@ def transforms(start, end):
 
 
 def between(t):
-    """Where tf has the frame between two transforms: on the chord."""
+    """Returns the frame's position in tf between two transforms: on the chord."""
     before = math.floor(t / SAMPLE + 1e-9) * SAMPLE
     share = (t - before) / SAMPLE
     return (1 - share) * carrier(before)[0] + share * carrier(before + SAMPLE)[0]
 
 
 def swinging_load(start, end):
-    """x of a load at rest below the frame at `start`, which then moves: a pendulum on a driven
-    point, by Runge and Kutta's method in steps of 0.1 ms."""
+    """Returns x of a load at rest below the frame at `start`, which then moves: a pendulum on a driven
+    point, by the Runge-Kutta method in steps of 0.1 ms."""
     def rate(t, y):
         pull = SWING * RATE ** 2 * math.cos(RATE * t)
         return y[1], -(9.81 * math.sin(y[0]) + pull * math.cos(y[0])) / LENGTH
@@ -87,19 +87,19 @@ class Follow(unittest.TestCase):
         return running(node_command(**parameters))
 
     def load(self):
-        # what is said before it is connected does not come
+        # log lines before the connection are lost
         support.wait_until(lambda: "/rosout" in support.topics_between(
             support.NODE, rospy.get_name()), "the node's /rosout")
         answer = call("load_scene", text=SCENE)
         self.assertTrue(answer.success, answer.status_message)
 
     def send(self, start, end):
-        """Until the node has them: it has a subscriber of its own for tf."""
+        """Sends transforms until the node has them: it has an own subscriber for tf."""
         support.wait_until(lambda: self.publisher.get_num_connections() > 0, "the node on /tf")
         self.publisher.publish(transforms(start, end))
 
     def step_until(self, time):
-        """To that time; the states by name."""
+        """Steps to that time; returns the states by name."""
         steps = round((time - call("get_world_properties").sim_time) / TICK)
         answer = call("step", steps=steps)
         self.assertTrue(answer.success, answer.status_message)
@@ -109,7 +109,7 @@ class Follow(unittest.TestCase):
         return next((m for m in self.log.messages if all(w in m.msg for w in words)), None)
 
     def arrive(self, time):
-        """Steps one tick at a time until the frame has been heard of."""
+        """Steps single ticks until the frame is known."""
         def is_there():
             hook = self.step_until(call("get_world_properties").sim_time + TICK)["hook"]
             return hook.pose.position.x < 4.0
@@ -118,16 +118,16 @@ class Follow(unittest.TestCase):
     def test_the_body_is_where_tf_has_the_frame_and_joints_hold(self):
         with self.start():
             self.load()
-            self.step_until(0.2)  # so that a frame is asked for at a time that there was
+            self.step_until(0.2)  # so that the requested time of the frame exists
             self.send(0.0, 8.0)
             self.arrive(0.5)
             began = call("get_world_properties").sim_time
             while call("get_world_properties").sim_time < began + 2.0 - 1e-9:
                 now = call("get_world_properties").sim_time + 0.1
                 hook = self.step_until(now)["hook"]
-                # the time of stamps is whole nanoseconds
+                # times of stamps are whole nanoseconds
                 self.assertAlmostEqual(hook.pose.position.x, between(now - DELAY), delta=1e-8)
-                chord = 0.125 * 0.5 * SAMPLE ** 2  # of sin t / 2, between two transforms
+                chord = 0.125 * 0.5 * SAMPLE ** 2  # chord of sin t / 2 between two transforms
                 angle = 2 * math.atan2(hook.pose.orientation.z, hook.pose.orientation.w)
                 self.assertAlmostEqual(angle, carrier(now - DELAY)[1], delta=2 * chord)
             states = call("get_body_state", name="load").state.pose.position
@@ -138,12 +138,12 @@ class Follow(unittest.TestCase):
     def test_a_tethered_load_swings_as_below_a_driven_point(self):
         with self.start():
             self.load()
-            # the load hangs below where the frame is, at rest, before the frame is there
+            # the load hangs below the frame's place, at rest, before the frame arrives
             self.send(0.0, 8.0)
             self.assertTrue(call("pause_physics") is not None)
             self.step_until(DELAY + TICK)
             self.arrive(0.5)
-            # begin anew from here: at rest, below the frame
+            # restarts here: at rest, below the frame
             begin = call("get_world_properties").sim_time
             hook = call("get_body_state", name="hook").state
             load = call("get_body_state", name="load").state
@@ -153,7 +153,7 @@ class Follow(unittest.TestCase):
             end = begin + 2.0
             states = self.step_until(end)
             expected = swinging_load(begin - DELAY, end - DELAY)
-            # the frame goes on chords: its velocity is off by a half SAMPLE of its acceleration
+            # the frame moves on chords: its velocity error is half a SAMPLE of its acceleration
             self.assertAlmostEqual(states["load"].pose.position.x, expected,
                                    delta=SWING * RATE ** 2 * SAMPLE * 0.5)
 
@@ -165,7 +165,7 @@ class Follow(unittest.TestCase):
             self.send(0.0, 1.0)
             self.arrive(0.5)
             last = self.step_until(2.0)["hook"].pose.position.x
-            self.assertAlmostEqual(last, carrier(1.0)[0], delta=1e-8)  # the last that was heard
+            self.assertAlmostEqual(last, carrier(1.0)[0], delta=1e-8)  # last known position
             support.wait_until(lambda: self.said("no transform of 'carrier'", "'hook'"), "a warning")
 
             def warned(message):
@@ -189,7 +189,7 @@ class Follow(unittest.TestCase):
             self.arrive(0.5)
             self.step_until(1.5)
             call("reset_simulation")
-            # it is at its start, 5 m from where the frame was last, until the frame is known
+            # at its start, 5 m from the frame's last place, until the frame is known
             hook = self.step_until(TICK)["hook"]
             self.assertEqual((hook.pose.position.x, hook.twist.linear.x), (5.0, 0.0))
             hook = self.step_until(DELAY + 2 * TICK)["hook"]
@@ -211,14 +211,14 @@ class Follow(unittest.TestCase):
             for late in (rospy.Time(4294967295, 999999999), rospy.Time(4294967290)):
                 self.publisher.publish(TFMessage([transform("world", "carrier", late)]))
             support.wait_until(lambda: self.said("/tf", "'carrier'", "too late"), "a warning")
-            self.send(0.52, 1.0)  # comes all the same
+            self.send(0.52, 1.0)  # arrives nevertheless
             now = call("get_world_properties").sim_time
 
             def follows():
                 hook = self.step_until(call("get_world_properties").sim_time + TICK)["hook"]
                 return hook.twist.linear.x > 0.0
             support.wait_until(follows, "the body on its way")
-            # the frame hangs on one that hangs on the frame
+            # the frame hangs on a frame that hangs on it
             loop = [transform(*pair, rospy.Time.from_sec(t)) for t in (now + 2, now + 60)
                     for pair in (("other", "carrier"), ("carrier", "other"))]
             self.publisher.publish(TFMessage(loop))
@@ -227,7 +227,7 @@ class Follow(unittest.TestCase):
                 hook = self.step_until(call("get_world_properties").sim_time + 0.5)["hook"]
                 return hook.twist.linear.x == 0.0
             support.wait_until(stands, "the body at rest")
-            self.step_until(now + 3)  # where the frames are a loop
+            self.step_until(now + 3)  # where the frames form a loop
             self.assertIsNone(process.poll())
 
     def test_what_cannot_follow_is_told(self):

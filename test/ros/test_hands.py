@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Bodies in the hands of a viewer: drags, what ends them, and the menu. What a viewer sends is what
-rviz sends, recorded by test_mouse.py from a real mouse."""
+"""Bodies dragged by a viewer: drags, their ends, and the menu. Feedback is that of rviz, recorded by test_mouse.py
+from a real mouse."""
 import signal
 import time
 import unittest
@@ -39,13 +39,13 @@ class Hands(unittest.TestCase):
         known = len(self.updates.messages)
         answer = call("load_scene", text=text)
         self.assertTrue(answer.success, answer.status_message)
-        # not the marker of the last scene's body of that name: a press on it is no press on this one
+        # not the marker of that body name in the last scene: pressing it does not press this one
         self.updates.find(lambda m: any(k.name == body for k in m.markers), "its marker", known)
         support.wait_until(lambda: self.feedback.get_num_connections() > 0, "the server")
         self.marker(body)
 
     def marker(self, body):
-        """The marker of a body, as a viewer that has just come sees it."""
+        """Returns the marker of a body, as a new viewer receives it."""
         inits = Listener(HANDS + "/update_full", InteractiveMarkerInit)
         message = inits.find(lambda m: any(k.name == body for k in m.markers), body)
         return next(m for m in message.markers if m.name == body)
@@ -56,7 +56,7 @@ class Hands(unittest.TestCase):
             pose=Pose(Point(x, y, z), Quaternion(0, 0, 0, 1)), menu_entry_id=entry))
 
     def drag(self, body, start, way, seconds):
-        """Moves the pointer evenly, thirty times a second, as rviz tells of it."""
+        """Moves the pointer evenly, with feedback thirty times a second like rviz."""
         begin = time.monotonic()
         self.send(InteractiveMarkerFeedback.MOUSE_DOWN, body, *start)
         share = 0.0
@@ -64,17 +64,17 @@ class Hands(unittest.TestCase):
             share = min((time.monotonic() - begin) / seconds, 1.0)
             self.pointer = [s + share * w for s, w in zip(start, way)]
             self.send(InteractiveMarkerFeedback.POSE_UPDATE, body, *self.pointer)
-            time.sleep(1 / 30)  # the period of feedback while a pointer moves
+            time.sleep(1 / 30)  # period of feedback while a pointer moves
 
     def keep(self, body, condition, what):
-        """Keeps the button down until the condition holds. The pointer moves again where the node let go,
-        as it does when a busy machine holds feedback back for half a second."""
+        """Keeps the button down until the condition holds. The pointer moves again where the node released the
+        body, as when a busy machine delays feedback by half a second."""
         def check():
             if self.is_held():
                 self.send(InteractiveMarkerFeedback.KEEP_ALIVE, body)
             else:
                 self.send(InteractiveMarkerFeedback.POSE_UPDATE, body, *self.pointer)
-            time.sleep(0.1)  # the period of feedback while a pointer stands
+            time.sleep(0.1)  # period of feedback while a pointer stands
             return condition()
         support.wait_until(check, what)
 
@@ -89,7 +89,7 @@ class Hands(unittest.TestCase):
         return self.state(body).pose.position.x
 
     def grips(self, body):
-        """Whether the body is held, to which a pointer half a metre along x moves once more."""
+        """Returns whether the body is held, after moving the pointer half a metre along x once more."""
         self.send(InteractiveMarkerFeedback.POSE_UPDATE, body, 0.5)
         return self.is_held()
 
@@ -97,22 +97,22 @@ class Hands(unittest.TestCase):
         return any(name.startswith("hand/") for name in properties().constraints)
 
     def check_drag(self, body, text, load=None, rest=1e-3):
-        """Two metres along x while the world runs, and the load at rest afterwards: slower than `rest`
-        (m/s)."""
+        """Drags two metres along x while the world runs; the load must be at rest afterwards: slower than `rest`
+        [m/s]."""
         self.load(text, body)
         call("unpause_physics")
         start = self.x(body)
         self.drag(body, (start, 0, 0), (2, 0, 0), 2.0)
         self.keep(body, lambda: abs(self.x(body) - start - 2.0) < 0.02, "the way of two metres")
-        if load is not None:  # it may pass the hand, slowly, and more than once
+        if load is not None:  # the load may pass the hand, slowly and repeatedly
             call("set_options", keys=["real_time_factor"], values=["10"])
         speed = lambda: abs(self.state(load or body).twist.linear.x)
-        # the drag went at 1 m/s: by default a millionth of its energy is left at most
+        # the drag went at 1 m/s: by default at most a millionth of its energy remains
         self.keep(body, lambda: speed() < rest, "rest")
         self.send(InteractiveMarkerFeedback.MOUSE_UP, body)
         support.wait_until(lambda: not self.is_held(), "the release")
         self.assertLess(speed(), 2 * rest)
-        if load is None:  # else what was held is light, and swings about the load
+        if load is None:  # else the held body is light, and swings about the load
             self.assertAlmostEqual(self.x(body), start + 2.0, delta=0.03)
 
     def ball(self, name, mass, x):
@@ -134,18 +134,18 @@ class Hands(unittest.TestCase):
             self.ball("b%d" % i, 1e-3, 0.2 * i) for i in range(1, 5))
         rods = "".join("- {name: r%d, type: distance, body_a: b%d, body_b: b%d}\n" %
                        (i, i, i + 1) for i in range(4))
-        # a load that is braked pushes the chain, which gives way to the side; nothing damps it there,
-        # and where much speed was left the load comes to rest on the other side of the hand, at 2.8 m
+        # a load that is braked pushes the chain, which yields sideways without damping; with much remaining speed the
+        # load comes to rest on the other side of the hand, at 2.8 m
         self.check_drag("b4", self.weightless(bodies, rods), "b0", rest=0.02)
         self.assertAlmostEqual(self.x("b0"), 2.8, delta=0.85)
 
     # ---- pointers in other frames
 
     def drag_in(self, frame, place, condition, what):
-        """Keeps the pointer at a place of a frame until the condition holds."""
+        """Keeps the pointer at a place in a frame until the condition holds."""
         def check():
             self.send(InteractiveMarkerFeedback.POSE_UPDATE, "a", *place, frame=frame)
-            time.sleep(0.1)  # the period of feedback while a pointer stands
+            time.sleep(0.1)  # period of feedback while a pointer stands
             return condition()
         self.send(InteractiveMarkerFeedback.MOUSE_DOWN, "a", frame=frame)
         support.wait_until(check, what)
@@ -157,7 +157,7 @@ class Hands(unittest.TestCase):
         return max(abs(place.x - x), abs(place.y - y), abs(place.z - z)) < 0.02
 
     def test_a_pointer_in_another_frame_is_where_tf_has_it(self):
-        # (1, 2, 0) of the world is 7 m farther along x of the map, and a quarter of a turn to its left
+        # (1, 2, 0) in the world is 7 m farther along x of the map, rotated by a quarter turn to its left
         root = TransformStamped(child_frame_id="world")
         root.header.frame_id = "map"
         root.transform.translation.x = 7.0
@@ -189,7 +189,7 @@ class Hands(unittest.TestCase):
         told = len(named())
 
         def clicked():
-            """One message, whose button is up at once; warnings come once a second."""
+            """Sends one message, whose button is up at once; warnings come once a second."""
             self.send(InteractiveMarkerFeedback.POSE_UPDATE, "a", 8, frame="nowhere")
             self.send(InteractiveMarkerFeedback.MOUSE_UP, "a", frame="nowhere")
             return len(named()) > told
@@ -199,7 +199,7 @@ class Hands(unittest.TestCase):
     def test_a_drag_whose_feedback_stops_lets_go_within_half_a_second(self):
         call("unpause_physics")
         waits = []
-        for _ in range(30):  # a busy machine may be late once, and again, but not each time
+        for _ in range(30):  # a busy machine may be late repeatedly, but not each time
             self.load(self.weightless(self.ball("a", 1, 0)), "a")
             call("unpause_physics")
             self.drag("a", (0, 0, 0), (0.5, 0, 0), 0.3)
@@ -208,10 +208,10 @@ class Hands(unittest.TestCase):
             end = time.monotonic()
             support.wait_until(lambda: not self.is_held(), "the release")
             waits.append(time.monotonic() - end)
-            # 0.5 s, a period of 0.05 s in which it is looked for, a tick, and two calls of services
+            # 0.5 s, a period of 0.05 s for the check, a tick, and two service calls
             if waits[-1] < 0.65:
                 break
-        self.assertGreater(min(waits), 0.4)  # and not before: the grip goes by feedback
+        self.assertGreater(min(waits), 0.4)  # not earlier: the grip depends on feedback
         self.assertLess(min(waits), 0.65)
 
     def test_what_is_saved_in_a_hand_is_let_go_when_loaded(self):
@@ -239,7 +239,7 @@ class Hands(unittest.TestCase):
         self.assertEqual(properties().constraints, [])
 
     def test_a_body_of_the_next_scene_is_not_dragged_by_the_drag_of_the_last_one(self):
-        """It has the same name. A viewer that lags goes on telling of the old one."""
+        """The new body has the old name. A lagging viewer still sends feedback of the old one."""
         self.load(self.weightless(self.ball("a", 1, 0)), "a")
         call("unpause_physics")
         self.send(InteractiveMarkerFeedback.MOUSE_DOWN, "a")
@@ -254,14 +254,14 @@ class Hands(unittest.TestCase):
             return properties().step > start + 300
         support.wait_until(has_run, "steps of the next scene")
         self.send(InteractiveMarkerFeedback.MOUSE_UP, "a")
-        # and by its own drag it is
+        # its own drag moves it
         self.drag("a", (0, 0, 0), (0.2, 0, 0), 0.2)
         self.keep("a", lambda: abs(self.x("a") - 0.2) < 0.02, "its own way")
         self.send(InteractiveMarkerFeedback.MOUSE_UP, "a")
         support.wait_until(lambda: not self.is_held(), "the release")
 
     def test_a_viewer_that_dies_in_a_drag_keeps_nobody_from_the_next_scene(self):
-        """Nor does it keep a client that has no MOUSE_DOWN to send."""
+        """Clients without MOUSE_DOWN are not blocked either."""
         self.load(self.weightless(self.ball("a", 1, 0)), "a")
         call("unpause_physics")
         self.send(InteractiveMarkerFeedback.MOUSE_DOWN, "a")
@@ -281,7 +281,7 @@ class Hands(unittest.TestCase):
         call("step", steps=100)
         self.assertAlmostEqual(self.state("a").pose.position.z, 0.0, places=6)
         self.menu("a", "Join: mark this body")
-        self.menu("b", "Join to the marked body")  # feedback is taken in its order, on one thread
+        self.menu("b", "Join to the marked body")  # feedback is handled in order, on one thread
         support.wait_until(lambda: "joined/a/b" in properties().constraints, "the rod")
         self.menu("a", "Release")
         support.wait_until(lambda: "fixed/a" not in properties().constraints, "the release")
@@ -291,7 +291,7 @@ class Hands(unittest.TestCase):
         self.menu("a", "Push along +x")
         support.wait_until(lambda: properties().state_hash != pushed, "the push")
         call("step", steps=20)
-        # 1 m/s, whatever the mass
+        # 1 m/s, at any mass
         self.assertAlmostEqual(self.state("a").twist.linear.x - before, 1.0, places=6)
 
     def test_a_camera_can_follow_a_body(self):
@@ -306,7 +306,7 @@ class Hands(unittest.TestCase):
         transforms.wait(lambda m: "followed" not in frames(m), "its end")
 
     def end_in_a_drag(self):
-        """The status of a node that is ended while a body is dragged."""
+        """Returns the status of a node that is ended while a body is dragged."""
         with support.running(support.node_command(scene="pendulum") + ["__name:=mortal"]) as node:
             Listener("/mortal/hands/update", InteractiveMarkerUpdate)
             feedback = rospy.Publisher("/mortal/hands/feedback", InteractiveMarkerFeedback,
@@ -326,7 +326,7 @@ class Hands(unittest.TestCase):
         return status
 
     def test_a_node_that_is_ended_in_a_drag_ends_at_once(self):
-        """And not by force, as each that takes 0.85 s, which a busy machine may need once, not each time."""
+        """The end is not forced; a forced one takes 0.85 s, which a busy machine may need once, not each time."""
         statuses = [self.end_in_a_drag()]
         while statuses[-1] == 128 + signal.SIGINT and len(statuses) < 20:
             statuses.append(self.end_in_a_drag())

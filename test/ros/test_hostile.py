@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What an attacker, a slip or a dead caller sends: answered, refused or cancelled, whatever runs."""
+"""Malicious or wrong input and dead callers: answered, rejected or cancelled, whatever runs."""
 import contextlib
 import functools
 import io
@@ -36,14 +36,14 @@ import support
 from support import (NODE, Listener, call, memory_of, node_command, properties, running, sphere,
                      wait_until)
 
-# [s] in which calls are answered and the node ends. Whatever else the machine does adds to it: of what
-# is tried once no more than QUICK is asked, of many calls the median, of what is tried again the least.
-# That an answer did not wait for a tick is seen from the world.
+# Time in which calls are answered and the node ends [s]. Other work of the machine adds to it: a single trial
+# may take QUICK, of many calls the median counts, of repeated trials the least. The world shows that a
+# response did not wait for a tick.
 SECOND, QUICK = 1.0, 10.0
 CALLS_A_SECOND = 100
-MOST_STEPS = 7  # calls of step that wait at the same time
-# A tick of half a minute of the processor and more, far beyond QUICK, so that only its being stopped
-# ends it: as many sweeps as there may be over 500 spheres in one place, which touch in 125 000 points
+MOST_STEPS = 7  # number of simultaneous calls of step
+# A tick of half a minute of processor time and more, far beyond QUICK, so that only stopping ends it: the
+# largest number of sweeps over 500 spheres in one place, which touch in 125 000 points.
 ENDLESS = """
 world: {iterations: 10000, method: sequential_impulses}
 constraints: [{name: leash, type: rope, body_b: ball, max_length: 20}]
@@ -59,19 +59,19 @@ constraints:
 - {name: elbow, type: hinge, body_b: arm, axis_a: [0, 1, 0], motor: {bias: 0}}
 """
 
-# Poles of 10 km that turn beside each other: the hits of 20 000 pairs are looked for, minutes for a tick
+# Rotating poles of 10 km beside each other: the search for impacts of 20 000 pairs takes minutes a tick.
 POLES = "world: {time_step: 0.01, method: sequential_impulses}\nbodies:\n" + "".join(
     "- {name: p%d, mass: 1000, position: [0, 0, %g], shape: {cylinder: {radius: 1, length: 10000}}, "
     "orientation: [0.70710678118654752, 0, 0, 0.70710678118654752], "
     "angular_velocity: [0.01, 0.01, %g]}\n" % (i, 3 * i, (-1) ** i) for i in range(200))
-RANDOM_CALLS = 3000 if "CONSTRAINT_SIM_TEST_ALL" in os.environ else 30  # to each service
+RANDOM_CALLS = 3000 if "CONSTRAINT_SIM_TEST_ALL" in os.environ else 30  # for each service
 NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-9, 1e9, 1e20, -1e20, 1e300, 5e-324, math.inf, -math.inf, math.nan)
 WORDS = ("bob", "rod", "arm", "elbow", "world", "", "nobody", "mass", "tolerance", "hinge", "1e-6", "[",
          "a/b", "\0", "..", "\n", "bodies: []")
 
 
 def raw(message_class, data):
-    """A message or request that is sent as these bytes."""
+    """Returns a message or request that is sent as these bytes."""
     class Raw(message_class):
         __slots__ = ()
 
@@ -81,7 +81,7 @@ def raw(message_class, data):
 
 
 def random_value(draw, kind):
-    """A value of a field of this type."""
+    """Returns a value of a field of this type."""
     base, is_list = genmsg.msgs.parse_type(kind)[:2]
     if is_list and kind != "uint8[]":
         return [random_value(draw, base) for _ in range(draw.randrange(3))]
@@ -113,7 +113,7 @@ def random_message(draw, message_class):
 
 
 def random_bytes(draw, message_class):
-    """Those of a message, and as often damaged."""
+    """Returns the bytes of a random message, damaged in half of the cases."""
     buff = io.BytesIO()
     random_message(draw, message_class).serialize(buff)
     data = bytearray(buff.getvalue())
@@ -126,7 +126,7 @@ def random_bytes(draw, message_class):
 
 
 def chain(joints):
-    """A URDF of a chain of hinges."""
+    """Returns a URDF of a chain of hinges."""
     link = ('<link name="l%d"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
             'iyz="0"/></inertial><collision><geometry><sphere radius="1"/></geometry></collision></link>')
     joint = ('<joint name="j%d" type="continuous"><parent link="l%d"/><child link="l%d"/>'
@@ -138,13 +138,13 @@ def chain(joints):
 @contextlib.contextmanager
 def node(**parameters):
     with running(node_command(**parameters)) as process:
-        properties()  # it is up
+        properties()  # the node is up
         yield process
         assert process.poll() is None, "the node has ended"
 
 
 def peak_memory_of(process):
-    """The most resident memory so far [MiB]."""
+    """Returns the peak resident memory [MiB]."""
     with open("/proc/%d/status" % process.pid) as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmHWM:")) / 1024
 
@@ -155,7 +155,7 @@ def class_of(service):
 
 
 def call_raw(service, data):
-    """A call with these bytes as its request."""
+    """Makes a call with these bytes as its request."""
     service = rospy.names.ns_join(NODE, service)
     return rospy.ServiceProxy(service, class_of(service))(raw(class_of(service)._request_class, data))
 
@@ -167,7 +167,7 @@ def seconds_of(work):
 
 
 class DeadCaller:
-    """Asks for steps and is gone before they are done."""
+    """A caller that requests steps and dies before they are done."""
 
     def __init__(self, steps):
         uri = rospy.get_master().lookupService(NODE + "/step")[2]
@@ -184,7 +184,7 @@ class DeadCaller:
 
 
 class Traffic:
-    """Calls at random, good and bad, a hundred a second beside whatever a test does."""
+    """Random calls, valid and invalid, a hundred a second beside a test."""
 
     def __init__(self):
         self.random = random.Random(7)
@@ -232,7 +232,7 @@ class Traffic:
 
 @contextlib.contextmanager
 def traffic(test):
-    """Nothing of it is lost or waits for long."""
+    """Expects that no call is lost or takes long."""
     beside = Traffic()
     try:
         yield beside
@@ -249,7 +249,7 @@ class Hostile(unittest.TestCase):
         Listener.stop_all()
 
     def quick(self, name, /, **fields):
-        """The answer, which must not take long."""
+        """Returns the response, which must arrive fast."""
         start = time.monotonic()
         answer = call(name, **fields)
         self.assertLess(time.monotonic() - start, QUICK, name)
@@ -276,21 +276,21 @@ class Hostile(unittest.TestCase):
                 self.assertTrue(stood.success and not stood.paused)
                 self.assertTrue(self.quick("get_body_state", name="ball").success)
                 self.refused(["not now", "pause_physics"], "remove_constraint", name="leash")
-                # none of them has waited for the tick, which is the first one still
+                # none of them has waited for the tick, which is still the first one
                 after = self.quick("get_world_properties")
                 self.assertEqual((stood.step, after.step), (first, first))
                 self.assertEqual(after.state_hash, stood.state_hash)
                 self.assertTrue(self.quick("save_scene").success)
                 self.quick(end, **({"path": "pendulum"} if end == "load_scene" else {}))
                 if end == "pause_physics":
-                    # the tick is abandoned; the calls beside may edit the world from now on
+                    # the tick is abandoned; simultaneous calls may edit the world from now on
                     self.assertEqual(properties().step, first)
                     self.assertTrue(self.quick("remove_constraint", name="leash").success)
                 memory.append(memory_of(process))
             self.quick("pause_physics")
-            # Measured: a tick of 125 000 contacts takes 125 MiB, of which some stay until the next one, and
-            # later ticks take 0 to 31 MiB more, whatever their number: one list lies in another arena.
-            # A list of 30 MiB that leaked in each of the last eight would be 240 MiB.
+            # Measured: a tick of 125 000 contacts takes 125 MiB, some of which remain until the next one, and
+            # later ticks take 0 to 31 MiB more, whatever their number: one list is in another arena. A list
+            # of 30 MiB that leaked in each of the last eight would be 240 MiB.
             self.assertLess(max(memory) - before, 300.0, memory)
             self.assertLess(max(memory[4:]) - max(memory[:4]), 100.0, memory)
 
@@ -325,7 +325,7 @@ class Hostile(unittest.TestCase):
                 self.assertFalse(answers[0].success)
                 for word in (end, "of 4294967295 steps"):
                     self.assertIn(word, answers[0].status_message)
-                # as the steps left it, before what cancelled them
+                # state after the steps, before the cancelling call
                 self.assertEqual([b.name for b in answers[0].bodies], ["bob"])
                 same = answers[0].state_hash == properties().state_hash
                 self.assertEqual(same, end == "pause_physics")
@@ -334,7 +334,7 @@ class Hostile(unittest.TestCase):
         with node(paused="true"), tempfile.TemporaryDirectory() as folder:
             text = "bodies:\n" + "".join("- {name: b%d, mass: 1}\n" % i for i in range(30000))
             self.assertTrue(call("load_scene", text=text).success)
-            # 6 MiB take a second of the processor
+            # 6 MiB take a second of processor time
             answer = call("save_scene", path=folder + "/large.yaml")
             self.assertFalse(answer.success)
             for word in ("6 MiB", "loaded again"):
@@ -364,13 +364,13 @@ class Hostile(unittest.TestCase):
     # ---- bytes
 
     def test_lengths_of_lists_that_are_not_there_take_no_memory(self):
-        # roscpp allocates the list that a length announces, here 0.8 GB and more, before it reads on
+        # roscpp allocates the list with its announced length, here 0.8 GB and more, before it reads on
         many = struct.pack("<I", 2000000)
         with node() as process:
             before = peak_memory_of(process)
             for service, data in (("apply_edits", many), ("apply_edits", struct.pack("<I", 0) + many),
                                   ("set_options", many),
-                                  # 2^29 + 1 numbers, whose bytes a length of 32 bits counts as 8
+                                  # 2^29 + 1 numbers, whose size in bytes is 8 in 32-bit arithmetic
                                   ("set_body_properties",
                                    struct.pack("<IIId", 0, 0, 0x20000001, 0.0))):
                 with self.assertRaises(rospy.ServiceException):
@@ -379,7 +379,7 @@ class Hostile(unittest.TestCase):
             wait_until(lambda: publisher.get_num_connections() > 0, "the node to listen")
             for _ in range(3):
                 publisher.publish(raw(JointTrajectory, struct.pack("<IIII", 0, 0, 0, 0) + many))
-            # one more, that is taken, says that those before it were read
+            # a further, accepted one shows that those before it were read
             log = Listener("/rosout", Log)
 
             def is_told():
@@ -399,7 +399,7 @@ class Hostile(unittest.TestCase):
                 for name in services:
                     data = random_bytes(draw, class_of(name)._request_class)
                     if name.endswith(("/step", "/verify")) and data[1:4] != bytes(3):
-                        continue  # lasts by its nature
+                        continue  # is slow by its nature
                     start = time.monotonic()
                     with contextlib.suppress(rospy.ServiceException):
                         call_raw(name, data)
@@ -413,7 +413,7 @@ class Hostile(unittest.TestCase):
 
     @contextlib.contextmanager
     def served_beside(self):
-        """Queries are answered all the time."""
+        """Expects that queries are answered all the time."""
         proxy = rospy.ServiceProxy(NODE + "/get_body_state", GetBodyState, persistent=True)
         seconds, done = [], threading.Event()
 
@@ -435,7 +435,7 @@ class Hostile(unittest.TestCase):
         count = 30000
         names = ["b%d" % i for i in range(count)]
         far = [sphere(name, 1e3 * i) for i, name in enumerate(names)]
-        # costs that are not linear take minutes: measured 44 s for 50 000 removals and 70 s for the robot
+        # nonlinear costs take minutes: measured 44 s for 50 000 removals and 70 s for the robot
         with node(paused="true"):
             self.assertTrue(self.quick("add_body", body=sphere("witness", y=50)).success)
             with self.served_beside():
@@ -462,7 +462,7 @@ class Hostile(unittest.TestCase):
         topics = {}
 
         def send(topic, message, *words):
-            """Until the log tells of it, since a topic has no answer."""
+            """Publishes until the log shows it, since a topic has no response."""
             if topic not in topics:
                 topics[topic] = rospy.Publisher(NODE + "/" + topic, type(message), queue_size=10)
             heard = len(log.messages)
@@ -496,7 +496,7 @@ class Hostile(unittest.TestCase):
             before = properties()
             self.assertFalse(before.paused)
             wait_until(lambda: properties().step > before.step + 10, "steps")
-            # what fails a step, here by leaving all that has a place, drives no longer once it is edited
+            # drives that fail a step, here by leaving the range, end with the edit that follows
             twist = Twist()
             twist.linear.x = 1e20
             topics["cmd_vel/carrier"].publish(twist)
@@ -571,7 +571,7 @@ class Hostile(unittest.TestCase):
             for tick in ("1.0e+10", "1.0e+308"):
                 loaded = self.quick("load_scene", text="world: {time_step: %s}\nbodies: "
                                     "[{name: b, type: kinematic}]" % tick)
-                if not loaded.success:  # a tick that long is refused
+                if not loaded.success:  # such a long tick is rejected
                     self.assertIn("time_step", loaded.status_message)
                     continue
                 self.quick("step", steps=3)
@@ -585,15 +585,15 @@ class Hostile(unittest.TestCase):
     # ---- the end
 
     def ended(self, process, number):
-        """The seconds that it takes to end."""
+        """Returns the seconds until the process has ended."""
         seconds = seconds_of(lambda: (process.send_signal(number),
                                       process.wait(timeout=support.TIMEOUT)))
         self.assertLess(seconds, QUICK)
         return seconds
 
     def ended_well(self, process, number):
-        """The seconds; infinite where it ended by force, as it does when a busy machine leaves it no time
-        to answer those who wait."""
+        """Returns the seconds; infinite where the end was forced, as on a busy machine without time to
+        answer waiting callers."""
         seconds = self.ended(process, number)
         if process.returncode == 128 + number:
             return math.inf
@@ -602,7 +602,7 @@ class Hostile(unittest.TestCase):
         return seconds
 
     def within_a_second(self, end, *arguments):
-        """What takes longer in itself does so each time."""
+        """Repeats a trial: a time limit fails only if each trial exceeds it."""
         seconds = []
         while not seconds or (seconds[-1] >= SECOND and len(seconds) < 20):
             seconds.append(end(*arguments))
@@ -616,7 +616,7 @@ class Hostile(unittest.TestCase):
                 call("step", steps=4294967295))) for _ in range(MOST_STEPS + 1)]
             for thread in waiting:
                 thread.start()
-            # one of them is refused when all others wait
+            # one of them is rejected when all others wait
             wait_until(lambda: answers, "the refusal")
             self.assertIn("calls wait already", answers[0].status_message)
             seconds = self.ended_well(process, number)

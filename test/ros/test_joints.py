@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Joints with coordinates by service: laws, motors, joint_states, how far one is open."""
+"""Joints with coordinates by service: laws, motors, joint_states, errors of open joints."""
 import math
 
 import rospy
@@ -14,10 +14,10 @@ import support
 from support import Listener, call, properties
 
 MASS, LENGTH, WIDTH = 2.0, 1.0, 0.1
-# of a bar about its end
+# moment of a bar about its end
 INERTIA = MASS * (LENGTH ** 2 + WIDTH ** 2) / 12.0 + MASS * (0.5 * LENGTH) ** 2
 
-# the bar, held at its end by a ball joint
+# bar held at its end by a ball joint
 HANGING = """
 world: {gravity: [0, -9.81, 0], time_step: 0.01, method: auto}
 bodies:
@@ -48,7 +48,8 @@ class Joints(support.ServiceCase):
                           values=list(laws.values()), **fields)
 
     def states(self):
-        """Position, velocity and effort by name, as last told: while paused they are told again."""
+        """Returns position, velocity and effort by name, as last published: they are repeated while
+        paused."""
         if not self.listener.messages:
             return {}
         message = self.listener.messages[-1]
@@ -56,8 +57,8 @@ class Joints(support.ServiceCase):
                 zip(message.name, message.position, message.velocity, message.effort)}
 
     def reaches(self, expected, tolerances):
-        """Waits until all of them are told, as near as that: what a tick made in between may come
-        after the answer to `step`."""
+        """Waits until all published values are near the expected ones: a message of an earlier tick may
+        arrive after the response of `step`."""
         def near():
             states = self.states()
             return list(states) == list(expected) and all(
@@ -70,8 +71,8 @@ class Joints(support.ServiceCase):
         self.good("add_constraint", constraint=self.joint(
             laws={"stiffness": stiffness, "rest": 0.2, "lower": -2.0, "upper": 2.0}))
         self.good("step", steps=100)
-        # from 0 about 0.2 and back: at the end of half a period at 0.4, at rest, where the spring
-        # pulls with 0.2 rad; limits that are not met change nothing, and the effort is the mean of a tick
+        # from 0 about 0.2 and back: after half a period at 0.4, at rest, where the spring pulls with 0.2 rad;
+        # unreached limits change nothing, and the effort is the mean over a tick
         self.reaches({"j": (0.4, 0.0, -stiffness * 0.2)}, (1e-6, 1e-5, 1e-3 * stiffness * 0.2))
         text = self.good("save_scene").text
         for line in ("lower: -2", "upper: 2", "rest: 0.2"):
@@ -86,12 +87,12 @@ class Joints(support.ServiceCase):
             self.good("step", steps=40)
             state = listener.present().constraints[0]
             self.assertEqual((state.type, state.bias), (kind, 0.25))
-            # to what ten sweeps leave, which start from the impulses of the tick before
+            # within the residual of ten warm-started sweeps
             self.assertAlmostEqual(state.reached_rate, 0.25, places=6)
             support.wait_until(lambda: listener.messages[-1].constraints[0].force ==
                                self.states()["j"][2], "force and effort to be the same")
             self.good("step", steps=160)
-            # 0.8 s of 0.25 a second, then held. Spring and motor balance but for the motor's part in
+            # 0.8 s of 0.25 a second, then held. Spring and motor balance, except for the motor's part in
             # closing the anchors, a few N when it stops, and 0.9 of that with each of 120 steps
             self.reaches({"j": (0.2, 0.0, 0.0)}, (1e-9, 1e-9, 1e-2))
             self.good("remove_constraint", name="j")
@@ -147,7 +148,7 @@ class Joints(support.ServiceCase):
                               values=list(settings.values()))
         self.good("add_constraint", constraint=gear("ab"))
         self.good("add_constraint", constraint=gear("bc"))
-        # the first wheel turns as the third does, so that nothing but 0 is between them
+        # the first wheel rotates like the third, so the value between them can only be 0
         self.bad(["value", "contradicts", "'gear_ab'", "'gear_bc'", "0.5"], "add_constraint",
                  constraint=gear("ac", ratio=-1.0, value=0.5))
         self.bad(["value", "contradicts", "'gear_ab'"], "load_scene", text=self.good("save_scene").text +
@@ -156,7 +157,7 @@ class Joints(support.ServiceCase):
         for enabled in (0.0, 1.0):
             self.good("set_constraint_properties", name="gear_ac", keys=["enabled"], values=[enabled])
         self.good("remove_constraint", name="gear_ac")
-        self.good("add_constraint", constraint=gear("ac"))  # three in a ring can be met: none turns
+        self.good("add_constraint", constraint=gear("ac"))  # three in a ring are consistent: none rotates
         self.good("step", steps=10)
 
     def test_a_screw_and_a_pulley_by_service(self):
@@ -210,7 +211,7 @@ class Joints(support.ServiceCase):
         self.good("set_constraint_properties", name="j", values=[0.25, 2.0, 1e6],
                   keys=["motor_position", "1/upper", "break_torque"])
         self.good("step", steps=90)
-        # to the position within closing_time, and 0.3 s of 0.5 rad/s from the time it was added
+        # to the position within closing_time, and 0.3 s of 0.5 rad/s from the time of adding
         self.reaches({"j": (0.25, 0.0, 0.0), "j/1": (0.15, 0.0, 0.0)}, (1e-6, 1e-6, 1.0))
         text = self.good("save_scene").text
         for line in ("upper: 2", "break_torque: 1000000"):
@@ -232,7 +233,7 @@ class Joints(support.ServiceCase):
             return HANGING + "".join("  - {name: %s, type: ball, body_b: bar, anchor_a: [1, 0, 0], "
                                      "anchor_b: [0.5, 0, 0]}\n" % name for name in names)
         log = Listener("/rosout", Log)
-        # who knows a topic already has it no more than who comes first
+        # a topic belongs to the first constraint in the scene, also where another one had it before
         self.good("load_scene", text=scene("wrist_1"))
         messages = Listener(support.NODE + "/force_torque/wrist_1", WrenchStamped)
         messages.find(lambda m: m.header.frame_id == "force_torque/wrist_1")
@@ -260,7 +261,7 @@ class Joints(support.ServiceCase):
         self.assertNotIn("force_torque/j", frames())
         wrenches = Listener(topic, WrenchStamped)
         self.good("step", steps=10)
-        # the weight along y is held at the anchor; z of the frame is x of the bar, and -x its z
+        # the weight along y acts at the anchor; z of the frame is x of the bar, and -x its z
         weight = MASS * 9.81
 
         def is_told(message):
@@ -303,7 +304,7 @@ class Joints(support.ServiceCase):
             self.bad(words, "add_constraint", constraint=constraint)
         self.bad(["axis_a", "(0, 0, 0)"], "load_scene",
                  text=HANGING.replace("type: ball", "type: hinge, axis_a: [0, 0, 0]"))
-        # far from a right angle: told, and then closed
+        # far from a right angle: reported, and then closed
         answer = self.good("add_constraint", constraint=self.joint(
             "universal", axis_a=Vector3(0, 0, 1), axis_b=Vector3(math.sqrt(3), 0, 1)))
         self.assertEqual(answer.status_message, "axes 30 degrees off; closes in 0.5 s")

@@ -32,13 +32,13 @@ def published_topics():
 
 
 def topics_of_node(name):
-    """The topics that a node subscribes to."""
+    """Returns the topics that a node subscribes to."""
     _, subscribers, _ = rospy.get_master().getSystemState()[2]
     return {topic for topic, nodes in subscribers if name in nodes}
 
 
 def nodes_in(path, arguments):
-    """Full names of the nodes that roslaunch reads out of a file."""
+    """Returns the full names of the nodes in a launch file."""
     config = roslaunch.config.load_config_default([(path, arguments)], None)
     return {rospy.names.ns_join(node.namespace, node.name) for node in config.nodes}
 
@@ -65,7 +65,7 @@ def launched(file, **arguments):
 
 @contextlib.contextmanager
 def in_group(file, **arguments):
-    """The same inside <group ns="robot">."""
+    """Runs a launch file inside <group ns="robot">."""
     arguments["rviz"] = "false"
     text = '<launch><group ns="robot"><include file="%s">' % os.path.join(LAUNCH, file)
     text += "".join('<arg name="%s" value="%s"/>' % item for item in arguments.items())
@@ -85,8 +85,8 @@ def in_group(file, **arguments):
 
 @contextlib.contextmanager
 def recorded(**arguments):
-    """The path of a bag with six seconds of the double pendulum, so that who listens to its replay on a
-    busy machine gets a part of it."""
+    """Returns the path of a bag with six seconds of the double pendulum, enough for a subscriber of its
+    replay on a busy machine to get a part."""
     with tempfile.TemporaryDirectory() as folder:
         with launched("simulator.launch", scene="double_pendulum", record="true",
                       bag=folder + "/run", **arguments):
@@ -153,13 +153,13 @@ class Launch(unittest.TestCase):
                 found = [t.transform.translation for m in transforms.messages for t in m.transforms
                          if t.child_frame_id == "lower"]
                 return [p.z for p in found] or [0.0]
-            # the lower ball falls freely at first; a second carries it much farther than this
+            # the lower ball first falls freely; in a second it moves much farther than this
             wait_until(lambda: max(places()) - min(places()) > 0.1, "a transform that moves")
             drawn = wait_until(lambda: {(m.ns, m.action) for a in markers.messages
                                         for m in a.markers}, "markers")
             self.assertLessEqual({("bodies", Marker.ADD), ("constraints", Marker.ADD)}, drawn)
 
-            # stamps and the clock of the replay are those of the recording, whatever time it was in
+            # stamps and the clock of the replay are those of the recording, in any clock
             now = clock.find().clock
             stamp = transforms.find().transforms[0].header.stamp
             with rosbag.Bag(bag) as recorded_bag:
@@ -190,7 +190,7 @@ class Launch(unittest.TestCase):
                 self.check_replay(bag)
 
     def test_all_of_it_works_in_a_group(self):
-        """The node, its recorder, the replay of what was recorded, and two nodelets, in /robot."""
+        """The node, its recorder, the replay of its bag, and two nodelets, in /robot."""
         full = {t.replace("/left", "/robot/left") for t in topics_of("left")}
         with tempfile.TemporaryDirectory() as folder:
             with in_group("simulator.launch", name="left", prefix="left/", scene="double_pendulum",

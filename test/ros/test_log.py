@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What the node says by itself, in its output and on /rosout, and to whom it does not start for."""
+"""Log lines of the node, in its output and on /rosout, and reasons for not starting."""
 import contextlib
 import os
 import subprocess
@@ -18,26 +18,25 @@ RUN = [support.node_program(), "__name:=constraint_sim"]
 
 
 class NodeLog:
-    """What a node has written to its output. /rosout would not do: what is said before the
-    subscriber is connected does not come there."""
+    """The output of a node. /rosout would lose lines before the subscriber is connected."""
 
     def __init__(self, path):
         self._path = path
 
     def lines(self, *words):
-        """The lines with all these words."""
+        """Returns the lines with all these words."""
         with open(self._path) as file:
             return [line for line in file.read().splitlines() if all(word in line for word in words)]
 
     def wait(self, level, *words):
-        """A line of this level with all these words."""
+        """Waits for a line of this level with all these words."""
         wait_until(lambda: any(level + "]" in line for line in self.lines(*words)),
                    "a line of %s with %s" % (level, words))
 
 
 @contextlib.contextmanager
 def speaking(command):
-    """Runs the node and keeps what it says."""
+    """Runs the node and keeps its output."""
     environment = dict(os.environ, ROSCONSOLE_STDOUT_LINE_BUFFERED="1",
                        ROSCONSOLE_FORMAT="[${severity}] ${message}")
     with tempfile.NamedTemporaryFile() as output:
@@ -80,7 +79,7 @@ constraints: [{name: thread, body_b: load, break_force: 1}]""")
     def test_what_a_step_reports_is_told_when_it_begins_and_when_it_ends(self):
         with speaking(node_command(paused="true")) as log:
             call("unpause_physics")
-            call("load_scene", path="heavy_load")  # its light bars tremble faster than its tick
+            call("load_scene", path="heavy_load")  # its light bars vibrate faster than its tick
             log.wait("WARN", "'bar_1'", "time_step")
             call("load_scene", path="pendulum")
             log.wait("INFO", "shows the motion")
@@ -118,7 +117,7 @@ constraints:
             log.wait("WARN", "dropped", "real_time_factor 1000")
             call("pause_physics")
             log.wait("INFO", "no more ticks")
-            self.assertLess(len(log.lines("so far")), 3)  # and not one a tick
+            self.assertLess(len(log.lines("so far")), 3)  # not one a tick
 
     def test_no_clock_and_a_use_sim_time_that_was_left_behind(self):
         rospy.set_param("/use_sim_time", True)
@@ -139,7 +138,7 @@ constraints:
         rosout = Listener("/rosout", Log)
         with running(node_command(paused="true")):
             def is_told():
-                call("load_scene", path="winch")  # again, for the first may be too early
+                call("load_scene", path="winch")  # repeated, since the first may be too early
                 return any((m.name, m.level) == (NODE, Log.INFO) and "load_scene winch" in m.msg
                            for m in rosout.messages)
             wait_until(is_told, "a line on /rosout")

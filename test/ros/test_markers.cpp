@@ -1,4 +1,4 @@
-// What rviz is told to draw.
+// Markers for rviz.
 
 #include <gtest/gtest.h>
 #include <ros/serialization.h>
@@ -28,7 +28,7 @@ using Eigen::Vector3d;
 using visualization_msgs::Marker;
 using visualization_msgs::MarkerArray;
 
-constexpr double kRound = 0.02;  // [s] of simulated time
+constexpr double kRound = 0.02;  // simulated time of a round [s]
 
 MarkerArray array_of(const MarkerMessage& message) {
   MarkerArray array;
@@ -36,7 +36,7 @@ MarkerArray array_of(const MarkerMessage& message) {
   return array;
 }
 
-/// A listener, whose rounds come each kRound of simulated time.
+/// A subscriber with a round each kRound of simulated time.
 class Listener {
  public:
   MarkerArray hear(const engine::World& world, bool is_newcomer = false, bool is_edited = false) {
@@ -89,15 +89,15 @@ void expect_same(const Marker& a, const Marker& b) {
   EXPECT_EQ(a.colors, b.colors) << what;
   ASSERT_EQ(a.points.size(), b.points.size()) << what;
   for (std::size_t i = 0; i < a.points.size(); ++i) {
-    // what was stretched a hundred times has the rounding of each
+    // rounding of a hundred stretches
     EXPECT_NEAR(a.points[i].x, b.points[i].x, 1e-12) << what;
     EXPECT_NEAR(a.points[i].y, b.points[i].y, 1e-12) << what;
     EXPECT_NEAR(a.points[i].z, b.points[i].z, 1e-12) << what;
   }
 }
 
-// One listener hears each round, and one the first and the last: signs have the size that the first
-// message gives them.
+// One subscriber receives every round, the other the first and the last: the first message
+// determines the size of signs.
 void expect_kept_is_anew(engine::World* world, int rounds) {
   Listener kept, anew;
   anew.hear(*world);
@@ -106,7 +106,7 @@ void expect_kept_is_anew(engine::World* world, int rounds) {
     run(world, kRound);
   }
   const MarkerArray ours = kept.hear(*world, true);
-  anew.forces = kept.forces;  // of the last seconds, which it has not seen
+  anew.forces = kept.forces;  // forces of the last seconds, which it has not received
   const MarkerArray theirs = anew.hear(*world, true);
   std::size_t same = 0;
   for (const Marker& marker : ours.markers) {
@@ -142,12 +142,12 @@ void expect_on_the_wire_a_marker_array(const MarkerMessage& message) {
 TEST(Markers, AreOnTheWireAMarkerArray) {
   for (engine::World& world : scenes()) {
     Listener listener;
-    for (int round = 0; round < 10; ++round) {  // the first one has everything
+    for (int round = 0; round < 10; ++round) {  // the first one is complete
       expect_on_the_wire_a_marker_array(listener.hear_only(world));
       run(&world, kRound);
     }
   }
-  Marker marker;  // each field of its own
+  Marker marker;  // different values in all fields
   marker.header.seq = 1;
   marker.header.stamp = ros::Time(2, 3);
   marker.header.frame_id = "frame";
@@ -186,7 +186,7 @@ std::ptrdiff_t broken_joints(const engine::World& world) {
                        [&](engine::JointId id) { return world.joint_state(id).broken; });
 }
 
-// What breaks is drawn anew.
+// Exception: a breaking constraint is drawn anew.
 TEST(Markers, TakeNoMemoryOnceTheyAreThere) {
   for (engine::World& world : scenes()) {
     Listener listener;
@@ -198,7 +198,7 @@ TEST(Markers, TakeNoMemoryOnceTheyAreThere) {
       const bool has_broken = broken_joints(world) > broken;
       const std::size_t before = engine::counted_allocations();
       listener.hear_only(world);
-      // contacts may get more than ever before
+      // contacts may exceed their largest number so far
       touched = touched || !world.contacts().empty();
       if (round > 0 && !touched && !has_broken)
         allocations += engine::counted_allocations() - before;
@@ -245,7 +245,7 @@ TEST(Markers, SpringsAreNeverRedAndOthersAre) {
   EXPECT_LT(color("r").g, 0.3F);
 }
 
-// Two balls on a rope over a pulley, and one on a rod: 9.81 N each, told in one colour.
+// Two balls on a rope over a pulley, and one on a rod: 9.81 N each, in one colour.
 TEST(Markers, ARopeOverAPulleyBearsWhatHangsOnIt) {
   engine::World world = engine::load_scene(
       "bodies: [{name: a, mass: 1, shape: {point: {}}, position: [1, 0, 1]},"
@@ -299,7 +299,8 @@ TEST(Markers, OfWhatBreaksAreGreyForTwoSeconds) {
         const auto &p = marker->points[i], &q = marker->points[j];
         return Vector3d(q.x - p.x, q.y - p.y, q.z - p.z).norm();
       };
-      // apart, and neither along the line between the anchors: another one there hides at most one
+      // The parts are apart, and neither is along the line between the anchors: a line there hides
+      // at most one.
       const auto place = [&](std::size_t i) {
         return Vector3d(marker->points[i].x, marker->points[i].y, marker->points[i].z);
       };
@@ -309,7 +310,7 @@ TEST(Markers, OfWhatBreaksAreGreyForTwoSeconds) {
       EXPECT_GT(length(1, 2), 0.3 * length(0, 3));
       EXPECT_LT(first.dot(along), 0.97);
       EXPECT_LT(-second.dot(along), 0.97);
-      const Vector3d aside = first - first.dot(along) * along;  // to other sides
+      const Vector3d aside = first - first.dot(along) * along;  // bends are perpendicular
       EXPECT_NEAR(aside.dot(second), 0.0, 1e-9);
     } else if (!is_gone) {
       ASSERT_NE(marker, nullptr);
@@ -356,7 +357,7 @@ TEST(Markers, TheLargestContactForceComesOutOfWhatItHolds) {
   EXPECT_NEAR(top, 1.3, 1e-6);
 }
 
-// A ball that slides, which hides all that is less than its radius from its middle.
+// A sliding ball, which hides everything within its radius.
 TEST(Markers, ForcesOnABallAreSeenAroundIt) {
   engine::World world = engine::load_scene(
       "bodies: [{name: floor, type: static, shape: {plane: {}}, friction: 0.5},"
@@ -380,7 +381,7 @@ TEST(Markers, ForcesOnABallAreSeenAroundIt) {
   }
 }
 
-// A light box that slides beside a heavy one has a short arrow, whose head is still seen.
+// A light sliding box beside a heavy one has a short arrow, whose head is still visible.
 TEST(Markers, HeadsOfFrictionAreNeverSmall) {
   engine::World world = engine::load_scene(
       "bodies: [{name: floor, type: static, shape: {plane: {}}, friction: 0.5},"
@@ -400,12 +401,12 @@ TEST(Markers, HeadsOfFrictionAreNeverSmall) {
     };
     const Vector3d along = place(1) - place(0);
     const double head = (place(2) - place(3)).dot(along.normalized());
-    EXPECT_LT(0.2 * along.norm(), 0.1 * longest);  // what it would be by its length alone
+    EXPECT_LT(0.2 * along.norm(), 0.1 * longest);  // head size by the arrow's length alone
     EXPECT_NEAR(head, 0.1 * longest, 1e-6);
   }
 }
 
-// Of lengths whose other end is the world; what a spring pulls beside its centre has an arm.
+// Cubes mark lengths whose other end is the world; a spring off a body's centre has an arm.
 TEST(Markers, EndsAtTheWorldAreMarkedAndArmsOfSpringsDrawn) {
   engine::World world = engine::load_scene(
       "bodies: [{name: a, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}, position: [0, 0, 1]},"
@@ -418,7 +419,7 @@ TEST(Markers, EndsAtTheWorldAreMarkedAndArmsOfSpringsDrawn) {
   for (int round = 0; round < 3; ++round) {
     const MarkerArray array = listener.hear(world);
     const Marker* fixed = find(array, "fixed", 0);
-    ASSERT_EQ(fixed != nullptr, round == 0);  // it stays
+    ASSERT_EQ(fixed != nullptr, round == 0);  // the marker is sent once only
     if (fixed != nullptr) {
       ASSERT_EQ(fixed->points.size(), 1u);
       EXPECT_EQ(fixed->points[0], point_at({0.0, 1.0, 2.0}));
@@ -430,7 +431,7 @@ TEST(Markers, EndsAtTheWorldAreMarkedAndArmsOfSpringsDrawn) {
     const Vector3d ends[] = {world.state(world.find_body("a")).position, world.anchors(joint).p_b};
     for (std::size_t i = 0; i < 2; ++i) {
       const auto& p = arm->points[i];
-      EXPECT_LT((Vector3d(p.x, p.y, p.z) - ends[i]).norm(), 1e-12);  // to rounding
+      EXPECT_LT((Vector3d(p.x, p.y, p.z) - ends[i]).norm(), 1e-12);  // rounding
     }
     run(&world, kRound);
   }
@@ -450,7 +451,7 @@ TEST(Markers, ContactsWithoutAForceHaveNoArrow) {
   EXPECT_EQ(find(Listener().hear(world), "contacts", 0), nullptr);
 }
 
-// Rods that bear 9.81 N and a hundredth of that, and one that bears nothing.
+// Rods that carry 9.81 N, a hundredth of that, and nothing.
 TEST(Markers, TheKindOfLoadIsAColourAndItsAmountAWidth) {
   engine::World world = engine::load_scene(
       "bodies: [{name: a, mass: 1, shape: {point: {}}, position: [0, 0, 1]},"
@@ -488,7 +489,7 @@ class LabelsTest : public testing::Test {
       if (marker.ns == "legend" && marker.action == Marker::ADD) lines.push_back(marker);
     return lines;
   }
-  // of these namespaces, in their order
+  // Returns texts of these namespaces, in order.
   std::vector<std::string> texts_of(const engine::World& world,
                                     const std::vector<std::string>& namespaces) {
     std::vector<std::string> texts;
@@ -522,7 +523,7 @@ TEST_F(LabelsTest, TellForTwoSecondsWhatBroke) {
   EXPECT_TRUE(tells());
   run(&world, 0.3);
   EXPECT_FALSE(tells());
-  labels_.forget();  // who comes later has seen nothing break
+  labels_.forget();  // a later subscriber has seen nothing break
   EXPECT_FALSE(tells());
 }
 
@@ -558,7 +559,7 @@ TEST_F(LabelsTest, TellInTheLegendWhatIsThere) {
   EXPECT_EQ(legend(bob + "constraints: [{name: hinge, type: hinge, body_b: bob,"
                          " anchor_a: [0, 0, 1], axis_a: [0, 1, 0], motor: {bias: 1}}]"),
             Texts{"pink: motors, which way they move"});
-  // an arm within its body is not seen
+  // an arm within its body is not visible
   EXPECT_EQ(legend(bob + "constraints: [{name: ball, type: ball, body_b: bob,"
                          " anchor_a: [0, 0, 1.1], anchor_b: [0, 0, 0.1]}]"),
             Texts{"light grey: joints, their axes and rails"});
@@ -568,11 +569,10 @@ TEST_F(LabelsTest, TellInTheLegendWhatIsThere) {
   EXPECT_EQ(legend("world: {gravity: [0, 0, 0]}\n"
                    "bodies: [{name: a, mass: 1, shape: {sphere: {radius: 0.5}}},"
                    " {name: b, mass: 1, shape: {sphere: {radius: 0.5}}, position: [1, 0, 0]}]"),
-            Texts());  // they touch
+            Texts());  // the spheres touch
 }
 
-// A ball that goes round by 3 m/s pulls with 9 N more than one at rest. That was, and is told no
-// more.
+// A ball circling at 3 m/s pulls with 9 N more than at rest. Only the present force is shown.
 TEST_F(LabelsTest, TellTheForcesOfNow) {
   engine::World world = engine::load_scene(
       "world: {time_step: 0.0001}\n"
@@ -593,8 +593,8 @@ TEST_F(LabelsTest, TellTheForcesOfNow) {
       (Texts{"rope 9.81 N", "small cubes: fixed to the world", "cyan: tension, at most 9.81 N"}));
 }
 
-// Of lines that hang: above their upper ends, in the colour of the line, and never one over the
-// other. Of legs: beside them, a fifth of their length above their feet.
+// Labels of hanging lines are above their upper ends, in the colour of the line, without overlap.
+// Labels of legs are beside them, a fifth of their length above their feet.
 TEST_F(LabelsTest, AreWhereTheirLineIsFixed) {
   for (const char* name : {"newtons_cradle", "stewart_platform"}) {
     engine::World world = load_world(name, "", Parameters(), Caller::kParameter);
@@ -625,7 +625,7 @@ TEST_F(LabelsTest, AreWhereTheirLineIsFixed) {
         if (one == other) continue;
         const auto &a = one->pose.position, &b = other->pose.position;
         const double height = one->scale.z;
-        if (stands) {  // seen from the side those on the right and on the left of lines may meet
+        if (stands) {  // seen from the side, labels to the right and to the left of lines may meet
           EXPECT_TRUE(one->id % 2 == other->id % 2 || std::abs(a.z - b.z) > 2.0 * height)
               << one->id << other->id;
           continue;
@@ -651,7 +651,7 @@ TEST_F(LabelsTest, TellWhichWayAMotorDrivesALength) {
   }
 }
 
-// 20 N hang on a winch of 5 N, which is pulled out; one that has no length left says so.
+// A load of 20 N pulls out a winch of 5 N; a winch without length left reports that.
 TEST_F(LabelsTest, TellWhichLimitAMotorIsAt) {
   engine::World world = engine::load_scene(
       "bodies: [{name: bob, mass: 2, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]},"
@@ -668,8 +668,8 @@ TEST_F(LabelsTest, TellWhichLimitAMotorIsAt) {
             "pink: motors, which way they move; dark at their limit");
 }
 
-// A bar that fell on its upper limit, a slide on its lower one, a plate on a strut that is short, a
-// ball on one that is long; and what is at none.
+// A bar on its upper limit, a slide on its lower one, a plate on a short strut, a ball on a long
+// one; and bodies at no limit.
 TEST_F(LabelsTest, TellWhichLimitIsReached) {
   engine::World world = engine::load_scene(
       "bodies: [{name: bar, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}, position: [0.5, 0, 1]},"
@@ -705,12 +705,12 @@ TEST_F(LabelsTest, HaveLargerLettersWhereTheSceneGoesFar) {
   world.set_state(world.find_body("a"), state);
   EXPECT_GT(height(), at_rest);
   run(&world, 5.0);
-  EXPECT_DOUBLE_EQ(height(), 2.0 * at_rest);  // at most
+  EXPECT_DOUBLE_EQ(height(), 2.0 * at_rest);  // upper bound
 }
 
 // ---- contacts
 
-// A block on a slope of 0.4 rad that friction holds, and one that slides down.
+// A block on a slope of 0.4 rad, held by friction or sliding.
 TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
   for (const double mu : {0.6, 0.2}) {
     for (const char* method : {"event_driven", "sequential_impulses"}) {
@@ -733,7 +733,7 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
       EXPECT_EQ(find(array, "friction", sticks ? 0 : 1), nullptr) << method << mu;
       const Vector3d up(std::sin(0.4), 0.0, std::cos(0.4)),
           uphill(-std::cos(0.4), 0.0, std::sin(0.4));
-      // of a block that is held, only all of its points together are determined
+      // the sum over the points of a held block alone is determined
       const auto together = [](const Marker& marker) {
         Vector3d sum = Vector3d::Zero();
         for (std::size_t i = 0; i + 9 < marker.points.size(); i += 10) {
@@ -746,8 +746,9 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
       const Vector3d normals = together(*normal), frictions = together(*along);
       EXPECT_GT(normals.normalized().dot(up), 0.999) << method << mu;
       EXPECT_GT(frictions.normalized().dot(uphill), 0.999) << method << mu;
-      // The block, which covers 0.3 m uphill and downhill of its middle, would hide them. Those of
-      // impulses are where it was when the tick began, and it slides by 1 cm a tick at most.
+      // The block, which covers 0.3 m uphill and downhill of its centre, would hide the arrows.
+      // Those of impulses are at the block's place when the tick began, and it slides by at most 1
+      // cm a tick.
       const auto& at = world.state(world.find_body("block")).position;
       for (std::size_t i = 0; i + 9 < along->points.size(); i += 10)
         for (const std::size_t end : {i, i + 1}) {
@@ -755,7 +756,7 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
           EXPECT_GT(std::abs((Vector3d(p.x, p.y, p.z) - at).dot(uphill)), 0.3 - 0.011)
               << method << mu;
         }
-      // on one scale; impulses are off by what the sweeps leave
+      // on one scale; impulses have the sweeps' residual
       EXPECT_NEAR(frictions.norm() / normals.norm(), std::min(mu, std::tan(0.4)), 0.01)
           << method << mu;
     }
@@ -764,9 +765,9 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
 
 // ---- joints
 
-// The ring of a motor: its points follow each other as a point of a body that it turns does, at the
-// upper end of the axis, out of the body of 0.4 m by 0.2 m by 0.6 m. No arrow points along the
-// axis, which would say that it slides.
+// The ring of a motor: its points follow each other like a point of the rotating body, at the upper
+// end of the axis, outside the body of 0.4 m by 0.2 m by 0.6 m. No arrow points along the axis,
+// which would mean sliding.
 TEST(Markers, AMotorsArrowTurnsAsItsBody) {
   for (const char* axis : {"[0, 0, 1]", "[0, 0, -1]", "[1, 0, 0]", "[1, 2, -3]"}) {
     for (const double rate : {0.5, -0.5}) {
@@ -790,7 +791,7 @@ TEST(Markers, AMotorsArrowTurnsAsItsBody) {
         const auto& p = marker->points[i];
         return turn * Vector3d(p.x, p.y, p.z);
       };
-      // of the longest runs of lines that go on where the last one ended
+      // the longest runs of connected lines
       int runs = 0;
       for (std::size_t i = 0; i + 3 < marker->points.size(); i += 2) {
         if ((place(i + 1) - place(i + 2)).norm() > 1e-9) continue;
@@ -804,7 +805,7 @@ TEST(Markers, AMotorsArrowTurnsAsItsBody) {
         const Vector3d line = place(i + 1) - place(i);
         EXPECT_LT(std::abs(line.dot(along)), 0.7 * line.norm()) << axis << rate;
       }
-      double inside = 0.0;  // where the body ends along the axis
+      double inside = 0.0;  // end of the body along the axis
       for (int i = 0; i < 8; ++i)
         inside =
             std::max(inside, (body.orientation *
@@ -817,7 +818,7 @@ TEST(Markers, AMotorsArrowTurnsAsItsBody) {
   }
 }
 
-// Two wheels that touch from outside, with radii in the ratio of their angles; one in a ring of 60
+// Two wheels in external contact, with radii by the ratio of their angles; one in a ring of 60
 // teeth around a sun of 12; a rack.
 TEST(Markers, WheelsOfGearsTouch) {
   const auto sizes = [](const engine::World& world, const char* name) {
@@ -830,14 +831,14 @@ TEST(Markers, WheelsOfGearsTouch) {
   const engine::World joints =
       engine::load_scene_file(std::string(CONSTRAINT_SIM_SOURCE_DIR) + "/docs/images/joints.yaml");
   const auto [wheel, small] = sizes(joints, "gear");
-  EXPECT_NEAR(wheel.wheel, 0.25, 1e-12);  // 0.4 m apart, at 0.6
+  EXPECT_NEAR(wheel.wheel, 0.25, 1e-12);  // 0.4 m apart, ratio 0.6
   EXPECT_NEAR(small.wheel, 0.15, 1e-12);
   EXPECT_EQ(wheel.teeth, 20);
   EXPECT_EQ(small.teeth, 12);
   const auto [pinion, rack] = sizes(joints, "rack_and_pinion");
   EXPECT_NEAR(pinion.wheel, 0.1, 1e-12);  // 10 rad a metre
   EXPECT_EQ(rack.wheel, 0.0);
-  EXPECT_NEAR(rack.rack.norm(), 0.1, 1e-12);  // of the 0.2 m to the axle
+  EXPECT_NEAR(rack.rack.norm(), 0.1, 1e-12);  // the axle is 0.2 m from the rack's centre
   const engine::World planetary = load_world("gear_train", "", Parameters(), Caller::kParameter);
   const auto [sun, planet] = sizes(planetary, "outer_mesh");
   EXPECT_NEAR(sun.wheel, 0.12, 1e-12);
@@ -849,7 +850,7 @@ TEST(Markers, WheelsOfGearsTouch) {
   EXPECT_EQ(ring.teeth, 30);
 }
 
-// What its wheels show needs no line between them; what does not mesh does.
+// A gear with touching wheels has no line between its joints; others have one.
 TEST(Markers, OfGearsAreLinesOnlyWhereNoWheelsTouch) {
   const auto is_drawn = [](const std::string& scene, const char* name) {
     const engine::World world = load_world(scene, "", Parameters(), Caller::kParameter);

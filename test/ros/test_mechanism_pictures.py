@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A picture of each mechanism that comes with the package, and of each kind of joint, by rviz."""
+"""Pictures of each shipped mechanism, and of each kind of joint, by rviz."""
 import math
 import os
 import shutil
@@ -16,8 +16,8 @@ import support
 from in_rviz import PACKAGE, START, InRviz, read_view, shipped_configuration
 from support import call
 
-# name or file below docs/images: middle of the picture [m], distance of the eye [m], simulated time [s],
-# turn about x [rad] that brings the mechanism into the upright x-z plane
+# Name or file below docs/images: middle of the picture [m], distance of the eye [m], simulated time [s],
+# rotation about x [rad] that brings the mechanism into the upright x-z plane.
 MECHANISMS = {
     "slider_crank": ((0.5, 0, 0.97), 1.3, 0.2, 0),
     "gear_train": ((0, 0, 1), 1.8, 0.6, 0),
@@ -30,14 +30,15 @@ MECHANISMS = {
     "gripper": ((0, 0, 0.94), 0.32, 1.0, 0),
     "stewart_platform": ((0, 0, 0.6), 3.0, 1.0, 0),
 }
-WIDTHS = {"joints.yaml": 1000, "stewart_platform": 900}  # of fine pictures; else 720
+WIDTHS = {"joints.yaml": 1000, "stewart_platform": 900}  # widths of detailed pictures; else 720
 JOINTS = {"joints.yaml": ((0.2, 0.7, 0.95), 5.0, 0.5, 0)}
-# of the configuration [m], and what a click of the wheel makes of it
+# Distance in the configuration [m], and its factors by a click of the wheel.
 DISTANCE, NEARER, FARTHER = 6.5, 0.88, 1.12
 
 
 def from_the_front(names="false", legend="true"):
-    """Along y, without grid and frames. The frame of the picture is put where each scene needs it."""
+    """Returns the configuration of a view along y, without grid and frames. The picture's frame is placed
+    as each scene needs."""
     text = shipped_configuration()
     for before, after in (("constraint_names: false", "constraint_names: " + names),
                           ("Fixed Frame: world", "Fixed Frame: picture"),
@@ -91,16 +92,16 @@ class Mechanisms(InRviz):
                               env=self.environment)
 
     def is_drawn(self, view):
-        return numpy.abs(view - 48.0).max(axis=-1) > 20  # which is the background
+        return numpy.abs(view - 48.0).max(axis=-1) > 20  # differs from the background
 
     def extent(self, view):
-        """Shares of the view's width and height over which something is drawn."""
+        """Returns the shares of the view's width and height with drawn elements."""
         is_drawn = self.is_drawn(view)
         return [numpy.ptp(numpy.flatnonzero(is_drawn.any(axis=axis))) / is_drawn.shape[1 - axis]
                 if is_drawn.any() else 0.0 for axis in (0, 1)]
 
     def write_legend(self, name, texts):
-        """Of what lies: rviz would draw it before the scene."""
+        """Writes the legend of a lying mechanism: rviz would draw it in front of the scene."""
         path = self.screenshot(name)
         font = subprocess.check_output(["fc-match", "-f", "%{file}", "sans"])
         command = ["convert", path, "-gravity", "NorthWest", "-font", font, "-pointsize", "26"]
@@ -115,7 +116,7 @@ class Mechanisms(InRviz):
         self.show({name: of for name, of in MECHANISMS.items() if of[-1] == 0})
 
     def test_each_mechanism_that_lies_is_drawn_whole(self):
-        """Its legend would be in front of it, and is written at its edge."""
+        """The legend would be in front of a lying mechanism, and is written at its edge."""
         self.show_configuration(from_the_front(legend="false"))
         self.show({name: of for name, of in MECHANISMS.items() if of[-1] != 0})
 
@@ -128,7 +129,7 @@ class Mechanisms(InRviz):
             path = os.path.join(PACKAGE, "docs/images", scene) if "." in scene else scene
             with self.subTest(scene):
                 name = scene.partition(".")[0] + ".png"
-                support.empty_world()  # no body takes the wheel for itself
+                support.empty_world()  # no body reacts to the wheel
                 support.wait_until(lambda: self.extent(read_view(self.screenshot(name))) == [0, 0],
                                    "an empty view", START)
                 self.look(middle, distance, turn)
@@ -136,12 +137,12 @@ class Mechanisms(InRviz):
                 self.assertTrue(answer.success, answer.status_message)
                 tick = support.properties().time_step
                 self.assertTrue(call("step", steps=round(seconds / tick)).success)
-                texts = self.labels.present(what="texts")  # which come more rarely than what moves
+                texts = self.labels.present(what="texts")  # texts are sent less often than moving markers
                 views = []
 
                 def is_still():
                     views.append(read_view(self.screenshot(name)))
-                    # three times the same
+                    # three equal views
                     return (len(views) > 2 and max(self.extent(views[-1])) > 0.3 and
                             all((views[-1] == view).all() for view in views[-3:-1]))
                 support.wait_until(is_still, "a picture", START)

@@ -1,4 +1,4 @@
-// The motors that the panel finds in a scene, against all of it parsed.
+// Motors that the panel finds in a scene, against parsing all of it.
 
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
@@ -28,7 +28,7 @@ TEST(Motors, AreThoseOfEachShippedScene) {
   std::size_t found = 0;
   for (const auto& file : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
     engine::World world = engine::load_scene_file(file.path().string());
-    for (int step = 0; step < 3; ++step) world.step();  // what is saved has contacts and islands
+    for (int step = 0; step < 3; ++step) world.step();  // the saved scene has contacts and islands
     const std::string scene = engine::save_scene(world);
     std::vector<std::string> names;
     for (const Motor& motor : motors_in(scene, 1000)) names.push_back(motor.constraint);

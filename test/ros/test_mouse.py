@@ -30,8 +30,8 @@ VIEW = """  Views:
 
 
 def from_above():
-    """The shipped configuration of rviz, seen straight from above: pixels are metres. Without labels:
-    from there the legend hides a single body."""
+    """Returns the shipped configuration of rviz, seen straight from above: pixels are metres. Without
+    labels: the legend would hide a single body."""
     text = shipped_configuration()
     text, count = re.subn(r"  Views:\n(?:    .*\n)+", VIEW, text)
     assert count == 1 and "/labels" in text
@@ -39,8 +39,8 @@ def from_above():
 
 
 class Patience:
-    """Time for rviz to draw what is under the pointer, of which nothing is told. It is longer in each
-    trial, so that a trial succeeds on a machine of any load."""
+    """Time for rviz to draw the element under the pointer, without a notification. Longer in each trial, so
+    that a trial succeeds on a machine of any load."""
 
     def __init__(self, seconds):
         self.seconds = seconds
@@ -68,7 +68,7 @@ class Mouse(InRviz):
         subprocess.check_call(["xdotool", *map(str, arguments)], env=self.environment)
 
     def point(self, x, y):
-        """The pointer to this place [m]: x is to the right, y up, in the middle of the view."""
+        """Moves the pointer to a place [m]: x is to the right, y up, from the middle of the view."""
         self.mouse("mousemove", round(self.centre[0] + SCALE * x), round(self.centre[1] - SCALE * y))
 
     def load(self, text):
@@ -80,14 +80,14 @@ class Mouse(InRviz):
     centre = (WIDTH / 2, HEIGHT / 2 + 16)
 
     def grab(self, body, x, y):
-        """Presses the button over the body, again until rviz has it under the pointer."""
+        """Presses the button over the body, repeatedly until rviz has it under the pointer."""
         patience = Patience(0.1)
 
         def pressed():
             self.mouse("mouseup", "1")
             self.point(x, y)
             patience.wait()
-            self.point(x + 0.02, y)  # rviz looks what is there when the pointer moves
+            self.point(x + 0.02, y)  # rviz finds the element under the pointer when the pointer moves
             patience.wait()
             self.mouse("mousedown", "1")
             patience.wait()
@@ -96,7 +96,7 @@ class Mouse(InRviz):
                        m.marker_name == body for m in self.feedback.messages)
         try:
             support.wait_until(pressed, body + " under the pointer", START)
-        except AssertionError:  # what there is to see, and where it is
+        except AssertionError:  # shows the view and the place
             self.screenshot("grab_%s.png" % body)
             print(call("get_body_state", name=body).state)
             raise
@@ -114,9 +114,9 @@ class Mouse(InRviz):
         self.grab(body, start, 0)
         for step in range(1, 51):
             self.point(start + 0.02 + 0.04 * step, 0)
-            time.sleep(0.04)  # a metre a second, from which the bounds on what is left are
+            time.sleep(0.04)  # a metre a second, on which the bounds depend
         self.screenshot("drag_%s.png" % body)
-        # the button stays down, the pointer still: rviz says so four times a second
+        # the button stays down, the pointer still: rviz repeats its feedback four times a second
         support.wait_until(lambda: abs(self.x(body) - start - 2.0) < 0.05, "two metres")
         self.assertTrue(self.is_held())
 
@@ -147,11 +147,10 @@ class Mouse(InRviz):
                        for i, (a, b) in enumerate(zip(names, names[1:])))
         self.load(self.weightless(bodies, rods))
         self.drag_two_metres("bead3", -1.5)
-        # the rock follows; a chain pulls and does not push, so that it may go on past the beads, and be
-        # pulled back from there
+        # the rock follows; a chain pulls and cannot push, so the rock may pass the beads and be pulled back
         support.wait_until(lambda: self.x("rock") > -1.0 - 0.05, "two metres of the rock's way")
         call("set_options", keys=["real_time_factor"], values=["10"])
-        # at rest by energy, that of the springs as well: the rock is slow too where it is turned back
+        # at rest by energy, including the springs: the rock is also slow where it reverses
         statistics = Listener(NODE + "/statistics", Statistics)
         start = properties().step
 
@@ -165,8 +164,8 @@ class Mouse(InRviz):
         released = properties().step
         first = statistics.wait(lambda m: m.ticks > 0 and m.step > released)
         later = statistics.wait(lambda m: m.step > first.step + 200)
-        # a thousandth of what it had at 1 m/s is left at most, as much as 0.02 m/s and 2e-2 m/s of
-        # the beads; and nothing drives it any more, but the tolerance of 2 s
+        # at most a thousandth of the energy at 1 m/s remains, 0.02 m/s, and 2e-2 m/s of the beads; it is not
+        # driven any more, within the tolerance of 2 s
         self.assertLess(first.energy, 0.5e6 * 1e-3)
         self.assertLessEqual(later.energy, first.energy * (1 + 1e-6))
 
@@ -175,7 +174,7 @@ class Mouse(InRviz):
         self.grab("ball", 0, 0)
         self.point(0.5, 0)
         support.wait_until(self.is_held, "the grip")
-        self.rviz.send_signal(19)  # SIGSTOP: nothing more comes; when, is test_hands' to say
+        self.rviz.send_signal(19)  # SIGSTOP: feedback ends; test_hands tests the time
         try:
             support.wait_until(lambda: not self.is_held(), "the release")
         finally:
@@ -185,8 +184,7 @@ class Mouse(InRviz):
             "Push along +z", "Push along -z", "Join: mark this body", "Join to the marked body", "Follow")
 
     def choose(self, title, x, y, is_done):
-        """Opens the menu of the body that is seen at this place, and takes the entry; again where the
-        menu was not there in time."""
+        """Opens the menu of the body at this place, and selects the entry; repeats where the menu was late."""
         patience = Patience(0.2)
 
         def chosen():
@@ -225,7 +223,7 @@ class Mouse(InRviz):
         self.choose("Follow", 0, 0, lambda: any(
             t.child_frame_id == "followed" for m in followed.messages for t in m.transforms))
         self.choose("Remove", -1.5, 0, lambda: properties().bodies == ["ball"])
-        # the body is somewhere else after each push that is repeated: one is looked for
+        # the body moves with each repeated push: one push is needed
         self.choose("Push along +y", 0, 0, lambda: call(
             "get_body_state", name="ball").state.twist.linear.y > 0.99)
 

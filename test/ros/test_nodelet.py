@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The simulator as a nodelet: loaded, unloaded while it is busy, and two at once."""
+"""The simulator as a nodelet: loaded, unloaded while busy, and two at once."""
 import threading
 import time
 import unittest
@@ -13,8 +13,8 @@ import support
 from support import Listener, call, sphere
 
 MANAGER = "/manager"
-# [s] in which a simulator must be gone, whatever it does: a second, and ten times that on a machine
-# that is busy with others
+# Time in which a simulator must be gone, whatever it does [s]: a second, and ten times that on a busy
+# machine.
 QUICK = 10.0
 
 
@@ -30,12 +30,12 @@ def load(name, **parameters):
     try:
         return manager("load_nodelet", NodeletLoad, name, "constraint_sim/SimulatorNodelet",
                        [], [], [], "").success
-    except rospy.ServiceException:  # how the manager refuses
+    except rospy.ServiceException:  # the manager rejects it
         return False
 
 
 def unload(name):
-    """Wall seconds that it takes."""
+    """Unloads a nodelet; returns the wall time [s]."""
     start = time.monotonic()
     assert manager("unload_nodelet", NodeletUnload, name).success
     return time.monotonic() - start
@@ -64,7 +64,7 @@ class Nodelet(unittest.TestCase):
             try:
                 answers.append(call("/sim/step", steps=4294967295))
             except (rospy.ServiceException, rospy.ROSException):
-                answers.append(None)  # the connection went with the service
+                answers.append(None)  # the connection ended with the service
 
         def edit(client):
             i = 0

@@ -30,7 +30,7 @@ class Options(support.ServiceCase):
         self.assertEqual(properties().gravity.z, -1.62)
         call("step", steps=100)
         state = state_of("ball")
-        # a parabola after the other; rounding of 200 sums of 100 m
+        # successive parabolas; rounding of 200 sums of 100 m
         self.assertAlmostEqual(state.pose.position.z, 100 - 4.905 - 9.81 - 0.81, delta=1e-11)
         self.assertAlmostEqual(state.twist.linear.z, -9.81 - 1.62, delta=1e-12)
 
@@ -43,7 +43,7 @@ class Options(support.ServiceCase):
         self.assertGreater(len(saved), 10)
         before = properties().state_hash
         self.good("set_options", keys=list(saved), values=values)
-        self.assertEqual(properties().state_hash, before)  # each is what it was
+        self.assertEqual(properties().state_hash, before)  # all options are unchanged
         for key, value in (("method", "energy_momentum"), ("order", "5"), ("time_step", "0.02"),
                            ("warm_starting", "false"), ("sleep_after", ".inf")):
             self.good("set_options", keys=[key], values=[value])
@@ -70,10 +70,10 @@ class Options(support.ServiceCase):
         self.good("add_body", body=sphere("ball", z=100.0))
         self.good("set_options", keys=["real_time_factor"], values=["0.1"])
         call("unpause_physics")
-        begun = time.monotonic()  # before the time that is measured, and the end after it
+        begun = time.monotonic()  # before and after the measured interval
         start = properties().sim_time
         passed = support.wait_until(lambda: max(properties().sim_time - start - 0.1, 0.0), "0.1 s") + 0.1
-        # as slow as asked for, but never faster than it; a loaded machine may be slower
+        # as slow as requested, never faster; a loaded machine may be slower
         self.assertLessEqual(passed, 0.1 * (time.monotonic() - begun) + 0.05)
         self.good("set_options", keys=["real_time_factor"], values=["0"])
         support.wait_until(lambda: properties().sim_time > start + 20.0, "20 s at full speed")
@@ -87,7 +87,8 @@ class Options(support.ServiceCase):
             start = len(states.messages)
 
             def is_kept():
-                """By the stamps of eleven messages in a row; a busy machine does so sooner or later."""
+                """Returns whether eleven messages in a row have the rate, by their stamps; also a busy
+                machine reaches it at some time."""
                 stamps = [m.header.stamp.to_sec() for m in states.messages[start:]]
                 return any(0.8 < (b - a) * rate / 10 < 1.2 for a, b in zip(stamps, stamps[10:]))
             support.wait_until(is_kept, "%g messages a second" % rate)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The panel in rviz on a virtual display: each button does what its service does."""
+"""The panel in rviz on a virtual display: each button has the effect of its service."""
 import glob
 import os
 import shutil
@@ -18,14 +18,15 @@ from in_rviz import START, read_view
 from support import NODE, Listener, call, properties, wait_until
 from with_panel import PANEL, PANEL_TOPICS, WithPanel, changed, topics_of_panel
 
-ALWAYS = {NODE + "/statistics", NODE + "/scene"}  # of its topics those that no tab needs
+ALWAYS = {NODE + "/statistics", NODE + "/scene"}  # topics that no tab needs
 ROW = "bodies:\n" + "".join(
     "- {name: b%d, mass: 1, shape: {box: {size: [1, 1, 1]}}, position: [%d, 0, 0]}\n" % (x, x)
     for x in range(0, 101, 4))
 
 
 def is_whole_and_large(view):
-    """Whether bodies in their blue fill a third of the view's width or height, and touch no border."""
+    """Returns whether bodies in their blue fill a third of the view's width or height, without touching a
+    border."""
     is_blue = view[..., 2] - view[..., 0] > 30
     if is_blue[0].any() or is_blue[-1].any() or is_blue[:, 0].any() or is_blue[:, -1].any():
         return False
@@ -42,12 +43,12 @@ class Panel(WithPanel):
         self.assertTrue(call("save_snapshot", name="base").success)
 
     def expect_same(self, service, act, **fields):
-        """`act` in the panel leads to the world to which the service leads."""
+        """Expects that `act` in the panel leads to the same world as the service."""
         answer = call(service, **fields)
         self.assertTrue(getattr(answer, "success", True))
         expected = properties()
         before = call("restore_snapshot", name="base").state_hash
-        self.assertNotEqual(expected.state_hash, before)  # or nothing would be seen
+        self.assertNotEqual(expected.state_hash, before)  # else no effect would show
         act()
         self.wait_for_hash(expected.state_hash, "the world of " + service)
         self.assertEqual(properties().step, expected.step)
@@ -140,7 +141,7 @@ class Panel(WithPanel):
 
         def slide():
             self.click("Motor slider rope")
-            self.keys("Home")  # the end on the left
+            self.keys("Home")  # the left end
         self.expect_same("set_constraint_properties", slide, **bias(-1.0))
 
     def test_tabs_subscribe_to_what_they_show(self):
@@ -186,7 +187,7 @@ class Panel(WithPanel):
         return any(NODE + "/edit_log" in connected for connected in topics.values())
 
     def test_buttons_stay_where_they_are(self):
-        """Or a click would miss one while what is said of the state takes more lines."""
+        """Otherwise a click would miss a button while the state's text has more lines."""
         wait_until(lambda: self.panel.find_containing("paused at"), "the short text", START)
         places = {name: self.widget(name).centre() for name in ("Play", "Load", "Record")}
         self.assertTrue(call("load_scene", path="bridge").success)
@@ -196,7 +197,7 @@ class Panel(WithPanel):
             self.assertEqual(self.widget(name).centre(), place, name)
 
     def settled(self, condition=lambda view: True, what="a view that is still"):
-        """The view beside the panel, once it is three times the same and meets the condition."""
+        """Returns the view beside the panel, once it is equal three times and meets the condition."""
         views = []
 
         def is_settled():
@@ -210,9 +211,9 @@ class Panel(WithPanel):
         return self.settled(is_whole_and_large, "a view that is whole and large")
 
     def test_a_scene_that_is_loaded_is_framed(self):
-        """By the panel, or by who calls the service."""
+        """Loads by the panel, and by the service."""
         self.enter("Scene name", "gripper")
-        self.click("Load")  # of 0.1 m
+        self.click("Load")  # 0.1 m large
         self.framed()
         self.assertTrue(call("load_scene", text=ROW).success)  # 100 m long
         self.framed()
@@ -229,7 +230,7 @@ class Panel(WithPanel):
             self.xdotool("mousemove", x, 300 + x // 2)
         self.xdotool("mouseup", 1, "mousemove", 120, 300)
         for _ in range(12):
-            self.xdotool("click", 5)  # and farther off
+            self.xdotool("click", 5)  # farther away
         moved = self.settled(lambda view: changed(first, view) > 0.02)
         scenes = Listener(NODE + "/scene", String)
         self.assertEqual(scenes.find(what="the scene").data, "gripper")
@@ -238,11 +239,11 @@ class Panel(WithPanel):
         self.assertTrue(call("restore_snapshot", name="gripper").success)
         self.click("Reset all")
         self.wait_for_message("reset_simulation")
-        self.settled(lambda view: changed(moved, view) < 0.002, "the user's view")  # texts come anew
+        self.settled(lambda view: changed(moved, view) < 0.002, "the user's view")  # texts are redrawn
         self.assertEqual(len(scenes.messages), 1)
 
     def test_all_at_a_glance(self):
-        """For README.md and docs/hands_and_panel.md."""
+        """Takes the pictures of README.md and docs/hands_and_panel.md."""
         self.enter("Scene name", "bridge")
         self.click("Load")
         wait_until(lambda: "ball_1" in properties().bodies, "the bridge", START)

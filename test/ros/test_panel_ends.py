@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Neither a node nor rviz that ends while the panel calls hangs the other."""
+"""A node or rviz that ends while the panel makes a call does not hang the other one."""
 import os
 import shutil
 import signal
@@ -27,12 +27,12 @@ def is_alive(process):
 
 
 class PanelEnds(WithPanel):
-    """In the order of their names: the third one ends rviz."""
+    """Tests in the order of their names: the third one ends rviz."""
 
     @classmethod
     def configuration(cls):
-        """Without the pictures of bodies: hundreds of them take rviz a second each time. The view follows
-        the load of the winch."""
+        """Returns a configuration without pictures of bodies: hundreds of them take rviz a second each
+        time. The view follows the load of the winch."""
         text = super().configuration()
         for topic in ("markers", "labels"):
             text = text.replace("/constraint_sim/" + topic, "/constraint_sim/no_" + topic)
@@ -40,7 +40,7 @@ class PanelEnds(WithPanel):
         return text.replace("Target Frame: <Fixed Frame>", "Target Frame: load")
 
     def test_0_a_view_that_follows_a_body_stays(self):
-        """Which rviz has from its configuration."""
+        """The view is set by rviz's configuration."""
         wait_until(lambda: NODE + "/scene" in topics_of_panel(), "the panel", START)
         told = "the view stays: it follows load"
         views = []
@@ -48,7 +48,7 @@ class PanelEnds(WithPanel):
         def is_still():
             views.append(read_view(self.screenshot("view.png"))[20:, :PANEL])
             return len(views) > 2 and all((views[-1] == view).all() for view in views[-3:-1])
-        for count in (1, 2):  # at first rviz may not know the frame yet
+        for count in (1, 2):  # at first rviz may not know the frame
             self.assertTrue(call("load_scene", path="winch").success)
             wait_until(lambda: self.messages().count(told) == count, told, START)
             before = views[-1] if views else None
@@ -67,9 +67,9 @@ class PanelEnds(WithPanel):
         self.wait_for_message("pause_physics: the node is gone")
 
     def test_1_nodes_end_at_any_moment_of_their_start(self):
-        """While the panel looks for one, and calls it."""
+        """Nodes end while the panel looks for them and calls them."""
         def is_looked_for():
-            time.sleep(0.1)  # of its start, before anybody knows of it
+            time.sleep(0.1)  # of its start, before it is known
             return True
         for moment in (lambda: True, is_looked_for, lambda: rosnode.rosnode_ping(NODE, 1),
                        topics_of_panel):
@@ -92,15 +92,15 @@ class PanelEnds(WithPanel):
         call("unpause_physics")
         self.click("Pause")  # answered, or not
         self.click("Play")
-        self.node.send_signal(signal.SIGSTOP)  # from here on nothing is answered
+        self.node.send_signal(signal.SIGSTOP)  # no calls are answered from here on
         try:
             self.click("Step")
             self.click("Load")
             children = children_of(self.rviz)
             self.assertTrue(children)
             self.rviz.send_signal(signal.SIGINT)
-            self.rviz.wait(timeout=START)  # far beyond what it takes: it would wait for ever
-            for child in children:  # which looked for a view of that scene
+            self.rviz.wait(timeout=START)  # far beyond its time: it would wait for ever
+            for child in children:  # it searched for a view of that scene
                 wait_until(lambda: not is_alive(child), "the end of what rviz started", START)
         finally:
             self.node.send_signal(signal.SIGCONT)
@@ -108,7 +108,7 @@ class PanelEnds(WithPanel):
         self.assertIsNone(self.node.poll())
 
     def test_4_rviz_ends_at_any_moment_of_its_start(self):
-        """While the panel finds the node, and the scene that is loaded."""
+        """rviz ends while the panel finds the node, and the loaded scene."""
         config = os.path.join(self.folder, "view.rviz")
         for moment in (lambda: True, lambda: "/rviz" in rosnode.get_node_names(), topics_of_panel):
             with support.running(["rviz", "-d", config, "__name:=rviz"], env=self.environment,

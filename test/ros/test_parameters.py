@@ -16,9 +16,9 @@ FILE = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "config", "para
 
 
 def effective(**given):
-    """Name -> type and value of what a node with these parameters says it runs with."""
+    """Returns name -> type and value of the effective parameters of a node started with these."""
     with running(node_command(**given)):
-        properties()  # it is up
+        properties()  # the node is up
         return typed(rospy.get_param(support.NODE))
 
 
@@ -35,7 +35,7 @@ class Parameters(unittest.TestCase):
         self.assertEqual(effective(), typed(self.documented))
 
     def test_a_node_given_the_file_runs_with_it(self):
-        # roslaunch leaves out what is empty on a command line, and so does this
+        # roslaunch leaves out empty values on a command line, and so does this
         given = {name: value for name, value in self.documented.items() if value != ""}
         self.assertEqual(effective(**given), typed(self.documented))
 
@@ -50,13 +50,13 @@ class Parameters(unittest.TestCase):
                  "robot_z": 3.0, "publish_links": "root", "publish_com": True, "command": "a b",
                  "cmd_vel": "c", "wrench": "d", "odometry": "e", "follow": "f=g",
                  "follow_delay": 0.5}
-        self.assertEqual(set(given) | {"plugins"}, set(self.documented))  # test_plugins has one
+        self.assertEqual(set(given) | {"plugins"}, set(self.documented))  # test_plugins tests it
         self.assertEqual(effective(**given), typed({**given, "plugins": ""}))
 
     # ---- the command line
 
     def end_of(self, *words):
-        """Exit status and what a node says that is not to start."""
+        """Returns exit status and output of a node that must not start."""
         done = subprocess.run([support.node_program(), "__name:=constraint_sim", *words],
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               universal_newlines=True, timeout=support.TIMEOUT)
@@ -124,7 +124,7 @@ class Parameters(unittest.TestCase):
         before = effective()
         with running(node_command(**given, colour="red")):
             properties()
-            rospy.set_param(support.NODE + "/time_step", 0.004)  # by somebody else
+            rospy.set_param(support.NODE + "/time_step", 0.004)  # by another process
         left = rospy.get_param(support.NODE)
         self.assertEqual(set(left) & {"real_time_factor", "paused", "colour"}, set())
         self.assertEqual(left["time_step"], 0.004)

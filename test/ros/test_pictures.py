@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What rviz draws, in the view that each scene is given."""
+"""Pictures by rviz, in the view of each scene."""
 import os
 
 import numpy
@@ -11,18 +11,18 @@ from in_rviz import PACKAGE, START, InRviz, fitted_configuration, read_view
 from support import call
 from visualization_msgs.msg import MarkerArray
 
-# as they are drawn, not shaded
+# colours as drawn, unshaded
 TENSION, COMPRESSION, SLACK = (26, 217, 255), (255, 230, 26), (191, 173, 140)
 MOTOR, LIMITED, CONTACT = (255, 102, 217), (191, 51, 140), (255, 255, 255)
-FRICTION = (144, 125, 179)  # of what sticks, through a floor that is half opaque
-RED = (226, 64, 57)  # which is drawn by rods, in their light
-BELOW = 230  # rows of the view, under the legend, which is written in these colours
+FRICTION = (144, 125, 179)  # sticking friction, seen through a half opaque floor
+RED = (226, 64, 57)  # drawn by shaded rods
+BELOW = 230  # rows of the view below the legend, whose texts have these colours
 
-SLIDING = (255, 153, 51)  # friction of what slides
+SLIDING = (255, 153, 51)  # sliding friction
 STUCK = (191, 153, 255)
 BROKEN = (166, 166, 166)
 
-# scenes that go from event to event: after how many steps their pictures are taken, and what they show
+# Event-driven scenes: number of steps before their pictures, and shown colours.
 EVENTS = {"safety_rope": (75, [TENSION, BROKEN]), "breaking_rod": (50, [BROKEN]),
           "rocking_block": (40, [CONTACT, STUCK]), "newtons_cradle": (95, [TENSION]),
           "ball_on_incline": (10, [CONTACT, SLIDING]),
@@ -33,8 +33,8 @@ class Pictures(InRviz):
     """With CONSTRAINT_SIM_SCREENSHOTS set to a folder the pictures of docs/images are left there."""
 
     def show(self, name, scene, signs, steps=None, filled=0.0):
-        """Waits until the picture of a scene, which runs or has made these steps, has these signs and
-        bodies over this share of its width or height."""
+        """Waits until the picture of a scene, running or after these steps, has these signs and bodies
+        over this share of its width or height."""
         path = os.path.join(PACKAGE, "docs/images", scene) if "." in scene else scene
         views = []
 
@@ -44,15 +44,15 @@ class Pictures(InRviz):
             if steps is None:
                 call("unpause_physics")
             labels = support.Listener(support.NODE + "/labels", MarkerArray)
-            labels.present(what="texts")  # which come more rarely than what moves
-            if steps:  # from what has been seen whole
+            labels.present(what="texts")  # texts are sent less often than moving markers
+            if steps:  # from a completely drawn state
                 self.assertTrue(call("step", steps=steps).success)
                 labels = support.Listener(support.NODE + "/labels", MarkerArray)
                 texts = ["grey, in two parts: broken"] if BROKEN in signs else []
                 labels.present(lambda m: set(texts) <= {x.text for x in m.markers}, "texts of now")
 
         def missing():
-            if len(views) % 4 == 0 and (not views or BROKEN in signs):  # which is shown for two seconds
+            if len(views) % 4 == 0 and (not views or BROKEN in signs):  # shown for two seconds
                 play()
             views.append(read_view(self.screenshot(name)))
             counts = {sign: int((numpy.abs(views[-1][BELOW:] - sign).max(axis=-1) < 12).sum())
@@ -60,7 +60,7 @@ class Pictures(InRviz):
             share = max(self.filled(views[-1], 0), self.filled(views[-1], 1))
             if BROKEN in signs:
                 is_settled = len(views) % 4 > 1
-            else:  # three times the same, but for the largest forces of the last seconds
+            else:  # three equal views, except for the largest forces of the last seconds
                 is_settled = steps is None or (
                     len(views) > 2 and
                     all((views[-1][BELOW:] == view[BELOW:]).all() for view in views[-3:-1]))
@@ -89,7 +89,7 @@ class Pictures(InRviz):
         self.shrink("contact_forces.png", 800, 2)
 
     def filled(self, view, axis):
-        """Share of the view's height (axis 1) or width (0) over which bodies are drawn."""
+        """Returns the share of the view's height (axis 1) or width (0) with drawn bodies."""
         is_blue = view[..., 2] - view[..., 0] > 30
         seen = numpy.flatnonzero(is_blue.any(axis=axis))
         return numpy.ptp(seen) / view.shape[1 - axis] if seen.size else 0.0
@@ -98,7 +98,7 @@ class Pictures(InRviz):
         self.show("view_small.png", "gripper", [], steps=0, filled=0.3)
 
     def test_a_large_scene_fills_the_view(self):
-        """A chain of 100 m, seen at an angle."""
+        """A chain of 100 m, seen at an angle, fills the view."""
         scene = os.path.join(self.folder, "chain.yaml")
         with open(scene, "w") as file:
             file.write("bodies:\n" + "".join(

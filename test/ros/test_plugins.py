@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""A package of its own (test/plugin_example), built here against the one that is installed, adds wind, a
-constraint and a sensor to the node."""
+"""A separate package (test/plugin_example), built here against the installed one, adds wind, a constraint
+and a sensor to the node."""
 import math
 import os
 import subprocess
@@ -21,7 +21,7 @@ PLUGIN = "constraint_sim_plugin_example/Weather"
 
 
 def build(to):
-    """Builds and installs the package below `to`; returns the environment of who uses it."""
+    """Builds and installs the package below `to`; returns the environment for its use."""
     prefix = os.path.join(to, "install")
     commands = [["cmake", "-S", SOURCES, "-B", to + "/build", "-DCMAKE_INSTALL_PREFIX=" + prefix,
                  "-DPYTHON_EXECUTABLE=/usr/bin/python3"],

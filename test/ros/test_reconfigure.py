@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Options as parameters of dynamic_reconfigure: the same list and the same checks as set_options."""
+"""Options as parameters of dynamic_reconfigure: the list and the checks of set_options."""
 import math
 
 import dynamic_reconfigure
@@ -17,7 +17,7 @@ from support import NODE, Listener, call, properties, sphere, wait_until
 
 
 def number_of(value):
-    """PyYAML takes 1e-08, which has no point, for a text."""
+    """Returns a number: PyYAML reads 1e-08, without a point, as text."""
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -25,7 +25,7 @@ def number_of(value):
 
 
 def options():
-    """The world's options, as they would be saved."""
+    """Returns the world's options, as saved."""
     saved = yaml.safe_load(call("save_scene").text)["world"]
     return {name: number_of(value) for name, value in saved.items()}
 
@@ -40,14 +40,14 @@ class Parameters(support.ServiceCase):
         self.good("set_options", keys=["real_time_factor", "publish_rate"], values=["0.5", "20"])
 
     def read(self, **expected):
-        """What the client hears comes to be this."""
+        """Waits until the client has these values."""
         def is_so():
             heard = self.client.get_configuration(timeout=support.TIMEOUT)
             return all(heard[name] == value for name, value in expected.items())
         wait_until(is_so, "the parameters %s" % expected)
 
     def refused(self, words, **changes):
-        """Fails, changes nothing, and the log names field and value."""
+        """Expects a failure that changes nothing, and a log line with field and value."""
         log = Listener("/rosout", Log)
         wait_until(lambda: "/rosout" in support.topics_between(NODE, rospy.get_name()), "the log")
         before, saved = properties().state_hash, options()

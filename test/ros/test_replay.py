@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A recorded run is run again to the same hashes, and where it is not, that is named."""
+"""A recorded run is repeated with equal hashes; a difference is reported by name."""
 import copy
 import os
 import random
@@ -18,7 +18,7 @@ from support import NODE, call, properties, sphere
 
 
 def replay(*arguments):
-    """Exit status and what it says."""
+    """Returns exit status and output."""
     done = subprocess.run(["rosrun", "constraint_sim", "replay", *arguments],
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           universal_newlines=True, timeout=500)
@@ -46,9 +46,9 @@ class Replay(support.ServiceCase):
                 bag.write(topic, record, rospy.Time(1 + i))
 
     def end(self):
-        """Writes what was heard up to now to the bag; the hash it ends with."""
+        """Writes all messages so far to the bag; returns the final hash."""
         self.assertTrue(call("add_body", body=sphere("last", z=77.0)).success)
-        # commands that are on their way may still come
+        # pending commands may still arrive
         support.wait_until(lambda: any(r.service == "add_body" and b"last" in bytes(r.request)
                                        for r in self.log.messages) and
                            self.log.messages[-1].state_hash == properties().state_hash,
@@ -99,7 +99,7 @@ class Replay(support.ServiceCase):
         status, said = replay(self.file)
         self.assertEqual(status, 0, said)
         self.assertIn("%d records" % len(self.log.messages), said)
-        self.assertGreater(sum(not r.service for r in self.log.messages), 5)  # checks on the way
+        self.assertGreater(sum(not r.service for r in self.log.messages), 5)  # checks in between
         self.assertGreater(len({r.service for r in self.log.messages}), 10)
 
     def test_a_run_in_real_time_with_a_stream_of_commands(self):
@@ -137,12 +137,12 @@ class Replay(support.ServiceCase):
         self.end()
         driven = [r for r in self.log.messages if r.service == "drive"]
         self.assertGreater(len({r.step for r in driven}), 90)
-        # what was commanded and not the world, which is recorded once
+        # commands are recorded, and the world only once
         self.assertEqual([r.service for r in self.log.messages].count("snapshot"), 1)
         self.assertLess(max(len(r.request) for r in driven), 400)
         status, said = replay(self.file)
         self.assertEqual(status, 0, said)
-        # a step that comes out differently is found, although worlds are recorded on the way
+        # a step with another result is found, although worlds are recorded in between
         records = self.log.messages
         changed = driven[80]
         changed.state_hash ^= 1
@@ -166,14 +166,14 @@ class Replay(support.ServiceCase):
             self.assertIn("step %d" % step, said)
 
     def test_a_long_run_of_commands(self):
-        """An hour of them with CONSTRAINT_SIM_TEST_ALL, else five minutes."""
+        """Runs commands for an hour with CONSTRAINT_SIM_TEST_ALL, else for five minutes."""
         is_long = "CONSTRAINT_SIM_TEST_ALL" in os.environ
         seconds, least = (3600.0, 600) if is_long else (300.0, 100)
         self.good("load_scene", path="platform")
         winches = properties().constraints
         self.good("add_body", body=sphere("first", x=9.0))
         self.begin()
-        # half a minute: as fast as it can it would go on for days while a busy machine sends commands
+        # half a minute: at full speed it would run for days while a busy machine sends commands
         call("set_options", keys=["real_time_factor"], values=[str(seconds / 30.0)])
         end = properties().sim_time + seconds
         draw, commands = random.Random(2), 0

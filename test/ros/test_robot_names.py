@@ -44,7 +44,7 @@ class RobotNames(unittest.TestCase):
         self.assertGreater(len(self.bodies), 3)
 
     def names(self):
-        """Each form that a name can have."""
+        """Returns each form that a name can have."""
         return [self.path, os.path.join(self.folder, "arm"), PACKAGE, "/robot_description",
                 "robot_description", "robots/left", "~robot_text", "~/arm.urdf", "arm"]
 
@@ -76,7 +76,7 @@ class RobotNames(unittest.TestCase):
             rospy.set_param(NODE, {"robot": name, "paused": True, "robot_text": description()})
             with running(command, env=self.environment()):
                 self.check_robot(name)
-            self.assertEqual(rospy.get_param(NODE + "/robot"), name)  # of who has set it
+            self.assertEqual(rospy.get_param(NODE + "/robot"), name)  # of the process that set it
 
     def test_in_a_launch_file(self):
         empty = os.path.join(self.folder, "empty.yaml")
@@ -91,14 +91,14 @@ class RobotNames(unittest.TestCase):
     # ---- that there is not
 
     def end_of(self, *words):
-        """Exit status and what a node says that is not to start."""
+        """Returns exit status and output of a node that must not start."""
         done = subprocess.run([support.node_program(), "__name:=constraint_sim", *words],
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=self.folder,
                               universal_newlines=True, timeout=support.TIMEOUT)
         return done.returncode, done.stdout
 
     def check_start(self):
-        """A node starts as if there had been none before."""
+        """Expects that a node starts as if no other had run before."""
         with running([support.node_program(), "__name:=constraint_sim", "_paused:=true"]):
             self.assertEqual(properties().bodies, [])
 
@@ -123,7 +123,7 @@ class RobotNames(unittest.TestCase):
         self.check_start()
 
     def test_names_that_no_parameter_can_have_leave_nothing_on_the_master(self):
-        # in the order of their names roscpp sets the parameters until it comes to the bad one
+        # roscpp sets parameters in the order of their names until it reaches the bad one
         for word in ("_zz.z:=1", "_zz-z:=1", "_zz z:=1", "_/zz:=1", "_7:=1"):
             rospy.set_param("/zz", 1)
             status, said = self.end_of("_robot:=arm", "_paused:=true", word)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Robots from URDFs: load_urdf, frames beside a robot_state_publisher, and topics that drive."""
+"""Robots from URDFs: load_urdf, frames beside a robot_state_publisher, and command topics."""
 import contextlib
 import os
 import subprocess
@@ -41,7 +41,7 @@ def urdf(name):
 
 @contextlib.contextmanager
 def simulator(**parameters):
-    """A paused node with these parameters, once it answers."""
+    """Starts a paused node with these parameters, and waits until it responds."""
     with running(node_command(paused=True, **parameters)) as process:
         properties()
         yield process
@@ -73,8 +73,8 @@ class Robots(support.ServiceCase):
         Listener.stop_all()
 
     def step_until(self, seen):
-        """Steps tick by tick until the states that a step answers with show it: no answer says that a
-        message has come. The states of the last two steps, by name."""
+        """Steps tick by tick until the responses of step show the condition: no response tells that a message has
+        arrived. Returns the states of the last two steps, by name."""
         states = [{body.name: body for body in self.good("step", steps=0).bodies}]
 
         def is_seen():
@@ -84,7 +84,7 @@ class Robots(support.ServiceCase):
         return states[-2:]
 
     def expect(self, listener, joint, value, field="position"):
-        """A paused world's joint comes to read this, to what integration leaves."""
+        """Waits until a joint of a paused world has this value, within integration errors."""
         def reads():
             message = listener.messages[-1] if listener.messages else None
             if not message or joint not in message.name:
@@ -230,7 +230,7 @@ class Robots(support.ServiceCase):
                     self.good("load_scene", text="bodies: []")
             replace(15)
             before = support.memory_of(process)
-            replace(40)  # whose visuals are some 60 MiB
+            replace(40)  # its visuals are some 60 MiB
             self.assertLess(support.memory_of(process) - before, 20.0)
 
     def test_the_parameter_robot_description(self):
@@ -245,7 +245,7 @@ class Robots(support.ServiceCase):
                              {Marker.CUBE, Marker.CYLINDER, Marker.SPHERE})
             loaded = len(markers.messages)
             call("load_scene", text="bodies: []")
-            # the first message of the new scene begins with nothing
+            # the first message of the new scene starts with DELETEALL
             anew = markers.find(lambda m: m.markers and m.markers[0].action == Marker.DELETEALL,
                                 "the markers of the new scene", loaded)
             self.assertEqual([m.ns for m in anew.markers if m.ns == "visuals"], [])
@@ -260,7 +260,7 @@ class Robots(support.ServiceCase):
             end = JointTrajectoryPoint(positions=[0.5, 0.2], velocities=[0, 0],
                                        accelerations=[0, 0], time_from_start=rospy.Duration(1))
             topic.publish(JointTrajectory(joint_names=["shoulder_pan", "elbow"], points=[end]))
-            # the first tick turns it by 2e-6 rad; what the motors hold stays to rounding
+            # the first tick rotates it by 2e-6 rad; motors hold the others to rounding
             turned = lambda a, b: max(abs(getattr(a, i) - getattr(b, i)) for i in "xyzw") > 1e-8
             self.step_until(lambda before, after: turned(
                 before["shoulder/com"].pose.orientation, after["shoulder/com"].pose.orientation))
@@ -274,7 +274,8 @@ class Robots(support.ServiceCase):
             self.expect(states, "shoulder_lift", -0.4)
 
     def test_what_drives_ends_with_the_world_that_it_was_for(self):
-        """A restored world, also one of another process whose joints have the same numbers."""
+        """A restored world, also of another process whose joints have equal numbers, ends drives of the previous
+        one."""
         other = """
 bodies:
   - {name: a, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}}
@@ -342,7 +343,7 @@ constraints:
                 message = frames.wait()  # of these bodies, and not of links with their numbers
                 self.assertEqual({t.child_frame_id for t in message.transforms}, {"a", "b"})
 
-                # the robot comes back with its world, and so do its frames
+                # the robot returns with its world, and so do its frames
                 self.good("restore_snapshot", name="before")
                 self.good("step", steps=1)
                 frames.wait(lambda m: set(LINKS) - {"base_link"} <=
@@ -395,7 +396,7 @@ motors:
             wrench.publish(push)
             self.step_until(lambda before, after: after["ball"].twist.linear.x > 0.0)
             self.good("step", steps=99)
-            # 2 N on 1 kg for 1 s, and nobody listened to what it was before
+            # 2 N on 1 kg for 1 s; nobody subscribed before
             odometry = Listener(support.NODE + "/odometry/ball", Odometry).present()
             self.assertAlmostEqual(odometry.twist.twist.linear.x, 2.0, delta=1e-9)
             self.assertAlmostEqual(odometry.pose.pose.position.x, 1.0, delta=1e-9)
@@ -403,7 +404,7 @@ motors:
             twist.publish(drive)
             before, _ = self.step_until(lambda before, after: after["cart"].twist.linear.y > 0.0)
             self.good("step", steps=99)
-            # forwards is along y, since it is turned by a quarter
+            # forwards is along y, since it is rotated by a quarter turn
             position = call("get_body_state", name="cart").state.pose.position
             self.assertAlmostEqual(position.y - before["cart"].pose.position.y, 0.5, delta=1e-9)
             self.assertAlmostEqual(position.x, 0.0, delta=1e-9)
@@ -412,13 +413,13 @@ motors:
 
 
 def chain_start(compared):
-    """Where tool0 was at first."""
+    """Returns the initial position of tool0."""
     return matrix(next(t.transform for t in compared()[0][0].transforms
                        if t.child_frame_id == "tool0"))
 
 
 def quarter():
-    """No orientation."""
+    """Returns a rotation by a quarter turn."""
     pose = Pose()
     pose.orientation.w = 0.5
     return pose

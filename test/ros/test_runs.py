@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whole runs of the node: determinism against the runner, a bag, and parameters that cannot be."""
+"""Whole runs of the node: determinism against the runner, a bag, and invalid parameters."""
 import glob
 import json
 import os
@@ -95,7 +95,7 @@ class Runs(unittest.TestCase):
         with running(node_command(time_step=0.002, paused="true", world_frame="map")):
             self.assertEqual(properties().time_step, 0.002)
             self.assertTrue(call("load_scene", text="world: {time_step: 0.004}").success)
-            self.assertEqual(properties().time_step, 0.004)  # a scene's own wins
+            self.assertEqual(properties().time_step, 0.004)  # the scene's own setting takes precedence
 
 
 if __name__ == "__main__":

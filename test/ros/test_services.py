@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Every service with good input, and every field of it with bad input."""
+"""Every service with valid input, and every field with invalid input."""
 import math
 import threading
 
@@ -97,13 +97,13 @@ class Services(support.ServiceCase):
         self.good("set_body_state", state=BodyState(name="slope", pose=Pose(orientation=tilt)))
         half = math.sqrt(0.5)
         roller = sphere("roller", 0.2 * math.sin(0.2), 0, 0.2 * math.cos(0.2), friction=1.0,
-                        shape=Shape(5, [0.2, 0.5]))  # as Shape.msg has it
+                        shape=Shape(5, [0.2, 0.5]))  # as in Shape.msg
         roller.pose.orientation = Quaternion(half, 0, 0, half)
         self.good("add_body", body=roller)
         self.good("step", steps=100)
         v = call("get_body_state", name="roller").state.twist.linear
-        # two thirds of what would slide, to the slop of the contact beside the radius, and the
-        # first sweeps
+        # two thirds of the sliding acceleration, within the contact's slop over the radius, and the first
+        # sweeps
         self.assertAlmostEqual(v.x / math.cos(0.2), 2.0 / 3.0 * 9.81 * math.sin(0.2), delta=0.02)
         self.assertIn("cylinder: {radius: 0.2, length: 0.5}", call("save_scene").text)
         for dimensions, named in (([0.1], "1"), ([], "0"), ([0.1, -1], "-1"), ([0, 1], "radius")):
@@ -177,7 +177,7 @@ class Services(support.ServiceCase):
         self.good("set_motor_bias", constraint="cable", bias=-0.5, timeout=1.0)
         tick = properties().time_step
         height = call("step", steps=round(3.0 / tick)).bodies[0].pose.position.z
-        # hauled in for 1 s of the 3; rest: the load hangs straight, so only Baumgarte's lag is left
+        # hauled in for 1 s of the 3; the load hangs straight, so only Baumgarte's lag remains
         self.assertAlmostEqual(height, 1.5, places=2)
 
     def test_set_motor_bias_refuses_bad_input(self):
@@ -227,7 +227,7 @@ class Services(support.ServiceCase):
         support.wait_until(lambda: properties().step > first, "the first step")
         edit = self.good("add_body", body=sphere("late", 5, 0, 100))
         support.wait_until(lambda: properties().step > edit.step, "steps after it")
-        call("pause_physics")  # which ends it
+        call("pause_physics")  # ends it
         thread.join()
         self.assertGreater(edit.step, first)
         self.assertEqual(len(answers[0].bodies), 2)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Snapshots: to the bit, in memory and in files, in the same process and in another one."""
+"""Snapshots: exact to the bit, in memory and in files, in one process and in another."""
 import os
 import tempfile
 import threading
@@ -15,7 +15,7 @@ from support import call, node_command, properties, running, sphere
 
 
 def most_memory():
-    """The most resident memory that the node ever had [MiB]."""
+    """Returns the peak resident memory of the node [MiB]."""
     uri = rosnode.get_api_uri(rosgraph.Master(rospy.get_name()), support.NODE)
     pid = xmlrpc.client.ServerProxy(uri).getPid(rospy.get_name())[2]
     with open("/proc/%d/status" % pid) as file:

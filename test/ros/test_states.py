@@ -33,7 +33,7 @@ class States(support.ServiceCase):
         Listener.stop_all()
 
     def near(self, found, expected, tolerance=1e-12):
-        """12 digits: what a few rotations of numbers of order 1 leave."""
+        """Compares to 12 digits, the rounding of a few rotations of numbers of order 1."""
         for f, e in zip(found, expected):
             self.assertAlmostEqual(f, e, delta=tolerance)
 
@@ -43,7 +43,7 @@ class States(support.ServiceCase):
         return self.good("get_body_state", name=name, reference_frame=frame).state
 
     def add_turning_frame(self):
-        """A body at (1, 0, 0), turned by 90 degrees about z, that moves along y and turns about z."""
+        """Adds a body at (1, 0, 0), rotated by 90 degrees about z, that moves along y and rotates about z."""
         body = sphere("frame", 1, 0, 0, type=Body.KINEMATIC)
         body.pose.orientation = QUARTER_TURN_Z
         body.twist.linear.y = 0.5
@@ -149,7 +149,7 @@ class States(support.ServiceCase):
         self.good("step", steps=1)
         self.near(xyz(self.state("b").twist.linear), [-0.01, 0, 0])
         self.near(xyz(self.state("b").twist.angular), [0, 0, 0])
-        # at the world's (0, 0.1, 0.0), off the centre: turns it about z
+        # at (0, 0.1, 0.0) in the world, off the centre: rotates it about z
         self.good("set_body_state", state=BodyState(name="b"))
         self.good("apply_body_wrench", **self.wrench(
             reference_point=Point(0, 0.1, 0), wrench=Wrench(force=Vector3(x=1)),
@@ -192,13 +192,13 @@ class States(support.ServiceCase):
         topic = rospy.Publisher(support.NODE + "/motor_bias", MotorBias, queue_size=10)
         support.wait_until(lambda: topic.get_num_connections() > 0, "the node")
         before = properties().state_hash
-        topic.publish(constraint="nothing", bias=1.0)  # warned of, and of no other consequence
+        topic.publish(constraint="nothing", bias=1.0)  # a warning, without other effects
         topic.publish(constraint="rod", bias=-0.5, timeout=0.2)
         support.wait_until(lambda: properties().state_hash != before, "the bias")
         self.good("step", steps=10)
         listener.wait(lambda m: m.constraints and m.constraints[0].bias == -0.5)
         self.good("step", steps=90)
-        # 0.2 s of 0.5 m/s, and Baumgarte's lag of a weightless load is none
+        # 0.2 s of 0.5 m/s, and no lag of Baumgarte for a weightless load
         self.near(xyz(self.state("b").pose.position), [0, 0, 1.1], 1e-9)
 
     # ---- constraints of any type
@@ -250,7 +250,7 @@ class States(support.ServiceCase):
                           "phase", "max_force"):
                 name = {"motor_frequency": "frequency"}.get(field, field)
                 if field == "max_length" and value == math.inf:
-                    continue  # no limit is what it says
+                    continue  # the type has no limits
                 self.bad([name, "%g" % value], "add_constraint",
                          constraint=self.constraint("distance", **{field: value}))
         self.bad(["max_length", "min_length"], "add_constraint",
@@ -260,7 +260,7 @@ class States(support.ServiceCase):
         self.good("add_body", body=sphere("b", 1, 0, 0))
         answer = self.good("add_distance_constraint", name="c", body_b="b", length=0.5)
         self.assertEqual(answer.initial_error, 0.5)
-        # half of it in half of closing_time, 0.5 s, and all of it at the end
+        # half of the error in half of closing_time, 0.5 s, and all of it at the end
         for steps, x in ((25, 0.75), (25, 0.5), (25, 0.5)):
             self.near(xyz(self.good("step", steps=steps).bodies[0].pose.position), [x, 0, 0], 1e-9)
 
@@ -274,7 +274,7 @@ class States(support.ServiceCase):
         self.good("step", steps=300)
         contact = listener.present().contacts[0]
         self.assertEqual({contact.body_a, contact.body_b}, {"ball", "floor"})
-        # at rest it carries the weight; a hundred times the round-off of warm starting
+        # at rest it carries the weight; a hundred times the rounding of warm starting
         self.assertAlmostEqual(contact.normal_force, 30.0, places=6)
         self.assertEqual(abs(contact.normal.z), 1.0)
 
@@ -288,7 +288,7 @@ class States(support.ServiceCase):
         support.wait_until(lambda: listener.messages[-1].data != before, "another plan")
 
     def check_plan_changes(self, part, steps, before, after):
-        """These steps, and no edit, change what the plan says of a part."""
+        """Expects that these steps, without an edit, change a part of the plan."""
         def says(text):
             return yaml.safe_load(text)[part]
         plans = Listener(support.NODE + "/plan", String)
@@ -296,13 +296,13 @@ class States(support.ServiceCase):
                            "the plan before")
         self.good("step", steps=steps)
         support.wait_until(lambda: says(plans.messages[-1].data) == after, "the plan after")
-        # and who comes later gets that one
+        # a later subscriber gets the changed plan
         latched = Listener(support.NODE + "/plan", String)
         support.wait_until(lambda: latched.messages, "the latched plan")
         self.assertEqual(latched.messages[0], plans.messages[-1])
 
     def test_the_plan_follows_a_constraint_that_tears(self):
-        # 10 N of weight hold; the 5 N that join them after 0.1 s are more than it can bear
+        # 10 N of weight hold; another 5 N after 0.1 s exceed the limit
         self.good("load_scene", text="""
 world: {gravity: [0, 0, -10], time_step: 0.01}
 bodies: [{name: load, mass: 1, position: [0, 0, 1]}]
@@ -363,7 +363,7 @@ wrenches: [{body: load, force: [0, 0, -5], start: 0.1}]""")
         found = self.good("step", steps=100).bodies
         for f, e in zip(found, expected):
             self.assertEqual(f.name, e.name)
-            # what differs is round-off, and that warm starting begins anew: a few digits of 1e-6 m
+            # differences are rounding, and the restart of warm starting: a few digits of 1e-6 m
             self.near(xyz(f.pose.position), xyz(e.pose.position), 1e-4)
         self.good("load_scene", text=text)
         again = self.good("save_scene").text

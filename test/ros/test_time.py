@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Real time, simulated time, and time that stands, drops out or goes back."""
+"""Real time, simulated time, and time that stands, jumps or goes back."""
 import contextlib
 import csv
 import os
@@ -23,7 +23,7 @@ import support
 from support import Listener, call, node_command, properties, running, sphere
 from test_log import speaking
 
-# A tf2 listener of its own, whose log says what it thinks of the transforms
+# A separate tf2 listener, whose log has its complaints about transforms.
 TF_LISTENER = """
 import rospy, tf2_ros
 rospy.init_node("tf_listener")
@@ -35,7 +35,7 @@ TF_COMPLAINTS = ("TF_OLD_DATA", "TF_REPEATED_DATA")
 
 PENDULUM = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "config", "scenes",
                         "pendulum.yaml")
-# A body whose place is the simulated time since it was loaded
+# A body whose position is the simulated time since it was loaded.
 PACER = """
 world: {time_step: 0.002}
 bodies: [{name: pacer, type: kinematic, linear_velocity: [1, 0, 0]}]"""
@@ -43,7 +43,7 @@ bodies: [{name: pacer, type: kinematic, linear_velocity: [1, 0, 0]}]"""
 
 @contextlib.contextmanager
 def tf_listener():
-    """A tf2 listener that must have found nothing wrong when the block ends."""
+    """Runs a tf2 listener that must not have complained when the block ends."""
     with running(["/usr/bin/python3", "-c", TF_LISTENER], stdout=subprocess.PIPE,
                  stderr=subprocess.STDOUT, universal_newlines=True) as listener:
         support.wait_until(lambda: "/tf_listener" in subscribers("/tf"), "the listener")
@@ -60,14 +60,14 @@ def subscribers(topic):
 
 
 def stands(periods=10):
-    """Whether the world makes no tick in so many periods of publishing."""
+    """Returns whether the world makes no tick during this number of publishing periods."""
     statistics = Listener(support.NODE + "/statistics", Statistics)
     support.wait_until(lambda: len(statistics.messages) >= periods, "statistics")
     return all(m.ticks == 0 for m in statistics.messages)
 
 
 def places_of_pendulum(seconds):
-    """Where the runner has the bob of the pendulum after each step."""
+    """Returns the positions of the pendulum's bob after each step, by the runner."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "states.csv")
         subprocess.check_call(["rosrun", "constraint_sim", "constraint_sim_run", PENDULUM,
@@ -85,7 +85,7 @@ class Followed:
         self.now = start
         self.rate = 1.0
         self._topic = rospy.Publisher("/clock", Clock, queue_size=10)
-        self._lock = threading.Lock()  # of the time, which jump() sets
+        self._lock = threading.Lock()  # protects the time, which jump() sets
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -115,8 +115,8 @@ class Time(unittest.TestCase):
         rospy.set_param("/use_sim_time", False)
 
     def pace(self, tick, seconds, clock=time.monotonic):
-        """Simulated time over that of a clock, of so many of its seconds. Ticks that a busy machine
-        drops count as well, so that only the way of two messages makes a difference."""
+        """Returns simulated time over that of a clock, for this number of its seconds. Dropped ticks count
+        too, so that only the delay of two messages matters."""
         statistics = Listener(support.NODE + "/statistics", Statistics)
         first, start = statistics.wait(lambda m: m.ticks > 0, "a tick"), clock()
         support.wait_until(lambda: clock() > start + seconds, "the clock")
@@ -125,7 +125,7 @@ class Time(unittest.TestCase):
         return due * tick / (end - start)
 
     def check_pace(self, expected, *arguments):
-        """Sooner or later: a machine that stands for a while makes one figure wrong, not all."""
+        """Expects the pace in some trial: a machine that pauses spoils one figure, not all."""
         paces = []
 
         def is_kept():
@@ -165,7 +165,7 @@ class Time(unittest.TestCase):
         with running(node_command(scene="platform", real_time_factor=1000.0)):
             Listener(support.NODE + "/statistics", Statistics).wait(
                 lambda m: m.dropped_ticks > 0, "dropped ticks")
-            # those done and those dropped are all that were due
+            # completed and dropped ticks are all due ticks
             self.check_pace(1000.0, properties().time_step, 1.0)
 
     def test_it_survives_being_stopped_for_a_second(self):
@@ -174,12 +174,12 @@ class Time(unittest.TestCase):
             start = time.monotonic()
             before = properties().sim_time
             process.send_signal(signal.SIGSTOP)
-            time.sleep(1.0)  # the time that must be dropped
+            time.sleep(1.0)  # time to be dropped
             going_on = time.time()
             process.send_signal(signal.SIGCONT)
             listener.wait(what="a transform after the stop")
             after = properties().sim_time
-            # the time stopped is not made up for, but for 0.1 s
+            # stopped time is not made up for, except 0.1 s
             self.assertLess(after - before, time.monotonic() - start - 0.8)
             statistics = Listener(support.NODE + "/statistics", Statistics)
             statistics.wait(lambda m: m.dropped_ticks > 400, "dropped ticks, of 500 in a second")
@@ -236,7 +236,7 @@ class Time(unittest.TestCase):
         statistics = Listener(support.NODE + "/statistics", Statistics)
 
         def follows(listener):
-            """Whether the last stamp is the clock's, but for the way of two messages."""
+            """Returns whether the last stamp is the clock's, within the delay of two messages."""
             return abs(support.stamp_of(listener.messages[-1]).to_sec() - clock.now) < 0.5
         try:
             with speaking(node_command(scene="pendulum")) as log:
@@ -251,7 +251,7 @@ class Time(unittest.TestCase):
                 self.assertEqual(log.lines("machine"), [])
         finally:
             clock.stop()
-        # a jump is no fast machine
+        # a jump does not count as speed
         self.assertLess(max(m.real_time_factor for m in statistics.messages), 100.0)
 
     def test_stamps_follow_the_clock_again_after_a_pause_and_a_reset(self):
@@ -287,10 +287,10 @@ class Time(unittest.TestCase):
         statistics = Listener(support.NODE + "/statistics", Statistics)
 
         def stands_at_the_clock():
-            """Properties, once the world has done or dropped every whole tick that the clock has."""
+            """Returns properties, once the world has done or dropped every whole tick of the clock."""
             found = statistics.wait(lambda m: m.ticks == 0, "a world that stands")
             late = clock.messages[-1].clock.to_sec() - found.sim_time.to_sec()
-            # a clock that stands is repeated; rounding is far below 1e-6 s
+            # a standing clock is repeated; rounding is far below 1e-6 s
             return (clock.messages[-1] == clock.messages[-2] and -1e-6 < late < tick + 1e-6 and
                     properties())
 
@@ -314,7 +314,7 @@ class Time(unittest.TestCase):
             with rosbag.Bag(folder + "/a.bag", "w") as bag:
                 for i in range(round(seconds * 10) + 1):
                     bag.write("/played", String(str(i)), rospy.Time.from_sec(start + 0.1 * i))
-            # it begins paused, and is played when all are there, so that nothing is lost
+            # it begins paused, and is played when all are connected, so that nothing is lost
             player_command = ["rosbag", "play", "--clock", "--rate=2", "--pause",
                               "--wait-for-subscribers", folder + "/a.bag", "__name:=player"]
             with tf_listener(), running(node_command(scene="pendulum")):
@@ -333,16 +333,16 @@ class Time(unittest.TestCase):
                     self.assertEqual(player.returncode, 0)
                 support.wait_until(stands, "it stands with the bag")
                 end = properties()
-        # where the bag was not paused the world went on; the last clock may be lost with the player
+        # while the bag played the world went on; the last clock may be lost with the player
         self.assertEqual(steps[0], 0)
         self.assertTrue(steps[0] < steps[1] < steps[2] < end.step)
         self.assertLess(end.sim_time, start + seconds + tick)
-        # all that was published is what the engine has at that time, and in order
+        # published positions equal the engine's at that time, in order
         stamps = [m.header.stamp for m in states.messages]
         self.assertTrue(all(a < b for a, b in zip(stamps, stamps[1:])))
         followed = [m for m in states.messages if m.header.stamp.to_sec() >= start]
         self.assertGreater(len({m.header.stamp for m in followed}), 20)
-        # a machine that is busy drops ticks, and the places are then of fewer steps than stamps say
+        # a busy machine drops ticks, and positions then have fewer steps than stamps say
         dropped = any(m.dropped_ticks for m in statistics.messages)
         for message in [] if dropped else followed:
             step = round((message.header.stamp.to_sec() - start) / tick)
@@ -353,7 +353,7 @@ class Time(unittest.TestCase):
     # ---- the stamp of an answer
 
     def pacer(self):
-        """The pacer's stamp and place, both in seconds, as get_body_state has them."""
+        """Returns the pacer's stamp and position, both in seconds, from get_body_state."""
         answer = call("get_body_state", name="pacer")
         self.assertTrue(answer.success, answer.status_message)
         return answer.header.stamp.to_sec(), answer.state.pose.position.x
@@ -366,7 +366,7 @@ class Time(unittest.TestCase):
                     for m in states.messages[-20:] if m.bodies]
 
         def same_stamp_as_topics():
-            """Once no tick was dropped around it, so that the topics' stamps are even."""
+            """Compares once no tick was dropped nearby, so that the topics' stamps are even."""
             before = offsets()
             stamp, place = self.pacer()
             for _ in range(2):  # the first may have been on its way
@@ -386,14 +386,14 @@ class Time(unittest.TestCase):
             before = time.time()
             stamp = self.pacer()[0]
             self.assertTrue(before - 1e-6 <= stamp <= time.time() + 1e-6)
-            # a pause that nobody watched shows in no stamp
+            # a pause without subscribers shows in no stamp
             call("unpause_physics")
             states.wait()
             Listener.stop_all()
             support.wait_until(lambda: not support.topics_between(support.NODE, rospy.get_name()) &
                                {support.NODE + "/body_states"}, "the node without listeners")
             call("pause_physics")
-            time.sleep(1.0)  # by which stamps would be late
+            time.sleep(1.0)  # delay that stamps would show
             going_on = time.time()
             call("unpause_physics")
             message = Listener(support.NODE + "/body_states", BodyStates).wait()
@@ -410,7 +410,7 @@ class Time(unittest.TestCase):
     # ---- what tf2 thinks of it
 
     def check_tf(self, **parameters):
-        """No complaint over pause, edits, resets and another scene."""
+        """Expects no complaint over pause, edits, resets and another scene."""
         with tf_listener(), running(node_command(scene="pendulum", **parameters)):
             states = Listener(support.NODE + "/body_states", BodyStates)
             transforms = Listener("/tf", TFMessage)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""watch_error and bag_report on a running node and on bags whose figures are known; rviz_config."""
+"""watch_error and bag_report on a running node and on bags with known figures; rviz_config."""
 import csv
 import os
 import subprocess
@@ -24,7 +24,7 @@ def run(*command):
 
 
 def statistics(step, wall_mean, error, drift=0.0):
-    """At a tick of 1 ms."""
+    """Returns a message with a tick of 1 ms."""
     return Statistics(sim_time=rospy.Time.from_sec(1e-3 * step), step=step, ticks=100,
                       wall_mean=wall_mean, max_constraint_error=error, energy_drift=drift,
                       methods=["runge_kutta"])
@@ -38,7 +38,7 @@ class Tools(unittest.TestCase):
 
     def test_watch_error_prints_a_line_for_each_message(self):
         with running(node_command(scene="pendulum")):
-            properties()  # it is up
+            properties()  # the node is up
             done = run("watch_error", "--messages", "3", "--no-window")
         self.assertEqual(done.returncode, 0, done.stdout)
         lines = [line.split() for line in done.stdout.splitlines() if "runge_kutta" in line]
@@ -47,12 +47,12 @@ class Tools(unittest.TestCase):
         self.assertEqual(times, sorted(set(times)))
         for _, cost, error, *_ in lines:
             self.assertGreater(float(cost), 0.0)
-            self.assertLess(float(error), 1e-12)  # rods are kept to rounding
+            self.assertLess(float(error), 1e-12)  # rods hold to rounding
 
     def test_bag_report_has_the_figures_of_the_bag(self):
         with tempfile.TemporaryDirectory() as folder:
             bag = os.path.join(folder, "run.bag")
-            # 2 and 4 µs a tick of 1 ms are 2000 and 4000 µs/s; the pause between gives no line
+            # 2 and 4 µs a tick of 1 ms are 2000 and 4000 µs/s; the pause in between gives no line
             self.write_bag(bag, [statistics(0, 1e-6, 0.0), statistics(100, 2e-6, 1e-5),
                                  statistics(100, 9e-6, 1e-5), statistics(200, 4e-6, 3e-5, -0.25)])
             done = run("bag_report", bag, "--output", folder)
@@ -74,7 +74,7 @@ class Tools(unittest.TestCase):
         script = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "scripts", "try_twice")
         with tempfile.TemporaryDirectory() as folder:
             for lives, status, said in ((0, 7, 1), (1, 0, 1), (2, 0, 0)):
-                # succeeds once there are three marks, `lives` of which are there before
+                # succeeds once there are three marks, `lives` of which exist before
                 marks = os.path.join(folder, "marks")
                 with open(marks, "w") as file:
                     file.write("x" * lives)

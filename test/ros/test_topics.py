@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What the node publishes: transforms, states, markers, statistics."""
+"""Topics of the node: transforms, states, markers, statistics."""
 import math
 import unittest
 
@@ -27,7 +27,7 @@ def stamps(messages):
 
 
 def points_in_world(marker):
-    """Points of a marker, which lie in its own frame [m]."""
+    """Returns points of a marker, given in its own frame, in the world's frame [m]."""
     place, q = marker.pose.position, marker.pose.orientation
     axis = numpy.array((q.x, q.y, q.z))
 
@@ -44,7 +44,7 @@ class Topics(unittest.TestCase):
 
     def tearDown(self):
         call("pause_physics")
-        Listener.stop_all()  # so that what is on its way does not come to the next test
+        Listener.stop_all()  # so that late messages do not reach the next test
 
     def test_each_scene_that_is_loaded_is_told(self):
         listener = Listener(topic("scene"), String)
@@ -94,7 +94,7 @@ class Topics(unittest.TestCase):
         call("add_body", body=sphere("post", 1, 2, 3, type=Body.STATIC))
         frames = lambda m: {t.child_frame_id for t in m.transforms}
         moving.wait(lambda m: frames(m) == {"sim/ball"}, "the ball")
-        fixed = Listener("/tf_static", TFMessage)  # latched: what was sent before comes as well
+        fixed = Listener("/tf_static", TFMessage)  # latched: earlier messages arrive too
         sent = lambda meets: next((m for m in fixed.messages if meets(m)), None)
         message = support.wait_until(lambda: sent(lambda m: frames(m) == {"sim/post"}), "the post")
         place = message.transforms[0].transform.translation
@@ -143,7 +143,7 @@ class Topics(unittest.TestCase):
             transform = buffer.lookup_transform("world", "sim/" + bob, rospy.Time(0))
             return transform if transform.header.stamp > start else None
         transform = support.wait_until(found, "the bob's transform")
-        # of the wall: ahead by no more than the steps that a busy machine makes up for
+        # wall time: ahead by at most the steps that a busy machine makes up for
         self.assertLessEqual(transform.header.stamp, rospy.Time.now() + rospy.Duration(1.0))
 
     def test_paused_topics_repeat_each_second(self):
@@ -165,7 +165,7 @@ constraints:
         call("step", steps=100)
         state = listener.present().constraints[0]
         self.assertEqual((state.name, state.type), ("cable", "distance"))
-        # a load of 2 kg at rest; -m g to round-off of a hundred warm-started steps
+        # a load of 2 kg at rest; -m g to rounding of a hundred warm-started steps
         self.assertAlmostEqual(state.force, -2 * 9.81, places=6)
         self.assertLess(abs(state.error), 1e-6)
         self.assertFalse(state.saturated or state.broken or state.closing)
@@ -222,7 +222,7 @@ constraints:
     # ---- markers
 
     def shown(self, listener):
-        """(ns, id) -> marker after all messages so far."""
+        """Returns (ns, id) -> marker after all messages so far."""
         shown = {}
         for message in listener.messages:
             for marker in message.markers:
@@ -311,14 +311,15 @@ constraints:
         self.assertGreater(colour.r, colour.g)
 
     def of(self, listener, ns):
-        """The markers of a namespace, in the order of their ids."""
+        """Returns the markers of a namespace, in the order of their ids."""
         return [m for k, m in sorted(self.shown(listener).items()) if k[0] == ns]
 
     def test_a_hinge_shows_its_axis(self):
-        """A cylinder at the anchor along z of joint frame A, as body A lies; a ball has a ball."""
+        """A cylinder at the anchor along z of joint frame A shows a hinge, in body A's orientation; a ball
+        joint has a ball."""
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
-        half = math.sqrt(0.5)  # post and its axis z are turned by 90 degrees about x: z is -y
+        half = math.sqrt(0.5)  # post and its axis z are rotated by 90 degrees about x: z is -y
         post = sphere("post", 0, 0, 2, type=Body.STATIC)
         post.pose.orientation = Quaternion(half, 0, 0, half)
         call("add_body", body=post)
@@ -332,8 +333,8 @@ constraints:
             support.wait_until(lambda n=number: self.count(listener, "joints") == n, kind)
         ball, hinge = self.of(listener, "joints")
         self.assertEqual((ball.type, hinge.type), (Marker.SPHERE, Marker.CYLINDER))
-        self.assertGreater(hinge.scale.z, 0.1)  # [m], to be seen beside a body
-        self.assertGreater(hinge.scale.z, 3 * hinge.scale.x)  # and slender
+        self.assertGreater(hinge.scale.z, 0.1)  # [m], visible beside a body
+        self.assertGreater(hinge.scale.z, 3 * hinge.scale.x)  # slender
         place, q = hinge.pose.position, hinge.pose.orientation
         self.assertEqual((place.x, place.y, place.z), (0, 0, 2))
         along = (2 * (q.x * q.z + q.w * q.y), 2 * (q.y * q.z - q.w * q.x),
@@ -351,10 +352,10 @@ constraints:
         support.wait_until(lambda: self.count(listener, "joints") == 1, "the hinge")
         marker, = self.of(listener, "joints")
         self.assertAlmostEqual(marker.scale.z, 0.04, places=12)
-        self.assertLess(marker.scale.x, 0.01)  # thinner than it
+        self.assertLess(marker.scale.x, 0.01)  # thinner than the rod
 
     def load_kinds(self, *constraints):
-        """A ball a metre below each of these constraints, which hang at z = 2."""
+        """Loads a ball a metre below each of these constraints, which hang at z = 2."""
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
         bodies = "".join("- {name: b%d, mass: 2, shape: {sphere: {radius: 0.1}}, "
@@ -372,7 +373,7 @@ constraints:
                                    "type: spring, length: 0.5, stiffness: 40",
                                    "type: strut, min_length: 1")
         call("step", steps=2)
-        # a slack rope hangs through by sqrt(3/16 (1.5² - z²)) in its middle, z the distance
+        # a slack rope sags by sqrt(3/16 (1.5² - z²)) in its middle, z the distance
         support.wait_until(lambda: self.of(listener, "constraints")[1].color.b > 0.5, "tension")
         rod, taut, slack, spring, strut = self.of(listener, "constraints")
         self.assertEqual(rod.type, Marker.CYLINDER)
@@ -414,7 +415,7 @@ constraints:
         support.wait_until(lambda: self.count(listener, "motors") == 2, "motors")
         apart, together = self.of(listener, "motors")
         for marker, sign in ((apart, 1), (together, -1)):
-            start, end = points_in_world(marker)[:2]  # a shaft, of the upper arrow
+            start, end = points_in_world(marker)[:2]  # shaft of the upper arrow
             self.assertGreater(sign * (end[2] - start[2]), 0.05)
 
     def test_what_breaks_is_grey_for_two_seconds(self):
@@ -430,7 +431,7 @@ constraints:
         ends = support.wait_until(lambda: stamps(lambda m: m.action == Marker.DELETE), "the end")
         call("pause_physics")
         grey = stamps(lambda m: m.action == Marker.ADD and m.color.r == m.color.g == m.color.b)
-        # by stamps, however late messages come; 1e-6 s is the rounding of their differences
+        # by stamps, however late messages arrive; 1e-6 s is the rounding of their differences
         self.assertGreater(ends[0] - grey[0], 2.0 - 1e-6)
         self.assertLess(grey[-1] - grey[0], 2.0 + 1e-6)
 
@@ -461,7 +462,7 @@ bodies:
             points = [p for m in self.of(listener, "contacts") for p in m.points]
             return sorted(b.z - a.z for a, b in zip(points[::2], points[1::2])
                           if a.x == b.x and a.y == b.y)
-        # as their weights at rest; the message of the last step comes after those of earlier ones
+        # proportional to their weights at rest; the message of the last step comes after earlier ones
         support.wait_until(lambda: len(shafts()) == 2 and shafts()[0] > 0.0 and
                            abs(shafts()[1] / shafts()[0] - 4.0) < 1e-3, "arrows as long as 1 to 4")
 
@@ -469,7 +470,7 @@ bodies:
         self.load_kinds("type: distance, motor: {bias: 0.1}", "type: rope, max_length: 1.5")
         listener = Listener(topic("labels"), MarkerArray)
         call("step", steps=2)
-        text = lambda ns: [m.text.strip() for m in self.of(listener, ns)]  # spaces put it beside its line
+        text = lambda ns: [m.text.strip() for m in self.of(listener, ns)]  # spaces place it beside its line
         support.wait_until(lambda: text("forces")[:1] == ["19.6 N"], "the force")
         self.assertEqual(text("forces")[1], "slack rope")
         self.assertEqual(text("body_names"), ["b0", "b1"])

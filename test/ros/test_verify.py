@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The service `verify`: copies of the live world, while others are served."""
+"""The service `verify`: copies of the live world, while other calls are served."""
 import math
 import threading
 import time
@@ -62,13 +62,13 @@ constraints: [{name: rod, body_b: bob}]""")
 
         def verify():
             answer = call("verify", steps=100000)
-            while "a verification runs" in answer.status_message:  # that of the loop below
+            while "a verification runs" in answer.status_message:  # the verification of the loop below
                 answer = call("verify", steps=100000)
             answers.append(answer)
 
         verifying = threading.Thread(target=verify)
         verifying.start()
-        # the second caller is refused as soon as the first one is at it
+        # the second caller is rejected as soon as the first one runs
         wait_until(lambda: "a verification runs" in call("verify", steps=1).status_message,
                    "a verification that runs")
         begun = time.monotonic()

@@ -9,7 +9,7 @@ from in_rviz import START, InRviz
 from support import NODE, Listener, node_command, properties, wait_until
 
 PANEL_TOPICS = {NODE + "/" + name for name in ("statistics", "scene", "body_states", "constraint_states")}
-PANEL = 800  # columns of the view that the panel leaves
+PANEL = 800  # columns of the view beside the panel
 
 
 def topics_of_panel():
@@ -17,21 +17,21 @@ def topics_of_panel():
 
 
 def changed(before, after):
-    """Share of the pixels that are other than before."""
+    """Returns the share of pixels that have changed."""
     return (abs(after - before).max(axis=-1) > 20.0).mean()
 
 
 class WithPanel(InRviz):
-    """A node, and rviz with the shipped configuration."""
+    """Runs a node, and rviz with the shipped configuration."""
 
     @classmethod
     def setUpClass(cls):
         cls.outer = contextlib.ExitStack()
         cls.node = cls.outer.enter_context(support.running(node_command(scene="winch", paused=True)))
-        properties()  # it is up
+        properties()  # the node is up
         super().setUpClass()
         cls.desktop = accessible.Desktop(cls.bus)
-        # other panels have buttons of the same names
+        # other panels have buttons of equal names
         cls.panel = wait_until(lambda: cls.desktop.root.find("Simulator"), "the panel", START)
         window = subprocess.check_output(
             ["xdotool", "search", "--onlyvisible", "--name", "RViz"], env=cls.environment,
@@ -50,8 +50,8 @@ class WithPanel(InRviz):
 
     @staticmethod
     def configuration():
-        """With the view that the launch file gives the bridge. Pictures are few, for between two of them
-        rviz answers one question after its widgets."""
+        """Returns the configuration with the view that the launch file sets for the bridge. Pictures are
+        rare: between two of them rviz answers one question after its widgets."""
         text = subprocess.check_output(["rosrun", "constraint_sim", "rviz_config", "bridge"],
                                        universal_newlines=True)
         text, count = re.subn("Frame Rate: [0-9]+", "Frame Rate: 5", text)
@@ -92,7 +92,7 @@ class WithPanel(InRviz):
     def wait_for_hash(self, expected, what):
         try:
             wait_until(lambda: properties().state_hash == expected, what, START)
-        except AssertionError:  # what there is to see
+        except AssertionError:  # shows the view
             self.screenshot("panel_in_vain.png")
             print("the panel says:\n" + self.messages())
             raise

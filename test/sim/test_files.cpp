@@ -1,4 +1,5 @@
-// Files that callers name: only regular ones, whole or not at all, and not elsewhere.
+// Files named by callers: only regular ones, complete or not at all, and only in the allowed
+// folder.
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -138,13 +139,13 @@ TEST_F(Files, PathsStayBelowAFolder) {
         std::string("deep/../../secret"), path("scenes_2"), std::string(""), std::string("deep/.."),
         std::string("..")})
     expect_refused("scene_folder", [&] { path_below(top, bad); });
-  // a link out of it, to a file or a folder
+  // a link out of the folder, to a file or a folder
   fs::create_symlink(path("secret"), path("scenes/out"));
   fs::create_symlink(folder_, path("scenes/up"));
   expect_refused("scene_folder", [&] { path_below(top, "out"); });
   expect_refused("scene_folder", [&] { path_below(top, "up/secret"); });
   expect_refused("scene_folder", [&] { path_below(top, "up/new"); });
-  // and one within it
+  // a link within the folder
   fs::create_symlink("a", path("scenes/within"));
   EXPECT_EQ(path_below(top, "within"), fs::canonical(top).string() + "/a");
 }

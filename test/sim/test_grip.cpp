@@ -35,7 +35,7 @@ const engine::BodyState& state_of(const World& world, const std::string& name) {
   return world.state(world.find_body(name));
 }
 
-/// Drags as a mouse does, by steps of 0.05 s: two metres along x in two seconds, and holds for two.
+/// Drags like a mouse, in steps of 0.05 s: two metres along x in two seconds, then holds for two.
 void drag_two_metres(World* world, const std::string& name) {
   const Vector3d start = state_of(*world, name).position;
   for (int update = 0; update < 80; ++update) {
@@ -74,7 +74,7 @@ TEST_P(GripOfMass, DragsTwoMetresAndLeavesNoEnergy) {
   EXPECT_TRUE(world.joint_ids().empty());
   // 2 s at 12.6 rad/s are 25 time constants
   EXPECT_NEAR(state_of(world, "a").position.x(), 3.0, 1e-4);
-  const double most = 0.5 * GetParam();  // of the drag itself, at 1 m/s [J]
+  const double most = 0.5 * GetParam();  // energy of the drag, at 1 m/s [J]
   EXPECT_LT(world.energy(), 1e-6 * most);
 }
 
@@ -90,7 +90,7 @@ TEST(Grip, HasALimitedForce) {
   EXPECT_LE(acceleration, kGripAcceleration);
 }
 
-// Light beads carry a load of a billion times their mass: the one that is dragged pulls it along.
+// Light beads carry a load of a billion times their mass: the dragged bead pulls it along.
 class GripThroughChain : public ::testing::TestWithParam<std::pair<double, double>> {};
 
 TEST_P(GripThroughChain, DragsWhatHangsOnIt) {
@@ -110,10 +110,10 @@ TEST_P(GripThroughChain, DragsWhatHangsOnIt) {
   EXPECT_NEAR(state_of(world, "b0").position.x(), 2.0, 1e-2);
   const double held = world.energy();
   let_go(&world, "b5");
-  // letting go takes the springs' energy away and adds none
+  // releasing removes the springs' energy and adds none
   EXPECT_LE(world.energy(), held + 1e-9 * load);
   const double left = world.energy();
-  EXPECT_LT(left, 1e-4 * 0.5 * (load + 5.0 * bead));  // of the drag itself, at 1 m/s
+  EXPECT_LT(left, 1e-4 * 0.5 * (load + 5.0 * bead));  // over the energy of the drag, at 1 m/s
   for (int tick = 0; tick < 100; ++tick) world.step();
   EXPECT_LE(world.energy(), left + 1e-9 * load);
 }

@@ -14,7 +14,7 @@ TEST(Stamps, FollowSimulatedTimeEvenlyThoughTheWallJitters) {
   Stamps stamps(Stamps::Source::kWall, 2.0);
   const std::int64_t first = stamps.next(100 * kSecond, 5.0, true);
   EXPECT_EQ(first, 100 * kSecond);
-  // one simulated second is half a wall second, whatever the wall says meanwhile
+  // a simulated second is half a wall second, whatever wall time passes meanwhile
   EXPECT_EQ(stamps.next(101 * kSecond + 7, 6.0, true), first + kSecond / 2);
 }
 
@@ -22,7 +22,7 @@ TEST(Stamps, NeverRepeatNorGoBack) {
   Stamps stamps(Stamps::Source::kWall, 1.0);
   const std::int64_t first = stamps.next(100 * kSecond, 5.0, true);
   EXPECT_EQ(stamps.next(100 * kSecond, 5.0, true), first + 1);
-  EXPECT_EQ(stamps.next(90 * kSecond, 1.0, false), first + 2);  // paused, the wall set back
+  EXPECT_EQ(stamps.next(90 * kSecond, 1.0, false), first + 2);  // paused, wall time set back
 }
 
 TEST(Stamps, TakeTheWallAgainAfterAPauseADropOrAnotherScene) {
@@ -42,7 +42,7 @@ TEST(Stamps, OfTheWallGoOnWhenSimulatedTimeGoesBack) {
 
 TEST(Stamps, OfAWorldBetweenTwoMessagesLieBetweenTheirs) {
   Stamps wall(Stamps::Source::kWall, 2.0);
-  EXPECT_EQ(wall.of(90 * kSecond, 4.0), 90 * kSecond);  // nothing to follow yet
+  EXPECT_EQ(wall.of(90 * kSecond, 4.0), 90 * kSecond);  // no relation to simulated time yet
   wall.next(100 * kSecond, 5.0, true);
   EXPECT_EQ(wall.of(102 * kSecond, 6.0), 100 * kSecond + kSecond / 2);
   EXPECT_EQ(wall.of(102 * kSecond, 1.0), 102 * kSecond);  // simulated time went back
@@ -56,7 +56,7 @@ TEST(Stamps, OfAWorldBetweenTwoMessagesLieBetweenTheirs) {
 
 TEST(Stamps, OfSimulatedTimeAreItselfAndANanosecondOnWhereItStands) {
   Stamps stamps(Stamps::Source::kSimulated, 1.0);
-  EXPECT_EQ(stamps.next(100 * kSecond, 0.0, false), 1);  // 0 means no time at all
+  EXPECT_EQ(stamps.next(100 * kSecond, 0.0, false), 1);  // 0 means no time in ROS
   EXPECT_EQ(stamps.next(100 * kSecond, 2.5, true), 5 * kSecond / 2);
   EXPECT_EQ(stamps.next(101 * kSecond, 2.5, false), 5 * kSecond / 2 + 1);
   EXPECT_EQ(stamps.next(102 * kSecond, 2.51, true), 251 * kSecond / 100);

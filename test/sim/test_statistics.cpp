@@ -8,7 +8,7 @@ namespace {
 TEST(TickStatistics, KeepTheWorstAndTheSlowestOfAnInterval) {
   engine::World world;
   engine::WorldOptions options;
-  options.method = engine::Method::kSequentialImpulses;  // which has an error to speak of
+  options.method = engine::Method::kSequentialImpulses;  // error large enough to measure
   world.set_options(options);
   engine::Body bob;
   bob.name = "bob";

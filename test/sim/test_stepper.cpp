@@ -25,7 +25,7 @@ World ball_in_flight() {
   return world;
 }
 
-/// A stepper on a clock that the test turns by hand, stepped by the test's own thread.
+/// A stepper on a clock that the test sets, stepped by the test's own thread.
 class StepperTest : public ::testing::Test {
  protected:
   void make(const StepperOptions& options) {
@@ -38,14 +38,13 @@ class StepperTest : public ::testing::Test {
                         return 1.0;
                       }});
   }
-  /// Turns the clock on and lets the stepper do all that is due.
+  /// Advances the clock and lets the stepper do all due work.
   void pass(double seconds) {
     now_ += seconds;
     while (stepper_->advance() == 0.0) {
     }
   }
-  /// Runs `work`, which waits for the stepper, on a thread of its own, and the stepper until it
-  /// ends.
+  /// Runs `work`, which waits for the stepper, on its own thread, and steps until it ends.
   template <class Work>
   void with_stepper(Work work) {
     std::atomic<bool> done{false};
@@ -70,7 +69,7 @@ TEST_F(StepperTest, TakesTheStepsThatTheClockAsksFor) {
   EXPECT_EQ(stepped_, 0);
   pass(0.0551);
   EXPECT_EQ(stepped_, 5);
-  pass(0.0051);  // 0.0602 s in all: the rest of the last pass was not lost
+  pass(0.0051);  // 0.0602 s in total: the rest of the last pass was kept
   EXPECT_EQ(stepped_, 6);
 }
 
@@ -83,7 +82,7 @@ TEST_F(StepperTest, RealTimeFactorScalesTheClock) {
 TEST_F(StepperTest, SaysWhenTheNextPassHasWork) {
   make({0.5, false, 0.1});
   now_ += 0.004;
-  EXPECT_NEAR(stepper_->advance(), 0.016, 1e-9);  // a tick takes 0.02 s; round-off of now_ ~ 1000
+  EXPECT_NEAR(stepper_->advance(), 0.016, 1e-9);  // a tick takes 0.02 s; rounding of now_ ~ 1000
 }
 
 TEST_F(StepperTest, AsFastAsItCanStepsInBatchesWithoutTheClock) {
@@ -109,7 +108,7 @@ TEST_F(StepperTest, AClockSetBackPassesNoTime) {
   EXPECT_EQ(stepper_->dropped_ticks(), 0u);
 }
 
-/// Follows a clock that the test turns by hand, and makes up for a second of it.
+/// Follows a clock that the test sets, and catches up with a second of it.
 class FollowingStepper : public StepperTest {
  protected:
   void follow(double real_time_factor) {
@@ -128,11 +127,11 @@ class FollowingStepper : public StepperTest {
     with_stepper([&] { time = stepper_->inspect([](const World&) {}).time; });
     return time;
   }
-  /// Lets the stepper go on until simulated time is the clock's, but for a tick that is not due;
-  /// the stepper moves time on only once in kMovesTimeAgain of run time.
+  /// Steps until simulated time reaches the clock, except for a tick that is not due. The stepper
+  /// moves time only once in kMovesTimeAgain of run time.
   void expect_clock(double clock) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-    constexpr double kRounding = 1e-6;  // of times of 5000 s it is 1e-12 s
+    constexpr double kRounding = 1e-6;  // rounding at 5000 s is 1e-12 s
     const auto is_there = [&] {
       return time() > clock - kTick - kRounding && time() < clock + kRounding;
     };
@@ -159,13 +158,13 @@ TEST_F(FollowingStepper, TimeGoesForwardAndBackWithAClockThatJumps) {
   pass(0.0551);
   pass(4000.0);
   expect_clock(now_);
-  EXPECT_LE(stepped_, 105);  // five, and a second that is made up for
+  EXPECT_LE(stepped_, 105);  // five, and a second of catching up
   const int stepped = stepped_;
   now_ = 100.0;
   pass(0.0);
   EXPECT_EQ(time(), 100.0);
-  EXPECT_EQ(stepped_, stepped);  // what was owed to the other time is forgotten
-  pass(1.5);                     // longer than what is made up for, and no longer than twice that
+  EXPECT_EQ(stepped_, stepped);  // ticks owed at the earlier time are dropped
+  pass(1.5);                     // longer than the catch-up limit, and less than twice that
   expect_clock(101.5);
 }
 
@@ -277,7 +276,7 @@ TEST_F(StepperTest, AClockThatHasNotBegunPassesNoTime) {
   now_ = 0.0;
   make({});
   pass(0.0);
-  pass(1e9);  // its first reading
+  pass(1e9);  // the clock's first reading
   EXPECT_EQ(stepped_, 0);
   EXPECT_EQ(stepper_->dropped_ticks(), 0u);
   pass(0.0101);
@@ -427,7 +426,7 @@ TEST_F(StepperTest, PauseAndInterruptCancelWaitingStepsAndShowHowFarTheyCame) {
     });
     asker.join();
     EXPECT_GT(steps_seen, 0u);
-    EXPECT_EQ(hash_seen, hash);  // as the steps left it
+    EXPECT_EQ(hash_seen, hash);  // hash after the last step
     EXPECT_NE(text.find(by_pause ? "pause_physics" : "reset_world"), std::string::npos) << text;
     EXPECT_NE(text.find(std::to_string(steps_seen) + " of 4294967295"), std::string::npos) << text;
   }
@@ -504,7 +503,7 @@ TEST_F(RunningStepper, ManyThreadsEditAtOnce) {
   EXPECT_EQ(bodies, 1u + kThreads * kEdits / 2);
 }
 
-/// A stepper in a tick that takes many seconds: as many sweeps as there may be over many rods.
+/// A stepper in a tick of many seconds: the largest number of sweeps over many rods.
 class EndlessTick : public RunningStepper {
  protected:
   EndlessTick() {
@@ -512,7 +511,7 @@ class EndlessTick : public RunningStepper {
     stepper_.edit([](World& world) { world = endless(); });
     stepper_.inspect([&](const World& world) { hash_ = world.state_hash(); });
     stepper_.unpause();
-    // the first call that has to wait for the tick is refused
+    // the first call that has to wait for the tick is rejected
     EXPECT_THROW(for (;;) stepper_.edit([](World&) {}), LongTick);
   }
 
@@ -545,7 +544,7 @@ class EndlessTick : public RunningStepper {
   std::uint64_t hash_ = 0;
 };
 
-/// [s] as each takes kPatience, and much more on a machine that is busy with others
+/// Time for calls that take kPatience each, and much more on a busy machine [s].
 constexpr double kQuick = 10.0;
 
 TEST_F(EndlessTick, QueriesSeeTheWorldBeforeIt) {
@@ -588,7 +587,7 @@ TEST_F(EndlessTick, AnotherSceneAbandonsIt) {
               stepper_.interrupt("load_scene", [](World& world) { world = ball_in_flight(); });
             }),
             kQuick);
-  EXPECT_EQ(ticks_with_joints_, 0);  // none came to its end
+  EXPECT_EQ(ticks_with_joints_, 0);  // none was completed
   std::uint64_t steps = 0;
   while (steps == 0) stepper_.inspect([&](const World& world) { steps = world.step_count(); });
 }
@@ -602,7 +601,7 @@ TEST_F(EndlessTick, StopAbandonsIt) {
   EXPECT_EQ(ticks_with_joints_, 0);
 }
 
-// An edit that never ends by itself: others are served, and a pause makes it give up.
+// An edit that never ends: other calls are served, and a pause cancels the edit.
 TEST_F(RunningStepper, ALongEditKeepsNobodyWaitingAndIsCancelled) {
   std::atomic<bool> has_begun{false}, was_cancelled{false};
   std::thread thread([&] {
@@ -630,7 +629,7 @@ TEST_F(RunningStepper, ALongEditKeepsNobodyWaitingAndIsCancelled) {
   stepper_.edit([](World& world) { world.remove({}, world.body_ids()); });
 }
 
-// Code of others that is called after a tick, as of plugins, cannot be stopped; queries go on.
+// Foreign code called after a tick, as in plugins, cannot be stopped; queries are served.
 TEST(StepperOfSleepingCode, AnswersQueriesMeanwhile) {
   std::atomic<bool> sleeps{false}, may_wake{false};
   StepperEvents events;

@@ -12,8 +12,8 @@ namespace {
 
 using engine::World;
 
-// A polynomial of fifth degree goes through quintic points, one of third through cubic ones, and a
-// line through positions: rounding of numbers of order 10.
+// A polynomial of degree five passes through quintic points, one of degree three through cubic
+// ones, and a line through positions: rounding of numbers of order 10.
 TEST(Spline, ReproducesPolynomials) {
   for (const int order : {1, 3, 5}) {
     const double c[6] = {0.3,
@@ -68,7 +68,7 @@ double position(const World& world, const char* joint) {
   return world.joint_state(world.find_joint(joint)).coordinates[0].position;
 }
 
-// Motors by velocity are on the spline at the end of each tick, and stay at its end.
+// Rate motors are on the spline at the end of each tick, and stay at its end.
 TEST(Trajectories, MotorsAreOnTheSpline) {
   World world = two_bars("motor: {bias: 0}");
   Trajectories trajectories;
@@ -78,7 +78,7 @@ TEST(Trajectories, MotorsAreOnTheSpline) {
   for (int i = 0; i < 150; ++i) {
     trajectories.before_step(&world);
     world.step();
-    // rounding of joints that are integrated
+    // rounding of integrated joints
     ASSERT_NEAR(position(world, "shoulder"), shoulder.at(world.time()), 1e-12) << i;
     ASSERT_NEAR(position(world, "elbow"), elbow.at(world.time()), 1e-12) << i;
   }
@@ -86,8 +86,8 @@ TEST(Trajectories, MotorsAreOnTheSpline) {
   EXPECT_LT(world.report().max_constraint_error, 1e-12);
 }
 
-// A servo of stiffness k and damping c on a wheel of inertia I that follows a ramp of rate v lags
-// by c v/k in the end, where the damper holds against the joint's own rate.
+// A servo of stiffness k and damping c on a wheel of inertia I, following a ramp of rate v, finally
+// lags by c v/k, since the damper acts against the joint's own rate.
 TEST(Trajectories, ServosLagAsTheirSpringSays) {
   World world = engine::load_scene(R"(
 world: {time_step: 0.001, gravity: [0, 0, 0]}
@@ -109,8 +109,8 @@ constraints:
   EXPECT_NEAR(world.time() * 0.5 - position(world, "axle"), 8.0 * 0.5 / 50.0, 5e-4);
 }
 
-// A number that no motor can be set to is rejected at once, and a trajectory whose motor cannot be
-// set on the way ends alone: nothing is thrown into the step.
+// A number that no motor accepts is rejected at once, and a trajectory whose motor cannot be set
+// later ends alone: no exception reaches the step.
 TEST(Trajectories, NumbersBeyondThoseOfTheEngineDoNotReachTheStep) {
   World world = two_bars("motor: {bias: 0}");
   Trajectories trajectories;
@@ -192,8 +192,8 @@ TEST(Trajectories, WhatCannotBeIsNamed) {
   expect(world, wrong, "finite");
 }
 
-// Numbers of joints begin anew in another process: what a joint was on ends with its world, and
-// never drives another joint of the same number.
+// Ids of joints restart in another process: a trajectory ends with its world, and never drives
+// another joint with that id.
 TEST(Trajectories, EndWithTheJointTheyAreFor) {
   World world = two_bars("motor: {bias: 0}");
   Trajectories trajectories;

@@ -11,7 +11,7 @@ TEST(Words, TheClosestIsProposedAndNothingFarAway) {
   EXPECT_EQ(closest("pendulm", kScenes), "pendulum");
   EXPECT_EQ(closest("Bridge", kScenes), "bridge");
   EXPECT_EQ(closest("double-pendulum", kScenes), "double_pendulum");
-  EXPECT_EQ(closest("wnich", {"winch", "bridge"}), "");  // two letters of five are many
+  EXPECT_EQ(closest("wnich", {"winch", "bridge"}), "");  // two letters of five are too many
   EXPECT_EQ(closest("falling_balls", kScenes), "");
   EXPECT_EQ(closest("", kScenes), "");
   EXPECT_EQ(closest(std::string(1 << 20, 'x'), kScenes), "");

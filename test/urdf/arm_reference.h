@@ -1,9 +1,8 @@
 #pragma once
 
-// A tree of links with a fixed root in minimal coordinates, for comparison: Newton's and Euler's
-// equations from the root to the tips and back (Featherstone, Rigid Body Dynamics Algorithms,
-// chapter 5), of the URDF's own links, lumped or not, integrated by the classical Runge-Kutta
-// method. Shares no code with the engine.
+// Reference for a tree of links with a fixed root in minimal coordinates: recursive Newton-Euler
+// (Featherstone, Rigid Body Dynamics Algorithms, chapter 5) on the URDF's own links, lumped or not,
+// integrated by the classical Runge-Kutta method. Shares no code with the engine.
 
 #include <Eigen/Dense>
 #include <cmath>
@@ -22,7 +21,7 @@ class TreeReference {
 
   std::vector<std::string> names() const { return names_; }
 
-  /// q̈ by M(q) q̈ = −damping − RNEA(q, q̇, 0).
+  /// Returns q̈ from M(q) q̈ = −damping − RNEA(q, q̇, 0).
   Eigen::VectorXd acceleration(const Eigen::VectorXd& q, const Eigen::VectorXd& v) const {
     const Eigen::Index n = q.size();
     const Eigen::VectorXd zero = Eigen::VectorXd::Zero(n);
@@ -35,7 +34,7 @@ class TreeReference {
     return M.ldlt().solve(torque);
   }
 
-  /// One step of length h.
+  /// Takes one step of length h.
   void step(double h, Eigen::VectorXd* q, Eigen::VectorXd* v) const {
     const Eigen::VectorXd q0 = *q, v0 = *v;
     const Eigen::VectorXd a1 = acceleration(q0, v0);
@@ -49,7 +48,7 @@ class TreeReference {
     *v = v0 + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
   }
 
-  /// World frames of all links, in the order of link_names().
+  /// Returns the poses of all links in the world's frame, in the order of link_names().
   std::vector<Eigen::Isometry3d> frames(const Eigen::VectorXd& q) const {
     std::vector<Eigen::Isometry3d> frames;
     for (const Link& link : links_) {
@@ -82,7 +81,7 @@ class TreeReference {
     Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
     double mass = 0.0;
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  // about the centre, link axes
+    Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  // about the centre of mass, link axes
   };
 
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
@@ -117,7 +116,7 @@ class TreeReference {
         if (child->name == child_joint->child_link_name) add(*child, index, child_joint.get());
   }
 
-  /// Torques for an acceleration; gravity as an acceleration of the root upwards.
+  /// Returns the torques for an acceleration; gravity enters as an upward acceleration of the root.
   Eigen::VectorXd inverse_dynamics(const Eigen::VectorXd& q, const Eigen::VectorXd& v,
                                    const Eigen::VectorXd& a, const Eigen::Vector3d& gravity) const {
     const std::vector<Eigen::Isometry3d> X = frames(q);

@@ -1,6 +1,6 @@
 #pragma once
 
-// What the tests of robots share.
+// Helpers shared by the tests of robots.
 
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ inline std::string shipped_extra(const std::string& name) {
   return read_text(CONSTRAINT_SIM_ROBOT_DIR "/" + name + ".yaml");
 }
 
-/// World frame of a link as its body has it.
+/// Returns the pose of a link in the world's frame, by its body.
 inline Eigen::Isometry3d frame_of(const engine::World& world, const RobotLink& link) {
   const engine::BodyState& state = world.state(link.body);
   return Eigen::Translation3d(state.position) * state.orientation * link.in_body;

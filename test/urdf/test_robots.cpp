@@ -1,5 +1,4 @@
-// The robots that come with the package: that their joints hold, and that they move as theory has
-// it.
+// The package's robots: their joints hold, and they move as references predict.
 
 #include "arm_reference.h"
 #include "constraint_sim/engine/scene.h"
@@ -55,8 +54,8 @@ TEST(Robots, FramesOfLinksAreThoseOfTheUrdf) {
     EXPECT_NEAR(position_of(world, reference.names()[static_cast<std::size_t>(k)]), q[k], 1e-14);
 }
 
-// Falls for a second from rest, with damping, next to the reference; that has an error of its own,
-// which halving its step shows to be a hundredth of what is allowed.
+// Falls for a second from rest, with damping, and is compared with the reference, whose own error,
+// by halving its step, is a hundredth of the bound.
 TEST(Robots, ArmMovesAsItsMinimalCoordinatesSay) {
   WorldOptions options;
   options.tolerance = 1e-9;
@@ -74,14 +73,14 @@ TEST(Robots, ArmMovesAsItsMinimalCoordinatesSay) {
     for (int i = 0; i < steps; ++i) reference.step(0.5 / steps, &q, &v);
   }
   EXPECT_LT((q - coarse).cwiseAbs().maxCoeff(), 1e-9);
-  EXPECT_GT(std::abs(q[1] + 0.4), 0.1);  // it has moved
+  EXPECT_GT(std::abs(q[1] + 0.4), 0.1);  // the arm has moved
   for (Eigen::Index k = 0; k < q.size(); ++k)
     EXPECT_NEAR(position_of(world, reference.names()[static_cast<std::size_t>(k)]), q[k], 1e-7)
         << reference.names()[static_cast<std::size_t>(k)];
 }
 
-// Turns freely at first with its legs bent, which its turning then stretches; beside the reference,
-// whose root is on six joints without mass.
+// Rotates freely, first with bent legs, which the rotation then stretches; compared with the
+// reference, whose root is on six massless joints.
 TEST(Robots, QuadrupedFliesAsItsMinimalCoordinatesSay) {
   const std::string text = shipped_urdf("quadruped");
   const Vector3d turning(0.5, -0.7, 1.0);
@@ -100,7 +99,7 @@ TEST(Robots, QuadrupedFliesAsItsMinimalCoordinatesSay) {
   const World start = world;
   for (int i = 0; i < 20; ++i) world.step();
 
-  // x, y and z, then turns about z, y and x
+  // x, y and z, then rotations about z, y and x
   std::string joints, parent = "free_root";
   const char* const kFree[] = {"prismatic x",  "prismatic y",  "prismatic z",
                                "continuous z", "continuous y", "continuous x"};
@@ -152,8 +151,8 @@ struct Held {
   bool fixed;
 };
 
-// What joints are off by after two seconds under gravity, at ticks of thirty to a thousand a
-// second: rounding of coordinates of metres over some thousand substeps.
+// Joint errors after two seconds under gravity, at 30 to 1000 ticks a second: rounding of
+// coordinates of metres over some thousand substeps.
 TEST(Robots, JointsHoldToRounding) {
   for (const Held& held : {Held{"arm", kPose, true}, Held{"quadruped", kBent, false},
                            Held{"gripper", shipped_extra("gripper"), true}})
@@ -172,8 +171,8 @@ TEST(Robots, JointsHoldToRounding) {
     }
 }
 
-// Motors by velocity are on their splines at the end of each tick, under gravity: to the rounding
-// of joints that are integrated, as joints and loops are.
+// Rate motors are on their splines at the end of each tick, under gravity: to the rounding of
+// integrated joints and loops.
 TEST(Robots, FollowTrajectories) {
   struct Way {
     Held held;
@@ -214,7 +213,7 @@ TEST(Robots, FollowTrajectories) {
   }
 }
 
-// Feet of grams below a trunk of kilograms take more sweeps than the default.
+// Feet of grams below a trunk of kilograms need more sweeps than the default.
 WorldOptions for_contacts() {
   WorldOptions options;
   options.iterations = 100;
@@ -222,7 +221,8 @@ WorldOptions for_contacts() {
   return options;
 }
 
-// Stands on servos: the feet carry its weight, and the trunk stays where the legs hold it.
+// The quadruped stands on servos: the feet carry its weight, and the trunk stays where the legs
+// hold it.
 TEST(Robots, QuadrupedStands) {
   World world(for_contacts());
   world.add_body(engine::make_floor(1.0));
@@ -244,7 +244,8 @@ TEST(Robots, QuadrupedStands) {
   EXPECT_LT(trunk.linear_velocity.norm(), 1e-2);
 }
 
-// Closes on a box of 0.2 kg until the crank is at its effort limit, and lifts it by 0.2 m.
+// The gripper closes on a box of 0.2 kg until the crank is at its effort limit, and lifts it by 0.2
+// m.
 TEST(Robots, GripperLiftsItsLoad) {
   World world(for_contacts());
   world.add_body(engine::make_floor(1.0));
@@ -265,7 +266,7 @@ TEST(Robots, GripperLiftsItsLoad) {
     for (int i = 0; i < static_cast<int>(seconds / 0.002); ++i) world.step();
   };
   drive("left_crank", -0.5, 1.0, 1.0);
-  // it presses, with a share of what it may that friction in the linkage decides
+  // the crank presses, with a share of its limit that depends on friction in the linkage
   EXPECT_LT(world.joint_state(world.find_joint("left_crank")).coordinates[0].effort, -0.2);
   const double squeezed = world.state(id).position.z();
   drive("lift", 0.1, 200.0, 2.0);
@@ -293,8 +294,8 @@ TEST(Robots, ExportsAsAnyOtherScene) {
   EXPECT_EQ(loaded.joint_ids().size(), world.joint_ids().size());
 }
 
-// A robot is built beside the world: in a world that had others, its joints and couplings are on
-// its own bodies, and where a name is taken the world stays what it was.
+// A robot added to a world with other robots has joints and couplings on its own bodies; where a
+// name is taken the world stays unchanged.
 TEST(Robots, AreAddedAfterOthers) {
   World world;
   RobotOptions options = with_extra("", true);
@@ -342,7 +343,8 @@ TEST(Robots, ALongChainIsBuiltAtOnce) {
   World world;
   const Robot robot = add_robot(text.str(), {}, &world);
   EXPECT_EQ(robot.constraints.size(), static_cast<std::size_t>(kLinks - 1));
-  EXPECT_EQ(robot.warnings.size(), 21u);  // 20 pairs of some 17 a link, and that there are more
+  EXPECT_EQ(robot.warnings.size(),
+            21u);  // 20 pairs of some 17 a link, and a line that there are more
 }
 
 }  // namespace

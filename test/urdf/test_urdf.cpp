@@ -1,4 +1,4 @@
-// What URDFs say, one element at a time, and what they get wrong.
+// Elements of URDFs, one at a time, and their errors.
 
 #include <cstdio>
 
@@ -75,8 +75,7 @@ TEST(Urdf, JointsBecomeThoseOfTheEngine) {
   EXPECT_NEAR((at("b").frame_a * Vector3d::UnitZ() - Vector3d::UnitY()).norm(), 0.0, 1e-15);
 }
 
-// A load that is fixed to an arm, and turned: the body has the mass and inertia of both.
-// By the engine's own sine, not that of the C library, by which urdfdom makes rotations.
+// Rotations come from the engine's own sine, not from that of the C library, which urdfdom uses.
 TEST(Urdf, RotationsAreTheSameBitsOnEveryMachine) {
   engine::Draw draw(1);
   std::string inside = link("base");
@@ -111,6 +110,7 @@ TEST(Urdf, RotationsAreTheSameBitsOnEveryMachine) {
   }
 }
 
+// A rotated load is fixed to an arm: the body has the mass and inertia of both.
 TEST(Urdf, FixedLinksAreLumped) {
   World world;
   const Robot r =
@@ -125,7 +125,7 @@ TEST(Urdf, FixedLinksAreLumped) {
   const engine::Body& body = world.body(world.find_body("base/com"));
   EXPECT_EQ(body.mass, 4.0);
   EXPECT_NEAR((body.state.position - Vector3d(0.0, 0.0, 0.75)).norm(), 0.0, 1e-15);
-  // reduced mass 0.75 kg at 1 m, and x and y of the load change places
+  // reduced mass 0.75 kg at 1 m, and x and y of the load are exchanged
   EXPECT_NEAR((body.inertia - Vector3d(0.1 + 0.2 + 0.75, 0.1 + 0.4 + 0.75, 0.4)).norm(), 0.0,
               1e-14);
   EXPECT_EQ(r.links.size(), 3u);
@@ -233,13 +233,13 @@ TEST(Urdf, ARootNamedWorldStands) {
   EXPECT_EQ(world.body(world.find_body("world/com")).type, engine::BodyType::kStatic);
 }
 
-// ---- what is wrong with them
+// ---- faults
 
 struct Fault {
   const char* name;
   std::string urdf;
   std::string extra;
-  const char* part;  // of the message
+  const char* part;  // part of the message
 };
 
 TEST(Urdf, FaultsAreNamedAndNothingIsAdded) {
@@ -327,7 +327,7 @@ TEST(Urdf, FaultsAreNamedAndNothingIsAdded) {
   }
 }
 
-// A loop is closed by the names and frames of links, wherever their centres of mass are.
+// Names and frames of links close a loop, wherever their centres of mass are.
 TEST(Urdf, ConstraintsBesideItAreOfLinks) {
   const std::string heavy_below =
       "<inertial><origin xyz='0.1 0 -0.3' rpy='0.2 0 0'/><mass value='1'/><inertia ixx='0.1' "
@@ -345,14 +345,14 @@ TEST(Urdf, ConstraintsBesideItAreOfLinks) {
           joint("a", "continuous", "base", "1", "<axis xyz='0 1 0'/>") +
           joint("b", "continuous", "1", "2", "<axis xyz='0 1 0'/>"),
       &world, options);
-  // rounding: at the start all fits
+  // rounding: all joints fit at the start
   for (const engine::JointId id : world.joint_ids())
     EXPECT_LT(world.joint_state(id).initial_error, 1e-15) << world.joint(id).name;
   EXPECT_EQ(world.joint(world.find_joint("p/anchor")).body_a, engine::kWorldBody);
   EXPECT_EQ(world.joint(world.find_joint("p/train")).coupling.second, world.find_joint("p/b"));
 }
 
-// ---- texts that mean harm
+// ---- malicious texts
 
 std::string text_times(int count, const std::string& text) {
   std::string all;
@@ -360,8 +360,7 @@ std::string text_times(int count, const std::string& text) {
   return all;
 }
 
-// A parser that recurses from element to element would overflow the stack.
-// ---- what is left of xacro
+// ---- remains of xacro
 
 TEST(Xacro, WhatWouldHaveBeenReplacedIsNamed) {
   const std::string base = link("base");
@@ -389,7 +388,7 @@ TEST(Xacro, WhatWouldHaveBeenReplacedIsNamed) {
     EXPECT_NE(message.find(part), std::string::npos) << message;
     EXPECT_EQ(world.body_ids().size(), 0u);
   }
-  // another prefix that stands for xacro
+  // another prefix for xacro
   World world;
   const std::string other =
       "<?xml version='1.0'?><robot name='r' xmlns:x='http://www.ros.org/wiki/xacro'>" + base +
@@ -417,6 +416,7 @@ TEST(Xacro, DefinitionsAreNamedAndWhatIsNotReadIsNot) {
   EXPECT_EQ(without.warnings, std::vector<std::string>{});
 }
 
+// A parser that recurses from element to element would overflow the stack.
 TEST(HostileUrdf, OfElementsTooDeepIsRejected) {
   World world;
   const auto answer_to = [&](const std::string& text) {
@@ -434,15 +434,15 @@ TEST(HostileUrdf, OfElementsTooDeepIsRejected) {
           << opening;
     }
   }
-  // a close tag that hides in a value of a declaration would hide its element
+  // a close tag hidden in a value of a declaration would hide its element
   EXPECT_EQ(answer_to(text_times(40000, "<a><?xml version=\"></a>\"?>")),
             "urdf: has a declaration `<?` within an element");
   EXPECT_EQ(world.body_ids().size(), 0u);
-  // as deep as that is parsed: unknown elements of a robot are left out
+  // the deepest nesting that is parsed: unknown elements of a robot are skipped
   EXPECT_EQ(answer_to(robot(link("base") + text_times(60, "<a>") + text_times(60, "</a>"))), "");
 }
 
-// urdfdom frees links from parent to child by recursion, in whatever way it ends.
+// urdfdom frees links recursively from parent to child, however it ends.
 TEST(HostileUrdf, OfTooManyLinksIsRejected) {
   std::string chain;
   for (int i = 0; i < 100000; ++i) {
@@ -455,8 +455,8 @@ TEST(HostileUrdf, OfTooManyLinksIsRejected) {
             "urdf: has more than 10000 links");
 }
 
-// Links in a circle keep each other: urdfdom would never free them, whether it finds no root or
-// another error. Memory stays what it was after the first rejection; one such text took 4 MB.
+// Links in a cycle reference each other: urdfdom would never free them, whether it finds no root or
+// another error. Memory must not grow after the first rejection; one such text took 4 MB.
 TEST(HostileUrdf, OfLinksInACycleIsRejectedWithoutALeak) {
   std::string circle;
   for (int i = 0; i < 2000; ++i) {

@@ -2,8 +2,8 @@
 //
 // Bullet in double precision: sequential impulses and Dantzig's solver in Cartesian coordinates,
 // and Featherstone's articulated bodies with RK4 in joint coordinates, contacts by impulses. Hinges
-// and sliders with stops and motors are Bullet's own; friction of a joint is a motor of rate 0.
-// Rods, ropes and winches are a row of our own, written as Bullet's are.
+// and sliders with stops and motors are Bullet's; friction of a joint is a motor of rate 0. Rods,
+// ropes and winches are own constraints with one row, written like Bullet's.
 
 #include <BulletDynamics/Featherstone/btMultiBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
@@ -23,15 +23,16 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kAnyInertia = 0.01;  // [m²] of a point mass; rods at its centre do not turn it
+constexpr double kAnyInertia =
+    0.01;  // inertia over mass of a point mass [m²]; rods at its centre do not rotate it
 
 btVector3 to_bullet(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 btQuaternion to_bullet(const Quaterniond& q) { return {q.x(), q.y(), q.z(), q.w()}; }
 Vector3d from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 Quaterniond from_bullet(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
 
-/// Bullet has no rod between rigid bodies: one row along the line between the anchors. Of a rope it
-/// only pulls, and lets the length grow to its limit; of a winch it pulls with so much at most.
+/// A rod, which Bullet lacks: one row along the line between the anchors. A rope only pulls, and
+/// its length may grow to its limit; a winch pulls with limited force.
 class Rod : public btTypedConstraint {
  public:
   Rod(btRigidBody& a, btRigidBody& b, const Joint& joint, double length)
@@ -102,8 +103,8 @@ btTransform start_of(const Body& body) {
 }
 
 void set_surface(const Body& body, btCollisionObject* object) {
-  // Bullet multiplies; of friction a pair has the geometric mean, and restitution is the same on
-  // all bodies of a scene that has one
+  // Bullet multiplies coefficients; a problem has the geometric mean for friction, and equal
+  // restitution on all bodies.
   object->setFriction(std::sqrt(body.friction));
   object->setRestitution(std::sqrt(body.restitution));
 }
@@ -147,7 +148,7 @@ class BulletSimulation : public Simulation {
                                                   solver_.get(), &collisions_.configuration);
     world_->setGravity(to_bullet(problem.gravity));
     if (variant == "dantzig")
-      world_->getSolverInfo().m_minimumSolverBatchSize = 1;  // islands apart
+      world_->getSolverInfo().m_minimumSolverBatchSize = 1;  // solves islands separately
     else
       world_->getSolverInfo().m_numIterations = std::stoi(variant.substr(impulses.size()));
     for (const Body& body : problem.bodies) add(body);
@@ -179,7 +180,8 @@ class BulletSimulation : public Simulation {
   }
 
  private:
-  static constexpr double kFar = 3.0;  // [m or rad] beyond what problems reach; an angle is below π
+  static constexpr double kFar =
+      3.0;  // beyond the coordinates of problems [m or rad]; as an angle below π
 
   struct Motor {
     Rod* rod;
@@ -243,7 +245,7 @@ class BulletSimulation : public Simulation {
 
   void add_on_axes(const Joint& joint) {
     if (joint.friction > 0.0 && joint.max_force > 0.0) throw Unsupported("a motor with friction");
-    // whichever body is the first, nothing came back from a stop with Bullet's settings for that
+    // With Bullet's restitution settings nothing rebounded from a stop, whichever body was first.
     if (joint.restitution > 0.0) throw Unsupported("stops that bounce");
     if (joint.kind == JointKind::kSlider)
       add_slider(joint);
@@ -253,7 +255,7 @@ class BulletSimulation : public Simulation {
       throw Unsupported(name(joint.kind));
   }
 
-  /// Along x of its frames.
+  /// Adds a slider along x of its frames.
   void add_slider(const Joint& joint) {
     const Quaterniond x_to_z = Quaterniond::FromTwoVectors(Vector3d::UnitX(), Vector3d::UnitZ());
     auto made = std::make_unique<btSliderConstraint>(
@@ -272,14 +274,14 @@ class BulletSimulation : public Simulation {
     joints_.push_back(std::move(made));
   }
 
-  /// About z of its frames.
+  /// Adds a hinge about z of its frames.
   void add_hinge(const Joint& joint) {
     if (joint.friction + joint.max_force > 0.0) throw Unsupported("motors of hinges");
     auto made = std::make_unique<btHingeConstraint>(
         body(joint.a), body(joint.b),
         btTransform(to_bullet(joint.frame_a), to_bullet(joint.anchor_a)),
         btTransform(to_bullet(joint.frame_b), to_bullet(joint.anchor_b)), true);
-    if (joint.is_limited())  // what it calls relaxation is a restitution
+    if (joint.is_limited())  // Bullet's relaxation factor is a restitution
       made->setLimit(std::max(joint.lower, -kFar), std::min(joint.upper, kFar), 0.9, 0.3, 0.0);
     joints_.push_back(std::move(made));
   }
@@ -297,7 +299,8 @@ class BulletSimulation : public Simulation {
   std::vector<Motor> motors_;
 };
 
-/// Links are numbered as in the tree, one multi-body for each that hangs on the world or is free.
+/// Articulated bodies in joint coordinates: one multi-body for each tree that hangs on the world or
+/// is free, links numbered as in the tree.
 class FeatherstoneSimulation : public Simulation {
  public:
   FeatherstoneSimulation(const Problem& problem, double tick) : problem_(problem), tick_(tick) {
@@ -348,7 +351,7 @@ class FeatherstoneSimulation : public Simulation {
     btAlignedObjectArray<btQuaternion> turns;
     btAlignedObjectArray<btVector3> origins;
     for (const auto& tree : trees_) tree->forwardKinematics(turns, origins);
-    // of the base and the links of each tree
+    // Velocities of base and links of each tree.
     std::vector<std::vector<btVector3>> omega(trees_.size()), velocity(trees_.size());
     for (std::size_t k = 0; k < trees_.size(); ++k) {
       const auto count = static_cast<std::size_t>(trees_[k]->getNumLinks()) + 1;

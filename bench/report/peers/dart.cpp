@@ -1,7 +1,8 @@
 // needs: pkg-config dart
 //
-// DART: articulated bodies in joint coordinates with its semi-implicit Euler, loops of ball joints
-// by its constraint solver. Its ABI depends on AVX flags; this package is built without.
+// DART: articulated bodies in joint coordinates with its semi-implicit Euler method, loops of ball
+// joints by its constraint solver. Its ABI depends on AVX flags; this package is built without
+// them.
 
 #include <dart/dart.hpp>
 
@@ -14,7 +15,7 @@ using Eigen::Isometry3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kGround = 100.0;  // [m] edge of the box that stands for a plane
+constexpr double kGround = 100.0;  // edge of the box that represents a plane [m]
 
 class DartSimulation : public Simulation {
  public:
@@ -132,8 +133,8 @@ class DartSimulation : public Simulation {
     }
   }
 
-  /// A loop that a rod closes would need a light bar on two ball joints, DART having no rods; with
-  /// 1e-6 to 1e-2 of the mass that it holds, four bars flew apart at every tick that was tried.
+  /// Closes a loop of ball joints. DART has no rods; a light bar on two ball joints in place of
+  /// one, with 1e-6 to 1e-2 of the mass that it holds, made four-bars diverge at every tick tried.
   void close(const Joint& joint) {
     if (joint.kind != JointKind::kBall) throw Unsupported("closed loops of rods");
     const auto b = static_cast<std::size_t>(joint.b);

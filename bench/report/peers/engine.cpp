@@ -1,4 +1,4 @@
-// The engine of this package: every method it has by name, with every order.
+// The engine of this package: every method by name, with every order.
 
 #include <limits>
 
@@ -13,7 +13,7 @@ using engine::BodyId;
 using engine::Method;
 using engine::World;
 
-constexpr double kAutoTick = 0.1;  // [s] of ours, where the tolerance decides how long substeps are
+constexpr double kAutoTick = 0.1;  // tick for settings where the tolerance sets the substeps [s]
 
 engine::Shape shape_of(const Body& body) {
   switch (body.shape) {
@@ -142,7 +142,7 @@ class EngineSimulation : public Simulation {
   std::vector<BodyId> ids_;
 };
 
-/// The number at the end of a variant's name; 0 where there is none.
+/// Returns the number at the end of a variant's name; 0 where there is none.
 int number_after(const std::string& name, const std::string& start) {
   return name.rfind(start, 0) == 0 ? std::stoi(name.substr(start.size())) : 0;
 }
@@ -179,7 +179,7 @@ std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Varia
   engine::WorldOptions options;
   options.gravity = problem.gravity;
   options.time_step = setting.tick;
-  options.sleep_after = std::numeric_limits<double>::infinity();  // as with all peers
+  options.sleep_after = std::numeric_limits<double>::infinity();  // peers do not sleep either
   if (variant.knob == Knob::kTolerance && setting.is_swept) {
     options.time_step = std::min(kAutoTick, problem.sample);
     options.tolerance = setting.tolerance;

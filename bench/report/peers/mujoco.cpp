@@ -1,9 +1,9 @@
 // needs: library mujoco
 //
-// MuJoCo: joint coordinates, and Cartesian ones with tendons for rods, each with its semi-implicit
-// Euler and RK4. Coordinates are coupled by equality constraints, lengths on a pulley by a tendon.
-// Ropes are tendons with a range; a motor with a force limit is a velocity servo that reaches its
-// rate in one step.
+// MuJoCo: joint coordinates, and Cartesian coordinates with tendons for rods, each with its
+// semi-implicit Euler method and RK4. Coupled coordinates are equality constraints, lengths on a
+// pulley are a tendon. Ropes are tendons with a range; a motor with a force limit is a velocity
+// servo that reaches its rate in one step.
 
 #include <mujoco/mujoco.h>
 
@@ -20,11 +20,11 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// MuJoCo calls abort() where it cannot go on; an exception is a refusal.
+/// Turns an error of MuJoCo, which would call abort(), into an exception.
 void throw_error(const char* text) { throw Refused(text); }
 void be_silent(const char*) {}
 
-/// Text of numbers without loss.
+/// Formats numbers without loss.
 std::string text(const Vector3d& v) {
   std::ostringstream out;
   out.precision(17);
@@ -45,11 +45,12 @@ std::string text(double x) {
 }
 std::string name_of(const char* kind, std::size_t i) { return kind + std::to_string(i); }
 
-/// Bodies in one file of the model: its parser goes a hundred elements deep, across files it does
-/// not count.
+/// Number of nested bodies in one file of the model: MuJoCo's parser allows a hundred nested
+/// elements per file.
 constexpr int kDeepest = 50;
-constexpr double kFar = 1e3;    // [m or rad] where no limit is
-constexpr int kMostPairs = 40;  // of bodies for which every pair is listed with its own friction
+constexpr double kFar = 1e3;  // beyond the coordinates of problems [m or rad]
+constexpr int kMostPairs =
+    40;  // largest number of bodies for which every pair is listed with its own friction
 
 class Writer {
  public:
@@ -78,7 +79,7 @@ class Writer {
     files_.push_back(xml_.str());
   }
 
-  /// The model is the last of the files; it includes the others.
+  /// Returns the files of the model; the last file is the model and includes the others.
   const std::vector<std::string>& files() const { return files_; }
   static std::string file_name(std::size_t i) { return "part_" + std::to_string(i) + ".xml"; }
 
@@ -88,7 +89,7 @@ class Writer {
          << text(inertia_of(body)) << "'/>";
   }
 
-  /// Rods, springs and what they hang on; of what couples nothing but pulleys.
+  /// Accepts rods, springs and their anchors, and of couplings only pulleys.
   void check_cartesian() const {
     Problem without = problem_;
     if (!problem_.joints.empty() && !has_axes(problem_.joints.front().kind))
@@ -96,9 +97,9 @@ class Writer {
     check_without_axes(without);
   }
 
-  /// MuJoCo takes memory for so many times all velocities.
+  /// Returns the number of rows; MuJoCo allocates memory for this number times all velocities.
   std::size_t most_rows() const {
-    // and of couplings one
+    // a coupling adds one row
     const std::size_t joints = is_jointed_ ? count_laws() : 3 * problem_.joints.size();
     return 10 + joints + (problem_.has_shapes() ? 6 * problem_.bodies.size() + 300 : 0);
   }
@@ -173,7 +174,8 @@ class Writer {
     write_sites(kWorld);
   }
 
-  /// Of the joints of a body whose centre is there in its frame, or of the world.
+  /// Writes sites of the joints of a body, whose centre is at `centre` in its frame, or of the
+  /// world.
   void write_sites(int body, const Vector3d& centre = Vector3d::Zero()) {
     for (std::size_t k = 0; k < problem_.joints.size(); ++k) {
       const Joint& joint = problem_.joints[k];
@@ -186,7 +188,8 @@ class Writer {
     xml_ << "<site name='" << name << "' pos='" << text(position) << "'/>";
   }
 
-  /// As stiff as MuJoCo recommends at most, of what is of this kind: `limit`, `friction` or none.
+  /// Returns the stiffest settings that MuJoCo recommends, for rows of this kind: `limit`,
+  /// `friction` or none.
   std::string stiff(const std::string& kind = "") const {
     return " solref" + kind + "='" + text(2.0 * tick_) + " 1' solimp" + kind +
            "='0.9999 0.9999 0.001 0.5 2'";
@@ -204,7 +207,7 @@ class Writer {
     xml_ << "</actuator>";
   }
 
-  /// Springs and ropes.
+  /// Writes a spring or a rope.
   void write_length(std::size_t k) {
     const Joint& joint = problem_.joints[k];
     const bool is_spring = joint.kind == JointKind::kSpring;
@@ -231,7 +234,7 @@ class Writer {
     return joint.length >= 0.0 ? joint.length : start_length(joint);
   }
 
-  /// Of what one body on the world moves along or about.
+  /// Writes the motor of a body that hangs on the world.
   void write_motor(std::size_t k) {
     const Joint& joint = problem_.joints[k];
     if (joint.max_force == 0.0) return;
@@ -244,7 +247,7 @@ class Writer {
          << text(-joint.max_force) << ' ' << text(is_rope ? 0.0 : joint.max_force) << "'/>";
   }
 
-  /// Coordinates that are zero at the start: q₁ = −ratio q₂.
+  /// Writes a coupling of coordinates that are zero at the start: q₁ = −ratio q₂.
   void write_coupling(const Coupling& coupling, std::ostringstream* equality) {
     const auto first = static_cast<std::size_t>(coupling.first);
     const auto second = static_cast<std::size_t>(coupling.second);
@@ -303,7 +306,7 @@ class Writer {
     if (has_lengths()) write_sites(kWorld);
   }
 
-  /// Of pulleys, ropes and springs.
+  /// Returns whether there are lengths: pulleys, ropes or springs.
   bool has_lengths() const {
     return std::any_of(problem_.joints.begin(), problem_.joints.end(), [](const Joint& joint) {
       return joint.kind == JointKind::kFreeLength || joint.kind == JointKind::kSpring;
@@ -361,7 +364,8 @@ class Writer {
       xml_ << " frictionloss='" << text(joint.friction) << "'" << stiff("friction");
   }
 
-  /// What is free of a joint with axes: slides and turns, the one nearer to A first.
+  /// Writes the free coordinates of a joint with axes: slides and hinges, the one nearest to A
+  /// first.
   void write_axes(const Joint& joint) {
     const auto in_world_of = [&](int i) {
       return i == kWorld ? Quaterniond::Identity()
@@ -457,7 +461,7 @@ class MujocoSimulation : public Simulation {
       mj_step(model_, data_);
       if (!breaking_.empty()) break_rods();
     }
-    // MuJoCo starts again from the beginning when something is not finite
+    // MuJoCo restarts from the initial state when a number is not finite.
     if (data_->warning[mjWARN_BADQACC].number + data_->warning[mjWARN_BADQPOS].number +
             data_->warning[mjWARN_BADQVEL].number >
         0)
@@ -494,7 +498,8 @@ class MujocoSimulation : public Simulation {
           model_->eq_active[id] = 0;
   }
 
-  /// Of a body that is not hung: slides, or a free joint with its spin in body axes.
+  /// Sets the velocity of a body that hangs on no joint: slides, or a free joint with its spin in
+  /// body axes.
   void set_velocity(std::size_t i, const Vector3d& velocity, const Vector3d& spin) {
     const int id = ids_[i];
     const int count = model_->body_dofnum[id];
@@ -542,7 +547,7 @@ class MujocoSimulation : public Simulation {
   mjData* data_ = nullptr;
   mjData* copy_ = nullptr;
   std::vector<int> ids_;
-  std::vector<std::pair<int, double>> breaking_;  // equality, and the force that it bears [N]
+  std::vector<std::pair<int, double>> breaking_;  // equality, and its breaking force [N]
   bool is_lost_ = false;
 };
 

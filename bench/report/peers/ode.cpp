@@ -2,8 +2,8 @@
 //
 // ODE: Cartesian coordinates, rods as distance balls; the direct solver with and without its
 // default constraint force mixing, and quickstep. Stops bounce and motors have a largest force, as
-// the manual has them, and friction of a joint is a motor of rate 0. A rope is a contact that pulls
-// where it is taut, a winch a linear motor along the rope.
+// in the manual; friction of a joint is a motor of rate 0. A rope is a contact that pulls when
+// taut, a winch a linear motor along the rope.
 
 #include <ode/ode.h>
 
@@ -16,9 +16,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// ODE wants an inertia of point masses too; rods at their centres do not turn them.
-constexpr double kAnyInertia = 0.01;  // [m²] of mass
-constexpr int kMostContacts = 8;      // of a pair
+/// Inertia of point masses, which ODE requires; rods at their centres do not rotate them.
+constexpr double kAnyInertia = 0.01;  // inertia over mass [m²]
+constexpr int kMostContacts = 8;      // contacts per pair
 
 struct Library {
   Library() { dInitODE2(0); }
@@ -179,7 +179,7 @@ class OdeSimulation : public Simulation {
     winches_.push_back({motor, &joint});
   }
 
-  /// From the anchor to the body.
+  /// Returns the vector from the anchor to the body.
   Vector3d along(const Joint& rope) const {
     return vector(dBodyGetPosition(bodies_[static_cast<std::size_t>(rope.b)])) - rope.anchor_a;
   }
@@ -210,7 +210,7 @@ class OdeSimulation : public Simulation {
     rod->joint = nullptr;
   }
 
-  /// Limits, friction and motor of a hinge or slider; a motor has one rate and one force.
+  /// Sets limits, friction and motor of a hinge or slider; an ODE motor has one rate and one force.
   template <class Set>
   static void add_law(const Joint& joint, const Set& set) {
     if (joint.friction > 0.0 && joint.max_force > 0.0) throw Unsupported("a motor with friction");
@@ -221,7 +221,7 @@ class OdeSimulation : public Simulation {
     set(dParamFMax, joint.friction + joint.max_force);
   }
 
-  /// ODE's first body is B, as with all joints here.
+  /// Adds a joint with axes. ODE's first body is B, as in all joints here.
   void add_on_axes(const Joint& joint, dBodyID a, dBodyID b, const Vector3d& p) {
     const auto in_world = [&](int i) {
       return i == kWorld ? Eigen::Quaterniond::Identity()

@@ -1,11 +1,10 @@
 // needs: pkg-config simbody
 //
-// Simbody: error-controlled Runge-Kutta-Merson, with rods as constraints between bodies in
-// Cartesian coordinates, and with pins and balls in joint coordinates, where gears and racks are
-// couplers of coordinates and screws joints of their own. Contacts are compliant:
-// Hertz's and a penalty at the corners of boxes. What acts one way goes by handlers of events.
-// Its stepper with rigid contacts and impulses is left out: as Debian builds it, it prints
-// pages a step.
+// Simbody: error-controlled Runge-Kutta-Merson; rods as constraints between bodies in Cartesian
+// coordinates, or pins and balls in joint coordinates, where gears and racks are couplers and
+// screws joints. Contacts are compliant: Hertz's, and a penalty at the corners of boxes. One-sided
+// elements use event handlers. Its stepper with rigid contacts and impulses is left out: as built
+// by Debian it prints pages each step.
 
 #include <Simbody.h>
 
@@ -19,9 +18,9 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr double kDefaultAccuracy = 1e-3;
-constexpr double kStiffness = 1e8;         // [Pa] a ball of 1 kg at rest sinks in by some 10 µm
-constexpr double kDissipation = 10.0;      // [s/m] that nothing bounces above 0.1 m/s
-constexpr double kTransitionSpeed = 1e-3;  // [m/s] of sliding that counts as sticking
+constexpr double kStiffness = 1e8;         // sinkage of a ball of 1 kg at rest about 10 µm [Pa]
+constexpr double kDissipation = 10.0;      // no bounce above 0.1 m/s [s/m]
+constexpr double kTransitionSpeed = 1e-3;  // sliding below it counts as sticking [m/s]
 
 struct Contacts {
   explicit Contacts(SimTK::MultibodySystem* system) : tracker(*system), forces(*system, tracker) {
@@ -73,7 +72,7 @@ class SimbodySimulation : public Simulation {
     stepper_->initialize(state);
   }
 
-  /// Its steps are as long as the accuracy permits, and end on ticks.
+  /// Advances by ticks. Steps are as long as the accuracy permits, and end on ticks.
   void advance(long ticks, double time) override {
     for (long i = ticks - 1; i >= 0; --i) {
       const double end = time - static_cast<double>(i) * tick_;
@@ -103,8 +102,8 @@ class SimbodySimulation : public Simulation {
     return i == kWorld ? matter_.updGround() : bodies_[static_cast<std::size_t>(i)];
   }
 
-  /// Simbody knows no contact of a box with anything but a half-space, and of two frictions takes
-  /// the harmonic mean.
+  /// Checks shapes. Simbody has contacts of a box with a half-space only, and takes the harmonic
+  /// mean of two frictions.
   void check_shapes() const {
     int boxes = 0, round = 0;
     for (const Body& body : problem_.bodies) {
@@ -116,7 +115,7 @@ class SimbodySimulation : public Simulation {
     if (boxes > 0 && boxes + round > 1) throw Unsupported("boxes in contact with more than planes");
   }
 
-  /// With its frame at `centre` before the centre of mass.
+  /// Returns a body whose centre of mass is at `centre` in its frame.
   static SimTK::Body::Rigid rigid(const Body& body, const Vector3d& centre) {
     const Vector3d I = inertia_of(body);
     const double mass = body.is_static ? 1.0 : body.mass;
@@ -176,7 +175,7 @@ class SimbodySimulation : public Simulation {
 
   void add(std::unique_ptr<SimbodyLaw> law) { laws_.add(std::move(law), &system_); }
 
-  /// Of a body's frame.
+  /// Returns an anchor in the frame of the mobilized body.
   SimTK::Vec3 station(int i, const Vector3d& anchor) const {
     return vec(i == kWorld ? anchor : anchor + centres_[static_cast<std::size_t>(i)]);
   }
@@ -215,7 +214,7 @@ class SimbodySimulation : public Simulation {
                                       rope.restitution));
   }
 
-  /// Of the coordinate of a joint that body `i` hangs on.
+  /// Adds the laws of the coordinate by which body `i` hangs.
   void add_laws(const Joint& joint, std::size_t i) {
     SimTK::MobilizedBody hung = bodies_[i];
     const SimTK::MobilizerQIndex q(0);
@@ -253,7 +252,7 @@ class SimbodySimulation : public Simulation {
     for (std::size_t i = 0; i < bodies_.size(); ++i) set_velocity(i, state);
   }
 
-  /// Of a body that is not hung.
+  /// Sets the pose of a body that hangs on no joint.
   void place(std::size_t i, SimTK::State* state) {
     const Body& body = problem_.bodies[i];
     if (body.is_static) return;
@@ -272,7 +271,7 @@ class SimbodySimulation : public Simulation {
 
   void add_tree() {
     tree_ = tree_of(problem_, nullptr, true);
-    // pins turn about z, ours about y
+    // Pins turn about z, hinges of planar problems about y.
     const SimTK::Rotation axis =
         problem_.is_planar ? SimTK::Rotation(-SimTK::Pi / 2.0, SimTK::XAxis) : SimTK::Rotation();
     for (const Link& link : tree_) {
@@ -317,7 +316,7 @@ class SimbodySimulation : public Simulation {
       if (!coupling.is_screw()) couple(coupling);
   }
 
-  /// The only coordinates of two bodies, both zero at the start.
+  /// Couples the single coordinates of two bodies, both zero at the start.
   void couple(const Coupling& coupling) {
     const auto body_of = [&](int joint) {
       const Joint& of = problem_.joints[static_cast<std::size_t>(joint)];
@@ -335,8 +334,8 @@ class SimbodySimulation : public Simulation {
         SimTK::Array_<SimTK::MobilizerQIndex>(2, SimTK::MobilizerQIndex(0)));
   }
 
-  /// Sliders move along x; universal joints turn about x of the parent's frame, then y of the
-  /// child's; all others have z as ours have.
+  /// Adds a body on a joint with axes. Sliders move along x; universal joints turn about x of the
+  /// parent's frame, then y of the child's; other joints use z, as problems do.
   void add_on_axes(const Link& link, const Vector3d& at, std::size_t i) {
     const Joint& joint = *link.joint;
     Quaterniond on_parent = joint.frame_a, on_child = joint.frame_b;
@@ -391,7 +390,7 @@ class SimbodySimulation : public Simulation {
   }
 
   void start_tree(SimTK::State* state) {
-    for (const Link& link : tree_)  // a joint is at zero
+    for (const Link& link : tree_)  // joints start at zero
       if (!link.is_hung) place(static_cast<std::size_t>(link.body), state);
     system_.realize(*state, SimTK::Stage::Position);
     std::vector<Vector3d> spins(bodies_.size(), Vector3d::Zero());
@@ -412,7 +411,7 @@ class SimbodySimulation : public Simulation {
       if (problem_.is_planar) {
         bodies_[i].setOneU(*state, 0, spin.y());
       } else {
-        // a ball's speeds are its angular velocity in the frame on the parent
+        // The speeds of a ball are its angular velocity in the frame on the parent.
         const Vector3d local = start.orientation.conjugate() * spin;
         for (int k = 0; k < 3; ++k) bodies_[i].setOneU(*state, k, local[k]);
       }
@@ -427,9 +426,9 @@ class SimbodySimulation : public Simulation {
   std::unique_ptr<Contacts> contacts_;
   SimTK::RungeKuttaMersonIntegrator integrator_;
   SimbodyLaws laws_;
-  std::unique_ptr<SimTK::TimeStepper> stepper_;  // where there are laws, else none
+  std::unique_ptr<SimTK::TimeStepper> stepper_;  // exists where there are laws
   std::vector<SimTK::MobilizedBody> bodies_;
-  std::vector<Vector3d> centres_;  // of mass, in the bodies' frames
+  std::vector<Vector3d> centres_;  // centres of mass in the bodies' frames
   std::vector<Link> tree_;
 };
 

@@ -1,7 +1,7 @@
 #pragma once
 
-// What acts one way or up to a limit only, in Simbody: constraints that handlers of events turn on
-// and off, as its documentation recommends. Events are located by its integrator.
+// One-sided elements and force limits in Simbody: constraints that event handlers switch on and
+// off, as its documentation recommends. Its integrator locates the events.
 
 #include <Simbody.h>
 
@@ -12,7 +12,7 @@
 
 namespace constraint_sim::report {
 
-/// A constraint that holds or does not.
+/// A constraint that is switched on and off.
 class SimbodyLaw {
  public:
   explicit SimbodyLaw(const SimTK::SimbodyMatterSubsystem& matter) : matter_(matter) {}
@@ -25,20 +25,20 @@ class SimbodyLaw {
     std::function<double(const SimTK::State&)> value;  ///< an event where it rises through 0
   };
   virtual std::vector<Trigger> triggers() = 0;
-  /// Turns on or off what has to be; true where anything was. The state is that of an event, or the
-  /// first.
+  /// Switches constraints as necessary; returns whether any was switched. The state is that of an
+  /// event, or the first one.
   virtual bool settle(SimTK::State* state) = 0;
 
  protected:
   static constexpr double kTouches =
-      1e-9;  // [m, rad or 1/s of them] off a limit that counts as at it
+      1e-9;  // distance to a limit that counts as at the limit [m, rad or their rates]
 
   const SimTK::System& system() const { return matter_.getSystem(); }
   double multiplier(const SimTK::Constraint& of, const SimTK::State& state) const {
     system().realize(state, SimTK::Stage::Acceleration);
     return of.getMultipliersAsVector(state)[0];
   }
-  /// Takes 1 + restitution times the speeds away that constraints forbid now.
+  /// Reverses the velocities that active constraints forbid, with this restitution.
   void strike(double restitution, SimTK::State* state) const {
     system().realize(*state, SimTK::Stage::Velocity);
     const SimTK::Vector change = -(1.0 + restitution) * state->getUErr();
@@ -57,8 +57,8 @@ class SimbodyLaw {
 /// A rope or a stop.
 class SimbodyStop : public SimbodyLaw {
  public:
-  /// `gap` [m or rad] is what is left, and changes with `rate`; the constraint, off at first, holds
-  /// where side times its multiplier is positive.
+  /// `gap` [m or rad] is the remaining distance, with its `rate`; the constraint, inactive at
+  /// first, holds while side times its multiplier is positive.
   struct Gap {
     std::function<double(const SimTK::State&)> gap, rate;
     double side = 1.0;
@@ -70,7 +70,8 @@ class SimbodyStop : public SimbodyLaw {
         gap_(std::move(gap)),
         restitution_(restitution) {}
 
-  /// Closed; turned back, without which a flight shorter than a step would be missed; and let go.
+  /// Events: the gap closes; the gap's rate reverses, without which a flight shorter than a step
+  /// would be missed; the constraint releases.
   std::vector<Trigger> triggers() override {
     return {{SimTK::Stage::Position,
              [this](const SimTK::State& state) { return holds(state) ? -1.0 : -gap_.gap(state); }},
@@ -100,7 +101,7 @@ class SimbodyStop : public SimbodyLaw {
   }
 
  private:
-  static constexpr double kCaptured = 1e-5;  // [m/s or rad/s] nothing bounces with less
+  static constexpr double kCaptured = 1e-5;  // slower impacts do not bounce [m/s or rad/s]
 
   bool holds(const SimTK::State& state) const { return !constraint_.isDisabled(state); }
 
@@ -109,8 +110,8 @@ class SimbodyStop : public SimbodyLaw {
   double restitution_;
 };
 
-/// Coulomb's friction along a coordinate, or a motor with a force limit: holds the speed while that
-/// takes no more than `limit`, and pulls with that where it does.
+/// Coulomb friction along a coordinate, or a motor with a force limit: holds the speed with at most
+/// `limit`, and applies `limit` beyond.
 class SimbodyDrive : public SimbodyLaw {
  public:
   SimbodyDrive(SimTK::SimbodyMatterSubsystem* matter, SimTK::GeneralForceSubsystem* forces,
@@ -124,7 +125,7 @@ class SimbodyDrive : public SimbodyLaw {
     constraint_.setDisabledByDefault(true);
   }
 
-  /// The speed is reached, from below where it pulls ahead; and holding it takes too much.
+  /// Events: the speed is reached, and holding it exceeds the limit.
   std::vector<Trigger> triggers() override {
     return {{SimTK::Stage::Velocity,
              [this](const SimTK::State& state) {
@@ -165,7 +166,7 @@ class SimbodyDrive : public SimbodyLaw {
   double rate_, limit_;
 };
 
-/// Lets go for good where it pulls or pushes too much.
+/// A rod that breaks for good beyond a force limit.
 class SimbodyBreaking : public SimbodyLaw {
  public:
   SimbodyBreaking(const SimTK::SimbodyMatterSubsystem& matter, const SimTK::Constraint::Rod& rod,
@@ -181,7 +182,7 @@ class SimbodyBreaking : public SimbodyLaw {
   bool settle(SimTK::State* state) override {
     if (rod_.isDisabled(*state)) return false;
     system().realize(*state, SimTK::Stage::Acceleration);
-    // an event may be located from below
+    // the event may be located just below the limit
     if (std::abs(rod_.getRodTension(*state)) < limit_ * (1.0 - kTouches)) return false;
     rod_.disable(*state);
     return true;
@@ -192,7 +193,7 @@ class SimbodyBreaking : public SimbodyLaw {
   double limit_;
 };
 
-/// All of a system. What is added before the topology is realized takes part.
+/// All laws of a system. They must be added before its topology is realized.
 class SimbodyLaws {
  public:
   void add(std::unique_ptr<SimbodyLaw> law, SimTK::MultibodySystem* system) {
@@ -201,7 +202,7 @@ class SimbodyLaws {
     laws_.push_back(std::move(law));
   }
   bool empty() const { return laws_.empty(); }
-  /// Until nothing changes.
+  /// Settles laws until nothing changes.
   void settle(SimTK::State* state) const {
     for (int round = 0; round < kRounds; ++round) {
       bool has_changed = false;

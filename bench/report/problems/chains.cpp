@@ -9,8 +9,8 @@ Problem released_chain(const std::string& name, int links, double duration) {
   return with_chain(problem(name, "smooth", duration, links), chain_of(links), 1.0 / 32.0);
 }
 
-/// Straight down, links of 0.1 kg and 1 m; only the load, one link further, moves at 1 m/s. The
-/// links vibrate with ω = 2 √(T/ml), which the reference follows.
+/// A hanging chain with links of 0.1 kg and 1 m; only the load, one link further, moves at 1 m/s.
+/// The links vibrate with ω = 2 √(T/ml), which the reference follows.
 PlanarChain loaded_chain(double load) {
   PlanarChain chain = chain_of(11, -kPi / 2.0, 0.1);
   chain.masses.back() = load;
@@ -27,9 +27,9 @@ Problem heavy_chain(const std::string& name, double load) {
   return made;
 }
 
-constexpr int kCount = 1000;  // of pendulums
+constexpr int kCount = 1000;  // number of pendulums
 
-/// A thousand pendulums side by side, for what an engine costs beside the mathematics.
+/// A thousand pendulums side by side, to measure an engine's overhead.
 Problem many_pendulums() {
   Problem made = problem("pendula_1000", "smooth", 2.0);
   for (int i = 0; i < kCount; ++i) {

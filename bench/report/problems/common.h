@@ -1,6 +1,6 @@
 #pragma once
 
-// What the files of problems share.
+// Parts shared by the files of problems.
 
 #include <cmath>
 #include <string>
@@ -28,14 +28,14 @@ inline Problem problem(const std::string& name, const std::string& group, double
   return made;
 }
 
-/// For the stability grid only.
+/// A problem for the stability grid only.
 inline Problem extreme(const std::string& name, const std::string& group, double length = 1.0) {
   Problem made = problem(name, group, 2.0, length);
   made.is_graded = false;
   return made;
 }
 
-/// Unit masses on rods of 1 m, released at rest along x; or hanging with angle −π/2.
+/// A chain of unit masses on rods of 1 m, released at rest along x, or hanging for angle −π/2.
 inline PlanarChain chain_of(int links, double angle = 0.0, double mass = 1.0, double rod = 1.0) {
   const auto n = static_cast<std::size_t>(links);
   PlanarChain chain;
@@ -46,7 +46,7 @@ inline PlanarChain chain_of(int links, double angle = 0.0, double mass = 1.0, do
   return chain;
 }
 
-/// Gives the problem the chain, and its motion in minimal coordinates integrated with `step` [s].
+/// Adds a chain to the problem, and its motion in minimal coordinates integrated with `step` [s].
 inline Problem with_chain(Problem made, const PlanarChain& chain, double step) {
   made.gravity = {0.0, 0.0, -chain.gravity};
   add_chain(chain, &made);

@@ -1,4 +1,4 @@
-// Contact and impact: SimBenchmark's scenes and closed forms.
+// Contact and impact: SimBenchmark's scenes, and closed forms.
 
 #include "common.h"
 
@@ -15,7 +15,7 @@ Body block(double mass, const Vector3d& size, const Vector3d& position, double f
   return body;
 }
 
-/// Scene whose bodies move along `direction` by what `shift` says of each.
+/// A problem with contacts, dissipative and with a closed form.
 Problem contact(const std::string& name, double duration, double length) {
   Problem made = problem(name, "contact", duration, length);
   made.is_planar = false;
@@ -24,7 +24,7 @@ Problem contact(const std::string& name, double duration, double length) {
   return made;
 }
 
-/// A box on the ground is pulled by 150 N and carries 25 balls, which it rolls off under.
+/// A box on the ground, pulled by 150 N, with 25 balls on top that roll as it slides below them.
 Problem rolling() {
   Problem made = contact("rolling", 4.0, 10.0);
   // a pair has the geometric mean: 0.4 below the box and 0.8 above it
@@ -47,7 +47,7 @@ Problem rolling() {
       states[i].position += 0.5 * a * t * t * direction;
       states[i].velocity = a * t * direction;
       if (i == 1) continue;
-      // driven at the lowest point: α = −(5/2) (a/r) z × direction
+      // the box drives the lowest point: α = −(5/2) (a/r) z × direction
       const Vector3d axis = -Vector3d::UnitZ().cross(direction);
       states[i].angular_velocity = 2.5 * a / 0.5 * t * axis;
       states[i].orientation = Eigen::AngleAxisd(0.5 * 2.5 * a / 0.5 * t * t, axis);
@@ -68,7 +68,7 @@ Problem bouncing() {
   for (const Body& body : made.bodies) start.push_back(body.start);
   made.reference = closed_form(made, [=](long double t) {
     const long double g = static_cast<long double>(kGravity), fall = std::sqrt(2.0L * 4.9L / g);
-    const long double phase = std::remainder(t, 2.0L * fall);  // from the highest point
+    const long double phase = std::remainder(t, 2.0L * fall);  // time from the highest point
     States states = start;
     for (std::size_t i = 1; i < states.size(); ++i) {
       states[i].position.z() = static_cast<double>(5.0L - g * phase * phase / 2.0L);
@@ -79,7 +79,7 @@ Problem bouncing() {
   return made;
 }
 
-/// Six layers of six by six balls, a little out of line, fall into a heap.
+/// Six layers of six by six balls, slightly out of line, fall into a heap.
 Problem heap(const std::string& name, double restitution) {
   Problem made = contact(name, 2.0, 6.0);
   made.is_conservative = restitution == 1.0;
@@ -95,7 +95,7 @@ Problem heap(const std::string& name, double restitution) {
   return made;
 }
 
-/// On a slope of 30°, written as gravity that leans. It stays, or slides with g (sin − μ cos).
+/// A block on a slope of 30°, written as tilted gravity. It stays, or slides with g (sin − μ cos).
 Problem incline(const std::string& name, double friction) {
   Problem made = contact(name, 2.0, 1.0);
   const double slope = kPi / 6.0;
@@ -111,7 +111,7 @@ Problem incline(const std::string& name, double friction) {
   return made;
 }
 
-/// A ball that is pushed off at v₀ slides until it rolls at 5 v₀ / 7.
+/// A ball launched with v₀ slides until it rolls at 5 v₀ / 7.
 Problem sliding_ball() {
   Problem made = contact("sliding_ball", 2.0, 5.0);
   constexpr double kSpeed = 3.0, kFriction = 0.2, kRadius = 0.5;
@@ -133,7 +133,7 @@ Problem sliding_ball() {
   return made;
 }
 
-/// Newton's cradle without strings: the blow goes from ball to ball, the last one leaves.
+/// Newton's cradle without strings: the impulse passes from ball to ball, and the last ball leaves.
 Problem cradle() {
   constexpr int kCount = 5;
   constexpr double kRadius = 0.1, kGap = 0.05, kRun = 0.3;
@@ -178,7 +178,7 @@ Problem fast_impact(const std::string& name, double speed, bool is_thin_wall) {
     wall.size = {0.001, 2.0, 2.0};
     wall.start.orientation = Eigen::Quaterniond::Identity();
   }
-  // not a whole number of ticks from the wall
+  // distance from the wall is no whole number of ticks
   const double x = -speed * 0.987;
   made.bodies = {wall, ball(1.0, kRadius, {x, 0.0, 0.0}, 0.0, 1.0)};
   made.bodies[1].start.velocity.x() = speed;

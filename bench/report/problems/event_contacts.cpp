@@ -19,7 +19,7 @@ Body block(double mass, const Vector3d& size, const Vector3d& position, double f
   return body;
 }
 
-/// A plane through x, which faces along `normal`.
+/// A plane through x with this normal.
 Body wall(double x, const Vector3d& normal, double friction, double restitution) {
   Body body = plane(friction, restitution);
   body.start.position.x() = x;
@@ -31,9 +31,9 @@ Vector3d leaning(double slope) {
   return kGravity * Vector3d(std::sin(slope), 0.0, -std::cos(slope));
 }
 
-// ---- hits
+// ---- impacts
 
-/// A ball falls half a metre and bounces to its rest.
+/// A ball falls half a metre and bounces until it rests.
 Problem bounce(const std::string& name, double restitution, double duration) {
   Problem made = event(name, duration);
   made.bodies = {plane(0.0, restitution), ball(2.0, 0.1, {0.0, 0.0, 0.6}, 0.0, restitution)};
@@ -55,7 +55,7 @@ Problem box_drop(const std::string& name, double restitution) {
   });
 }
 
-/// y: angle from x and rate of a bob that is thrown back below its pivot.
+/// A bob that rebounds from a wall below its pivot. y: angle from x, and its rate.
 Phase before_a_wall(Real restitution) {
   Phase phase = swing(chain_of(1));
   const auto states = phase.states;
@@ -136,7 +136,7 @@ Problem motor_against_wall() {
   });
 }
 
-/// A ball bounces to its rest on an arm that the stop of its hinge holds up.
+/// A ball bounces until it rests on an arm, which the stop of its hinge holds.
 Problem ball_on_arm() {
   constexpr double kRestitution = 0.5;
   Problem made = event("ball_on_arm", 1.5);
@@ -148,7 +148,7 @@ Problem ball_on_arm() {
   hinge.anchor_b = {-0.5, 0.0, 0.0};
   hinge.frame_a = hinge.frame_b =
       Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
-  hinge.upper = 0.0;  // about y lowers the arm
+  hinge.upper = 0.0;  // rotation about y lowers the arm
   made.joints = {hinge};
   return along_line(made, Vector3d::UnitZ(), [](Real t) {
     OnLine now = bouncing_from(0.3L, kRestitution, kG, t);
@@ -159,7 +159,7 @@ Problem ball_on_arm() {
 
 // ---- friction
 
-/// On four corners, along (2, 0.5).
+/// A box on four corners slides along (2, 0.5) and stops.
 Problem box_stops() {
   constexpr double kMu = 0.3;
   Problem made = event("box_stops", 1.0);
@@ -173,7 +173,7 @@ Problem box_stops() {
   });
 }
 
-/// Down a slope of 20°, which is less than its friction.
+/// A block slides down a slope of 20°, below its friction angle, and stops.
 Problem block_stops() {
   constexpr double kMu = 0.6;
   const double slope = kPi / 9.0;
@@ -188,8 +188,8 @@ Problem block_stops() {
   });
 }
 
-/// Down a slope of 30°: with g sin α 5/7 where it rolls, and where friction is less than 2/7 tan α
-/// with g (sin α − μ cos α), turning with 5/2 μ g cos α / r.
+/// A ball on a slope of 30°. It rolls with 5/7 g sin α; for friction below 2/7 tan α it slides with
+/// g (sin α − μ cos α) and turns with ω̇ = 5/2 μ g cos α / r.
 Problem ball_on_slope(const std::string& name, double friction) {
   constexpr double kRadius = 0.2;
   const double slope = kPi / 6.0;
@@ -213,7 +213,7 @@ Problem ball_on_slope(const std::string& name, double friction) {
   return made;
 }
 
-/// A winch pulls a box over a floor: with (F − μ m g)/m up to its speed.
+/// A winch pulls a box over a floor, with (F − μ m g)/m up to its speed.
 Problem winch_and_box() {
   constexpr double kForce = 30.0, kMass = 5.0, kSpeed = 0.8, kMu = 0.3;
   Problem made = event("winch_and_box", 1.0);
@@ -232,7 +232,7 @@ Problem winch_and_box() {
 
 constexpr double kWidth = 0.4, kHeight = 1.2;
 
-/// y: tilt to one side, about the edge there, and its rate.
+/// Rocking about an edge. y: tilt to one side, and its rate.
 Phase on_edge(int side) {
   const Real w = kWidth, h = kHeight, radius = std::hypot(w, h) / 2, slender = std::atan(w / h);
   const Real stiffness = 3 * kG / (4 * radius);  // m g R over 4/3 m R²
@@ -259,7 +259,7 @@ Phase on_edge(int side) {
   return phase;
 }
 
-/// A block rocks from one edge to the other, and loses at each change what Housner says.
+/// A block rocks from one edge to the other, with Housner's loss at each change.
 Problem rocking_block() {
   Problem made = event("rocking_block", 1.2);
   const Real tilt = std::atan(static_cast<Real>(kWidth) / kHeight) / 2;

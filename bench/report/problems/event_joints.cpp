@@ -19,7 +19,7 @@ Problem slack_rope() {
   return made;
 }
 
-/// A mass falls from 0.3 m below the world's origin into its rope of 1 m.
+/// A mass falls from 0.3 m below the world's origin until its rope of 1 m is taut.
 Problem rope_taut(const std::string& name, double restitution, double duration) {
   Problem made = event(name, duration);
   made.bodies = {point_mass({0.0, 0.0, -0.3}, 2.0)};
@@ -32,7 +32,7 @@ Problem rope_taut(const std::string& name, double restitution, double duration) 
   });
 }
 
-/// Falls beside the anchor; the part of the velocity across the rope stays.
+/// A mass falls beside its anchor until its rope is taut; it keeps the velocity across the rope.
 Problem rope_swing() {
   Problem made = event("rope_swing", 3.0);
   made.bodies = {point_mass({0.6, 0.0, 0.0}, 2.0)};
@@ -47,8 +47,8 @@ Problem rope_swing() {
   return in_phases(made, fall, {0.6L, 0, 0, 0, 0, 0}, 0.02);
 }
 
-/// 1e4 kg on a rope and 1 kg on a rod that hangs on it: both fall until the rope is taut. It stays
-/// so, for the bob weighs nothing beside the load.
+/// A load of 1e4 kg on a rope and a bob of 1 kg on a rod below fall until the rope is taut. The
+/// rope stays taut: the bob's weight is negligible.
 Problem heavy_rope() {
   Problem made = event("heavy_rope", 2.0);
   made.bodies = {point_mass({0.0, 0.0, -0.8}, 1e4), point_mass({0.6, 0.0, -0.8}, 1.0)};
@@ -69,7 +69,7 @@ Problem heavy_rope() {
                    0.01);
 }
 
-/// Winds a load up: with the most force until it has its speed.
+/// A winch lifts a load, with its largest force until it reaches its speed.
 Problem winch() {
   constexpr double kMass = 2.0, kSpeed = 0.5;
   Problem made = event("winch", 1.0);
@@ -85,7 +85,7 @@ Problem winch() {
 
 // ---- stops
 
-/// A slider falls on its stop from half a metre.
+/// A slider falls half a metre onto its stop.
 Problem stop(const std::string& name, double restitution, double duration) {
   Problem made = event(name, duration);
   made.is_conservative = restitution == 1.0;
@@ -104,7 +104,7 @@ Problem stop(const std::string& name, double restitution, double duration) {
   });
 }
 
-/// A bar of 2 kg on a hinge at its end; y: how far it has turned down, and its rate.
+/// A bar of 2 kg on a hinge at its end; y: angle downwards, and its rate.
 Phase bar(Real arm, Real inertia, Real stop, Real restitution) {
   Phase phase;
   phase.rates = [=](const Reals& y) {
@@ -128,7 +128,7 @@ Phase bar(Real arm, Real inertia, Real stop, Real restitution) {
   return phase;
 }
 
-/// It swings down from level to a stop, and rebounds.
+/// The bar swings down from level to a stop, and rebounds.
 Problem hinge_limit() {
   Problem made = event("hinge_limit", 2.0);
   made.bodies = {box(2.0, {1.0, 0.1, 0.2})};
@@ -138,7 +138,7 @@ Problem hinge_limit() {
   hinge.anchor_b = {-0.5, 0.0, 0.0};
   hinge.frame_a = hinge.frame_b =
       Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
-  hinge.upper = 1.2;  // about y is down
+  hinge.upper = 1.2;  // rotation about y is down
   hinge.restitution = 0.6;
   made.joints = {hinge};
   const Real inertia = static_cast<Real>(made.bodies[0].inertia.y()) + 0.5L;
@@ -159,7 +159,7 @@ Problem motor(const std::string& name, double mass, double gravity, double force
   return along_line(made, Vector3d::UnitZ(), course);
 }
 
-/// From one acceleration to another at a time.
+/// Returns a motion whose acceleration changes once, at time `change`.
 std::function<OnLine(Real)> in_two(OnLine start, Real before, Real change, Real after) {
   return [=](Real t) {
     return moved(moved(start, before, std::min(t, change)), after, std::max(Real{0}, t - change));
@@ -176,7 +176,7 @@ Problem motor_lifts() {
                in_two({}, a, 0.7L / a, 0));
 }
 
-/// It brakes what goes up too fast, and cannot hold it then.
+/// The motor brakes a load that rises too fast, and cannot hold it then.
 Problem motor_overloaded() {
   const Real brakes = -1.6L * kG;
   return motor("motor_overloaded", 2.0, kGravity, 0.6 * 2.0 * kGravity, 0.7, 2.5,
@@ -203,7 +203,8 @@ Problem friction_stops() {
   });
 }
 
-/// Up a slope of 30° and down again, against 30 % of its weight along that.
+/// A mass moves up a slope of 30° and down again, with friction of 30 % of its weight along the
+/// slope.
 Problem friction_slope() {
   const double down = kGravity * std::sin(kPi / 6.0);
   Problem made =
@@ -222,7 +223,7 @@ Joint spring_to(double stiffness) {
   return spring;
 }
 
-/// An oscillator with dry friction: about ±f/k in turn, until it sticks.
+/// An oscillator with dry friction: it swings about ±f/k alternately, until it sticks.
 Problem dry_oscillator() {
   constexpr double kMass = 1.0, kFriction = 1.5, kStiffness = 20.0, kStart = 0.5;
   Problem made = on_slider("dry_oscillator", 3.0, kMass, 0.0, Vector3d::Zero());
@@ -242,8 +243,8 @@ Problem dry_oscillator() {
   });
 }
 
-/// On a belt that moves: friction f speeds it up to the belt's speed, which it keeps until the
-/// spring pulls with f; then it slips back.
+/// A mass on a moving belt. Friction f accelerates it to the belt's speed, until the spring pulls
+/// with f; then it slips back.
 Problem stick_slip() {
   constexpr double kMass = 1.5, kFriction = 2.0, kStiffness = 30.0, kBelt = 0.25;
   Problem made = on_slider("stick_slip", 1.6, kMass, 0.0, Vector3d::Zero());
@@ -252,7 +253,7 @@ Problem stick_slip() {
   made.joints[0].max_force = kFriction;
   return along_line(made, Vector3d::UnitX(), [](Real t) {
     const Real omega = std::sqrt(static_cast<Real>(kStiffness / kMass));
-    const Real y = static_cast<Real>(kFriction) / kStiffness;  // where the spring pulls with f
+    const Real y = static_cast<Real>(kFriction) / kStiffness;  // deflection at sliding
     const Real sticks = std::asin(kBelt / (y * omega)) / omega;
     const Real slips = sticks + y * std::cos(omega * sticks) / kBelt;
     if (t < sticks) return OnLine{y * (1 - std::cos(omega * t)), y * omega * std::sin(omega * t)};
@@ -264,7 +265,7 @@ Problem stick_slip() {
 
 // ---- breaking
 
-/// A bob let go at the height of its pivot; the rod pulls with 3 m g sin φ, φ from level.
+/// A bob released at the height of its pivot; the tension of its rod is 3 m g sin φ, φ from level.
 Problem rod_breaks() {
   Problem made = event("rod_breaks", 1.0);
   add_chain(chain_of(1), &made);

@@ -1,6 +1,6 @@
 #pragma once
 
-// What the problems of events share.
+// Parts shared by the problems of events.
 
 #include <algorithm>
 
@@ -9,7 +9,7 @@
 
 namespace constraint_sim::report {
 
-/// Whose motion is known in closed form or by phases, and which loses energy.
+/// A dissipative problem whose motion is known in closed form or by phases.
 inline Problem event(const std::string& name, double duration, double length = 1.0) {
   Problem made = problem(name, "event", duration, length);
   made.is_conservative = false;
@@ -24,18 +24,18 @@ inline Problem in_phases(Problem made, const Phase& first, const Reals& start, d
   return made;
 }
 
-/// Place and speed along a line.
+/// Position and velocity along a line.
 struct OnLine {
   Real x = 0, v = 0;
 };
 
-/// With a constant acceleration for so long.
+/// Advances with a constant acceleration.
 inline OnLine moved(OnLine from, Real a, Real time) {
   return {from.x + time * (from.v + a * time / 2), from.v + a * time};
 }
 
-/// What falls from `height` with g and bounces at 0 with restitution e < 1 until it rests, or with
-/// 1 for ever.
+/// Motion of a mass that falls from `height` with g and bounces at 0, with restitution e < 1 until
+/// it rests, with e = 1 for ever.
 inline OnLine bouncing_from(Real height, Real e, Real g, Real t) {
   const Real fall = std::sqrt(2 * height / g);
   if (t < fall) return moved({height, 0}, -g, t);
@@ -48,7 +48,8 @@ inline OnLine bouncing_from(Real height, Real e, Real g, Real t) {
   return {};
 }
 
-/// One body, the last, moves along a line from where it starts; all others stay.
+/// Makes the reference of a problem in which the last body moves along a line from its start and
+/// all others rest.
 inline Problem along_line(Problem made, const Eigen::Vector3d& direction,
                           const std::function<OnLine(Real)>& course) {
   States start;
@@ -63,7 +64,7 @@ inline Problem along_line(Problem made, const Eigen::Vector3d& direction,
   return made;
 }
 
-/// From the world to the centre of a body, along an axis.
+/// A slider from the world to the centre of a body, along an axis.
 inline Joint slider_to(const Problem& made, int body, const Eigen::Vector3d& axis) {
   const State& start = made.bodies[static_cast<std::size_t>(body)].start;
   Joint joint;

@@ -17,8 +17,8 @@ std::string power(double value) {
   return text;
 }
 
-/// The heavy chain of the diagrams. From 1e6 kg on its links count for nothing: the load is a
-/// pendulum of 11 m, to the ratio of the masses.
+/// The heavy chain of the diagrams. From 1e6 kg on its links are negligible: the load is a pendulum
+/// of 11 m, up to the ratio of the masses.
 Problem heavy_chain(double load) {
   Problem made = extreme("chain_load_" + power(load), "mass ratio", 11.0);
   PlanarChain chain = chain_of(11, -kPi / 2.0, 0.1);
@@ -42,7 +42,7 @@ Problem heavy_chain(double load) {
   return made;
 }
 
-/// Ten links released level, the mass in one place differs.
+/// Ten links released level, one with another mass.
 Problem odd_chain(const std::string& name, std::size_t place, double mass) {
   PlanarChain chain = chain_of(10);
   chain.masses[place] = mass;
@@ -84,7 +84,7 @@ Problem hung(const std::string& name, const std::string& group, const Vector3d& 
 
 // ---- redundancy and singular poses
 
-/// Every rod of a chain `times` over.
+/// A chain with every rod `times` over.
 Problem doubled(const std::string& name, int links, int times) {
   Problem made = with_chain(extreme(name, "redundancy", links), chain_of(links), 1.0 / 64.0);
   const std::vector<Joint> once = made.joints;
@@ -92,7 +92,7 @@ Problem doubled(const std::string& name, int links, int times) {
   return made;
 }
 
-/// A row of masses on parallel rods joined at the top, from an angle of the rods.
+/// A row of masses on parallel rods joined at the top, starting at an angle of the rods.
 Problem parallelogram(const std::string& name, const std::string& group, int rods, double angle,
                       double rate, bool is_braced) {
   Problem made = extreme(name, group, rods - 1.0);
@@ -151,8 +151,8 @@ Problem spring_chain(double stiffness) {
   return made;
 }
 
-/// A load on a rope that is wound up at 0.1 m/s; with too weak a motor it falls freely until
-/// then, less what the motor pulls.
+/// A load on a rope that a motor winds up at 0.1 m/s; with too weak a motor it falls, less the
+/// motor's pull.
 Problem winch(const std::string& name, double mass, double max_force) {
   Problem made = extreme(name, "motor against load", 5.0);
   made.is_conservative = false;
@@ -164,7 +164,7 @@ Problem winch(const std::string& name, double mass, double max_force) {
   made.joints = {rod(kWorld, 0)};
   made.joints[0].rate = rate;
   made.joints[0].max_force = max_force;
-  made.has_conflict = !holds;  // the rod does not have the length that is asked for
+  made.has_conflict = !holds;  // the rod does not reach its target length
   made.reference = closed_form(made, [=](long double time) {
     const double t = static_cast<double>(time);
     State state;
@@ -176,7 +176,7 @@ Problem winch(const std::string& name, double mass, double max_force) {
   return made;
 }
 
-// ---- scales: the same motion in other units
+// ---- scales: one motion in other units
 
 Problem scaled(const std::string& name, double length, double mass, int links) {
   PlanarChain chain = chain_of(links, 0.3, mass, length);
@@ -214,9 +214,9 @@ Problem huge_tick_box() {
   return made;
 }
 
-// ---- what cannot be
+// ---- contradictory and invalid problems
 
-/// A mass on two rods too short to meet; they pull alike, so it should not leave the middle.
+/// A mass on two rods too short to meet; they pull equally, so the mass should stay in the middle.
 Problem conflict(const std::string& name, double missing) {
   Problem made = extreme(name, "conflicting rows");
   made.has_conflict = true;

@@ -1,4 +1,4 @@
-// Mechanisms with closed loops; all bars of the windows are in line twice a turn.
+// Mechanisms with closed loops. All bars of the windows are in line twice a turn.
 
 #include "common.h"
 
@@ -15,8 +15,8 @@ Vector3d normal(long double angle) {
 }
 
 /// N + 1 unit point masses on upright rods of 1 m, joined in a row, all moving at 1 m/s along x.
-/// With `is_loaded` the last weighs 3 kg and the first is pushed by 5 N along x, so that the rods
-/// between carry a force where they are dependent. θ̈ = −g cos θ − (F/M) sin θ.
+/// With `is_loaded` the last mass is 3 kg and 5 N along x push the first, so that rods between
+/// carry a force where they are dependent. θ̈ = −g cos θ − (F/M) sin θ.
 Problem four_bar(const std::string& name, int windows, bool is_loaded) {
   Problem made = problem(name, "smooth", 10.0, windows);
   const int count = windows + 1;
@@ -42,8 +42,8 @@ Problem four_bar(const std::string& name, int windows, bool is_loaded) {
   return made;
 }
 
-/// The IFToMM's A02: the same of slender bars of 1 kg on ball joints. They stay in the plane, so
-/// ball joints are hinges, and the inertia about a bar's own axis does not matter.
+/// IFToMM's A02: the four-bar with slender bars of 1 kg on ball joints. Bars stay in the plane, so
+/// ball joints act as hinges, and the inertia about a bar's own axis does not matter.
 Problem bars_four_bar(const std::string& name, int windows, double duration) {
   Problem made = problem(name, "smooth", duration, windows);
   const Vector3d inertia(1.0 / 12.0, 1.0 / 12.0, 1.0 / 12.0);
@@ -87,7 +87,7 @@ Problem bars_four_bar(const std::string& name, int windows, double duration) {
   return made;
 }
 
-/// Twelve masses on twelve rods, a wheel that turns freely.
+/// A freely rotating ring of twelve masses on twelve rods.
 Problem ring() {
   constexpr int kCount = 12;
   Problem made = problem("ring_12", "smooth", 5.0);
@@ -113,7 +113,7 @@ Problem ring() {
   return made;
 }
 
-/// Masses 1 m apart in a horizontal square, joined along rows and columns, two corners held.
+/// A net: masses 1 m apart in a horizontal square, joined along rows and columns, two corners held.
 Problem net(const std::string& name, int side) {
   Problem made = problem(name, "smooth", 1.0, side);
   made.is_planar = false;

@@ -1,6 +1,6 @@
-// A problem for each kind of joint with axes, and for each kind of coupling of coordinates: two
-// boxes, one on the other on the world, or both on the world, let go at rest and askew to
-// everything, so that nothing is planar and no axis is principal.
+// A problem for each kind of joint with axes, and each kind of coupling: two boxes in a chain on
+// the world, or both on the world, released at rest in general poses, so that nothing is planar and
+// no axis is principal.
 
 #include "common.h"
 
@@ -14,12 +14,12 @@ Quaterniond turned(double angle, const Vector3d& axis) {
   return Quaterniond(Eigen::AngleAxisd(angle, axis.normalized()));
 }
 
-/// z of B at right angles to z of A, as universal joints have it.
+/// Returns a frame whose z is normal to z of `frame`, for body B of universal joints.
 Quaterniond across(const Quaterniond& frame) {
   return frame * turned(kPi / 2.0, Vector3d::UnitX());
 }
 
-/// Of body `b` on `a`, at this point of the world; the frame on A in the world.
+/// Joins body `b` to `a` at a point in the world; `frame` is the frame on A in the world.
 Joint on_axes(const Problem& made, JointKind kind, int a, int b, const Vector3d& point,
               const Quaterniond& frame) {
   const auto state = [&](int i) {
@@ -71,14 +71,14 @@ Problem two_boxes(JointKind first, JointKind second, const Vector3d& axis, doubl
   return with_reference(on_each_other(name(second), first, second, axis, duration));
 }
 
-/// Two hinges, the second on the first box, of which one turns by 1/1.7 as far as the other.
+/// Two hinges, the second on the first box, geared so that one turns by 1/1.7 of the other.
 Problem gears(const Vector3d& axis) {
   Problem made = on_each_other("gear", JointKind::kHinge, JointKind::kHinge, axis, 5.0);
   made.couplings = {{0, 1, 1.7}};
   return with_reference(made);
 }
 
-/// A pinion of 0.2 m that is not balanced, and its rack on a rail.
+/// An unbalanced pinion of 0.2 m, and its rack on a rail.
 Problem rack(const Vector3d& axle, const Vector3d& rail) {
   Problem made = boxes_alone("rack", 5.0);
   const auto along = [](const Vector3d& axis) {
@@ -91,7 +91,7 @@ Problem rack(const Vector3d& axle, const Vector3d& rail) {
   return with_reference(made);
 }
 
-/// A nut on a screw that is fixed, and on that nut's own screw another one, of 0.5 m a turn.
+/// A nut on a fixed screw, and a second nut on the screw of the first, with 0.5 m a turn.
 Problem screws(const Vector3d& axis) {
   Problem made =
       on_each_other("screw", JointKind::kCylindrical, JointKind::kCylindrical, axis, 1.0);
@@ -100,7 +100,7 @@ Problem screws(const Vector3d& axis) {
   return with_reference(made);
 }
 
-/// Both hang on one rope over two pulleys, not at their centres, the first on two strands.
+/// Two boxes on one rope over two pulleys, off their centres, the first on two strands.
 Problem pulley() {
   Problem made = boxes_alone("pulley", 1.0);
   const Vector3d anchors[] = {{-0.6, 0.1, 1.0}, {0.8, -0.2, 1.2}};

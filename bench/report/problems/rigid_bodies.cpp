@@ -1,4 +1,4 @@
-// Bodies that rotate, free or about a fixed point, and closed forms in three dimensions.
+// Rotating bodies, free or about a fixed point, and closed forms in three dimensions.
 
 #include "common.h"
 
@@ -24,7 +24,7 @@ Problem free_box(const std::string& name, const Vector3d& velocity, const Vector
   return made;
 }
 
-/// The first box many times over, 3 m apart: what an engine costs beside the mathematics.
+/// The first box many times over, 3 m apart, to measure an engine's overhead.
 Problem many_free_boxes(int count) {
   Problem made = free_box("free_boxes_" + std::to_string(count), Vector3d::Zero(), {0.1, 5.0, 0.1},
                           Vector3d::Zero());
@@ -69,7 +69,7 @@ Eigen::Quaterniond about_y(double angle) {
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle, Vector3d::UnitY()));
 }
 
-/// ω² = g / (l cos 45°).
+/// A conical pendulum at 45°: ω² = g / (l cos 45°).
 Problem conical_pendulum() {
   Problem made = problem("conical_pendulum", "smooth", 10.0);
   made.is_planar = false;
@@ -92,7 +92,7 @@ Problem conical_pendulum() {
   return made;
 }
 
-/// Two masses on a rod, without weight: uniform rotation about the common centre, which moves.
+/// Two masses on a rod, without gravity: uniform rotation about the moving common centre.
 Problem dumbbell() {
   Problem made = problem("dumbbell", "smooth", 10.0);
   made.gravity = Vector3d::Zero();
@@ -119,7 +119,7 @@ Problem dumbbell() {
   return made;
 }
 
-/// A mass on a spring that is let go at its own length.
+/// A mass on a spring, released at the spring's rest length.
 Problem oscillator(const std::string& name, const std::string& group, double stiffness) {
   Problem made = problem(name, group, 5.0);
   const auto states = [=](long double t) {

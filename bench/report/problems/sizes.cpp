@@ -1,4 +1,4 @@
-// Ever more of the same, to see what each one more costs in run time and memory.
+// Scenes of growing size, to measure run time and memory per element.
 
 #include <algorithm>
 
@@ -9,8 +9,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Five samples to warm up, in which contacts come and memory grows, and five that count, of up to
-/// twenty ticks where they are short.
+/// A problem with five samples to warm up, in which contacts form and memory grows, and five that
+/// count, of up to twenty ticks for small sizes.
 Problem sized(const std::string& group, int count) {
   constexpr double kTick = 1e-3;
   constexpr int kSamples = 5;
@@ -22,14 +22,14 @@ Problem sized(const std::string& group, int count) {
   return made;
 }
 
-/// Of a chain that is released level.
+/// Links of a chain that is released level.
 Problem links(int count) {
   Problem made = sized("links", count);
   add_chain(chain_of(count), &made);
   return made;
 }
 
-/// Boxes that tumble beside each other in free fall.
+/// Tumbling boxes beside each other in free fall.
 Problem bodies(int count) {
   Problem made = sized("bodies", count);
   made.is_planar = false;
@@ -42,7 +42,7 @@ Problem bodies(int count) {
   return made;
 }
 
-/// Balls at rest on a plane, one contact with friction each.
+/// Balls at rest on a plane, each with one contact with friction.
 Problem contacts(int count) {
   constexpr double kFriction = 0.5;
   Problem made = sized("contacts", count);

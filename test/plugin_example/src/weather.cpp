@@ -1,4 +1,4 @@
-// Wind and a bowl for constraint_sim, and what an anemometer on a body reads.
+// Wind and a bowl for constraint_sim, and the reading of an anemometer on a body.
 
 #include <constraint_sim/plugin.h>
 #include <ros/ros.h>
@@ -23,7 +23,7 @@ double parameter(const CustomParameters& all, const std::string& name) {
   throw std::invalid_argument("parameters: '" + name + "' is left out");
 }
 
-/// −c (v − w) on B, with wind of speed w along x of A's axes. From `until` on it has no wind left.
+/// Drag −c (v − w) on B, with wind of speed w along x of A's axes, until the time `until`.
 class Wind : public CustomForce {
  public:
   explicit Wind(const CustomParameters& p)
@@ -43,7 +43,7 @@ class Wind : public CustomForce {
   double until_ = INFINITY;  // [s]
 };
 
-/// z = ½ k (x² + y²), in the axes of the world, for A.
+/// Constraint z = ½ k (x² + y²) of B, in the axes of A.
 class Bowl : public CustomConstraint {
  public:
   explicit Bowl(const CustomParameters& p) : k_(parameter(p, "k")) {}

@@ -78,10 +78,8 @@ bool is_slack(const engine::Joint& joint, const engine::JointState& state) {
          state.force == 0.0;
 }
 
-double shown_error(Look look, const engine::Joint& joint, const engine::JointState& state) {
-  if (look == Look::kSpring) return 0.0;
+double error_while_closing(const engine::Joint& joint, const engine::JointState& state) {
   const double error = std::abs(state.error);
-  if (!state.closing) return error;
   for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
     const auto& motor = joint.coordinates[static_cast<std::size_t>(i)].motor;
     if (!motor || !motor->is_rigid() || !motor->position) continue;

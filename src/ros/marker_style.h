@@ -22,9 +22,15 @@ enum class Look { kRod, kRope, kStrut, kSpring, kJoint, kCoupling };
 Look look_of(const engine::Joint& joint);
 /// Returns whether a rope hangs slack and transmits no force.
 bool is_slack(const engine::Joint& joint, const engine::JointState& state);
+/// Returns the error of a joint that is closing [m]: 0 where a motor on its way to a position is
+/// the cause.
+double error_while_closing(const engine::Joint& joint, const engine::JointState& state);
 /// Returns the error to show [m]: 0 for a spring, whose length is free, and for a motor on its way
 /// to a position.
-double shown_error(Look look, const engine::Joint& joint, const engine::JointState& state);
+inline double shown_error(Look look, const engine::Joint& joint, const engine::JointState& state) {
+  if (look == Look::kSpring) return 0.0;
+  return state.closing ? error_while_closing(joint, state) : std::abs(state.error);
+}
 /// Returns the force along the drawn line [N], > 0 in compression; none for shapes without a line.
 std::optional<double> axial_force(const engine::Joint& joint, const engine::JointState& state);
 

@@ -40,10 +40,10 @@ void place_along(const Vector3d& from, const Vector3d& direction, Marker* marker
   marker->pose.orientation = quaternion_of(turn_of_z(direction));
 }
 
-Vector3d anchor_of(const engine::World& world, engine::BodyId body, const Vector3d& anchor) {
+inline Vector3d anchor_of(const engine::World& world, engine::BodyId body, const Vector3d& anchor) {
   if (body == engine::kWorldBody) return anchor;
   const engine::BodyState& state = world.state(body);
-  if (anchor.isZero(0.0)) return state.position;
+  if (anchor.x() == 0.0 && anchor.y() == 0.0 && anchor.z() == 0.0) return state.position;
   return state.position + state.orientation * anchor;
 }
 

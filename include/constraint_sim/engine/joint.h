@@ -36,8 +36,8 @@ enum class JointKind : std::uint8_t {
   kCustomForce,  ///< holds nothing; a force of another package acts between the anchors
 };
 /// Number of kinds before kCustom, which need no other package.
-inline constexpr std::size_t kOwnJointKindCount = 15;
-inline constexpr std::size_t kJointKindCount = 17;
+inline constexpr auto kOwnJointKindCount = static_cast<std::size_t>(JointKind::kCustom);
+inline constexpr auto kJointKindCount = static_cast<std::size_t>(JointKind::kCustomForce) + 1;
 
 /// Settings of a joint of kind kDistance: a rod, a rope or strut between limits, or a spring about
 /// `length`. C = ‖d‖ − length [m].

@@ -88,6 +88,9 @@ constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
     custom_kind("custom_force", {}),
 }};
 // clang-format on
+static_assert(!kKinds[kOwnJointKindCount - 1].is_custom && kKinds[kOwnJointKindCount].is_custom &&
+                  kKinds.back().is_custom,
+              "a line for each JointKind");
 
 // Returns the rotation vector along n for an angle in [0, π].
 Vector3d vector_of_turn(const Vector3d& n, double sine, double cosine) {

@@ -12,6 +12,7 @@
 #include "engine/constraints/law.h"
 #include "engine/islands/method_choice.h"
 #include "engine/math/numbers.h"
+#include "engine/model/shape_names.h"
 #include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
@@ -22,13 +23,13 @@ constexpr double kTold = 1e-6;  // [m or rad] of an opening joint: smaller parts
 /// What there is of each kind.
 struct Counts {
   int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
-  int points = 0, spheres = 0, boxes = 0, planes = 0, cylinders = 0;
   int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, colliding_cylinders = 0, rough = 0,
       turning = 0;
   int rods = 0, limited = 0, springs = 0, motors = 0, broken = 0, disabled = 0;
-  int rubbing = 0;                            // coordinates with friction
-  std::array<int, kJointKindCount> joints{};  // by kind
-  std::array<int, kMethodCount> islands{};    // that are awake
+  std::array<int, kShapeNames.size()> shapes{};  // by kind
+  int rubbing = 0;                               // coordinates with friction
+  std::array<int, kJointKindCount> joints{};     // by kind
+  std::array<int, kMethodCount> islands{};       // that are awake
   int asleep = 0;
 
   bool collides() const { return colliding >= 2 && colliding_dynamic >= 1; }
@@ -41,11 +42,7 @@ void count_body(const Body& body, Counts* counts) {
   counts->static_bodies += body.type == BodyType::kStatic;
   counts->kinematic_bodies += body.type == BodyType::kKinematic;
   const bool is_point = std::holds_alternative<Point>(body.shape);
-  counts->points += is_point;
-  counts->spheres += std::holds_alternative<Sphere>(body.shape);
-  counts->boxes += std::holds_alternative<Box>(body.shape);
-  counts->planes += std::holds_alternative<Plane>(body.shape);
-  counts->cylinders += std::holds_alternative<Cylinder>(body.shape);
+  ++counts->shapes[body.shape.index()];
 
   const bool has_inertia = !body.inertia.isZero(0.0) || !unit_inertia(body.shape).isZero(0.0);
   counts->turning += is_dynamic && has_inertia;
@@ -139,9 +136,9 @@ std::string explain(const World& world) {
   write_islands(world, out);
   out << "bodies: {dynamic: " << counts.dynamic_bodies << ", static: " << counts.static_bodies
       << ", kinematic: " << counts.kinematic_bodies << "}\n";
-  out << "shapes: {point: " << counts.points << ", sphere: " << counts.spheres
-      << ", box: " << counts.boxes << ", plane: " << counts.planes
-      << ", cylinder: " << counts.cylinders << "}\n";
+  for (std::size_t i = 0; i < kShapeNames.size(); ++i)
+    out << (i == 0 ? "shapes: {" : ", ") << kShapeNames[i] << ": " << counts.shapes[i];
+  out << "}\n";
   out << "constraints: {rod: " << counts.rods << ", limited: " << counts.limited
       << ", spring: " << counts.springs;
   for (std::size_t i = 0; i < kJointKindCount; ++i) {  // balls always, others where there are any

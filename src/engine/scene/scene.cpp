@@ -6,6 +6,7 @@
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/model/method_names.h"
+#include "engine/model/shape_names.h"
 #include "engine/model/validate.h"
 #include "engine/scene/scene_joints.h"
 #include "engine/scene/yaml_element.h"
@@ -92,7 +93,7 @@ Shape read_shape(const YamlElement& item) {
     parameters.expect_keys({"radius", "length"});
     return Cylinder{parameters.at("radius").number(), parameters.at("length").number()};
   }
-  fail_unknown(item, kinds[0], "point, sphere, box, plane, cylinder");
+  fail_unknown(item, kinds[0], names_of_shapes());
 }
 
 BodyState read_state(const YamlElement& item) {

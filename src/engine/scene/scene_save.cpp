@@ -7,6 +7,7 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
 #include "engine/math/list.h"
+#include "engine/model/shape_names.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"
 
@@ -83,25 +84,13 @@ const char* type_name(BodyType type) {
 struct ShapeWriter {
   YAML::Emitter* out;
 
-  void operator()(const Point&) const { begin("point"); }
-  void operator()(const Sphere& sphere) const {
-    begin("sphere");
-    write(out, "radius", sphere.radius);
-  }
-  void operator()(const Box& box) const {
-    begin("box");
-    write(out, "size", box.size);
-  }
-  void operator()(const Plane&) const { begin("plane"); }
+  void operator()(const Point&) const {}
+  void operator()(const Sphere& sphere) const { write(out, "radius", sphere.radius); }
+  void operator()(const Box& box) const { write(out, "size", box.size); }
+  void operator()(const Plane&) const {}
   void operator()(const Cylinder& cylinder) const {
-    begin("cylinder");
     write(out, "radius", cylinder.radius);
     write(out, "length", cylinder.length);
-  }
-
- private:
-  void begin(const char* kind) const {
-    *out << YAML::Key << kind << YAML::Value << YAML::Flow << YAML::BeginMap;
   }
 };
 
@@ -113,6 +102,8 @@ void write_body(YAML::Emitter* out, const World& world, BodyId id) {
   write(out, "name", body.name);
   write(out, "type", type_name(body.type));
   *out << YAML::Key << "shape" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  *out << YAML::Key << kShapeNames[body.shape.index()] << YAML::Value << YAML::Flow
+       << YAML::BeginMap;
   std::visit(ShapeWriter{out}, body.shape);
   *out << YAML::EndMap << YAML::EndMap;
   if (body.shape_pose) {

@@ -2,11 +2,13 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <limits>
 #include <string>
 #include <utility>
+#include <variant>
 
 #include "engine/constraints/custom.h"
 #include "engine/math/list.h"
@@ -53,6 +55,13 @@ template <>
 constexpr long kCount<ContactState> = static_cast<long>(ContactState::kSlipping) + 1;
 template <>
 constexpr long kCount<ImplicitMode> = static_cast<long>(ImplicitMode::kDissipate) + 1;
+
+/// The shape with this index in Shape, of size 0.
+template <std::size_t... kIndex>
+Shape shape_of_kind(std::size_t index, std::index_sequence<kIndex...> /*kinds*/) {
+  const std::array<Shape, sizeof...(kIndex)> kinds{Shape(std::in_place_index<kIndex>)...};
+  return kinds[index];
+}
 
 /// Visits values of all types that snapshots have, down to numbers, which `Bytes` then has in
 /// bytes(&number, size). Bytes::kReads: sizes of lists are read as well.
@@ -167,8 +176,7 @@ class Visitor {
     (*this)(index);
     if constexpr (kReads) {
       if (index >= std::variant_size_v<Shape>) fail_damaged("a shape");
-      static const Shape kShapes[] = {Point{}, Sphere{}, Box{}, Plane{}, Cylinder{}};
-      shape = kShapes[index];
+      shape = shape_of_kind(index, std::make_index_sequence<std::variant_size_v<Shape>>());
     }
     std::visit([this](auto& of_kind) { (*this)(of_kind); }, shape);
   }

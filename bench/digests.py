@@ -78,11 +78,14 @@ def main():
         if options.check and known.get(key) != value:
             mark = f'  not {known.get(key)}'
             different += 1
-        print(f'{key[0]:20s} {key[1]:20s} {value}{mark}')
+        if mark or not options.check:
+            print(f'{key[0]:20s} {key[1]:20s} {value}{mark}')
     if options.check and set(known) != set(found):
         raise SystemExit('digests: scenes or methods are not those of ' + str(options.check))
     if different:
         raise SystemExit(f'digests: {different} of {len(found)} are not those of {options.check}')
+    if options.check:
+        print(f'all {len(found)} digests are those of {options.check}')
     return 0
 
 

@@ -103,7 +103,7 @@ void World::set_body(BodyId id, const Body& body) {
   impl_->masses[i] = mass;
   for (const std::size_t j : impl_->joints_on(i)) {
     if (couples_joints(impl_->joints[j].kind)) continue;
-    const auto [a, b] = impl_->ends_of(impl_->joints[j]);
+    const auto [a, b] = ends_of(*impl_, impl_->joints[j]);
     impl_->joint_states[j].radius =
         std::max(impl_->masses[a].radius_of_gyration(), impl_->masses[b].radius_of_gyration());
   }

@@ -77,7 +77,7 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
 // Their contacts are not those of impulses.
 void World::Impl::take_out_group_contacts() {
   const auto is_of_group = [&](const TouchingPair& pair) {
-    const int island = std::max(island_of[pair.a], island_of[pair.b]);
+    const int island = std::max(topology.island_of(pair.a), topology.island_of(pair.b));
     return is_in_group(to_index(island)) && !contact_groups[group_of[island]].has_failed;
   };
   touching.erase(std::remove_if(touching.begin(), touching.end(), is_of_group), touching.end());

@@ -128,7 +128,7 @@ void World::Impl::find_contact_groups(const List<Broadphase::Pair>& near) {
   clear_contact_groups();
   if (!follows_contacts() || near.empty() || watched_pairs.empty()) return;
   for (const auto& [pair, gap] : watched_pairs) {
-    const int island = std::max(island_of[pair.first], island_of[pair.second]);
+    const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
     GroupSize& size = group_sizes[leader_of[island]];
     if (!(is_few(size) || size.is_elastic))
       size.left_for = MethodReason::kManyContacts;
@@ -197,7 +197,9 @@ MethodReason World::Impl::why_left(std::size_t island) const {
 // whether it is in no group, and touches something
 bool World::Impl::is_left_in_contact(std::size_t island) const {
   if (is_in_group(island)) return false;
-  const auto is_of_it = [&](int body) { return island_of[body] == static_cast<int>(island); };
+  const auto is_of_it = [&](int body) {
+    return topology.island_of(body) == static_cast<int>(island);
+  };
   return std::any_of(watched_pairs.begin(), watched_pairs.end(), [&](const auto& watched) {
     const auto& [pair, gap] = watched;
     return gap <= kTouching && (is_of_it(pair.first) || is_of_it(pair.second));
@@ -297,7 +299,7 @@ bool World::Impl::compile_events(const ContactGroup& group) {
     for (const int index : island_parts[i].members.joints) {
       if (count == equations.joints.size()) equations.joints.emplace_back();
       ContactEquations::BodyJoint& joint = equations.joints[count];
-      const auto [a, b] = joint_ends[index];
+      const auto [a, b] = topology.ends(index);
       Joint storage = std::move(joint.joint);  // nothing else is left of the step before
       joint = {index, add_group_body(static_cast<int>(a), &equations),
                add_group_body(static_cast<int>(b), &equations), std::move(storage)};

@@ -106,7 +106,7 @@ void World::Impl::watch_pairs() {
     const std::optional<double> gap = gap_to_watch(pair);
     if (!gap) continue;
     watched_pairs.push_back({pair, *gap});
-    const int a = island_of[pair.first], b = island_of[pair.second];
+    const int a = topology.island_of(pair.first), b = topology.island_of(pair.second);
     if (a >= 0 && b >= 0) leader[std::max(find(a), find(b))] = std::min(find(a), find(b));
   }
   if (watched_pairs.empty()) return;
@@ -118,7 +118,7 @@ void World::Impl::watch_pairs() {
 void World::Impl::list_group_sizes() {
   group_sizes.assign(islands.size(), GroupSize{});
   for (const auto& [pair, gap] : watched_pairs) {
-    const int island = std::max(island_of[pair.first], island_of[pair.second]);
+    const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
     GroupSize& size = group_sizes[leader_of[island]];
     size.has_pairs = true;
     for (const int body : {pair.first, pair.second})  // one that moves by itself may hit the others
@@ -160,8 +160,7 @@ double World::Impl::least_gap(std::size_t a, std::size_t b) const {
 // the gap of a pair that may touch within the step
 std::optional<double> World::Impl::gap_to_watch(const Broadphase::Pair& pair) const {
   const double most = reach[pair.first] + reach[pair.second];
-  if (least_gap(to_index(pair.first), to_index(pair.second)) > most ||
-      std::binary_search(unpaired.begin(), unpaired.end(), pair))
+  if (least_gap(to_index(pair.first), to_index(pair.second)) > most || topology.is_unpaired(pair))
     return std::nullopt;
   const double gap = gap_of(pair);
   if (gap > most) return std::nullopt;

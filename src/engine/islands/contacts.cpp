@@ -49,7 +49,7 @@ void World::Impl::collide_pairs(const List<Broadphase::Pair>& near) {
   std::size_t points = 0;
   auto before = touching_before.begin();  // both lists are sorted, so one pass matches them
   for (const Broadphase::Pair& ends : near) {
-    if (std::binary_search(unpaired.begin(), unpaired.end(), ends)) continue;
+    if (topology.is_unpaired(ends)) continue;
     if (is_set(stop)) return;
     const auto a = to_index(ends.first);
     const auto b = to_index(ends.second);

@@ -185,7 +185,7 @@ void World::Impl::find_hits(const List<Broadphase::Pair>& near) {
   // boxes are wider for groups by events
   const auto is_open = [&](const Broadphase::Pair& pair) {
     return !has_joints(pair) && is_fast(pair, h) && find(touching, pair) == nullptr &&
-           !std::binary_search(unpaired.begin(), unpaired.end(), pair) &&
+           !topology.is_unpaired(pair) &&
            (!follows_contacts() || gap_of(pair) <= swept(pair.first, h) + swept(pair.second, h));
   };
   List<bool> hits_something(bodies.size());
@@ -227,7 +227,8 @@ void World::Impl::find_fast_group(const Carried& by_method) {
   const auto join = [&](int body) {
     if (!is_movable(to_index(body)) || is_member[body]) return;
     spreads = true;
-    for (const int other : island_parts[island_of[body]].members.bodies) is_member[other] = true;
+    for (const int other : island_parts[topology.island_of(body)].members.bodies)
+      is_member[other] = true;
   };
   for (const TouchingPair& pair : touching) {
     if (time_to_watch(pair) >= options.time_step) continue;
@@ -248,7 +249,7 @@ void World::Impl::find_fast_group(const Carried& by_method) {
   for (const int body : by_method.impulse_bodies)
     (is_member[body] ? fast_group : slow_group).bodies.push_back(body);
   for (const int j : by_method.impulse_joints) {
-    const auto [a, b] = joint_ends[j];
+    const auto [a, b] = topology.ends(j);
     (is_member[is_movable(a) ? a : b] ? fast_group : slow_group).joints.push_back(j);
   }
 }
@@ -266,7 +267,7 @@ List<Broadphase::Pair> World::Impl::pairs_of_group(double duration, bool* is_any
     const bool has_a = is_member[pair.first];
     const bool has_b = is_member[pair.second];
     if (!has_a && !has_b) continue;
-    if (std::binary_search(unpaired.begin(), unpaired.end(), pair)) continue;
+    if (topology.is_unpaired(pair)) continue;
     const int other = has_a ? pair.second : pair.first;
     if (has_a != has_b && is_movable(to_index(other)))
       *is_any_left = *is_any_left || (is_fast(pair, duration) && time_of_hit(pair, duration));
@@ -381,9 +382,14 @@ void World::Impl::advance_group(const Tick& tick, double done, double duration) 
   }
   JointStep span = span_from(tick.start + done, duration);
   if (!joint_sums.empty()) span.beta *= share;  // errors close in all parts as they do in a step
-  const ImpulseStep step{
-      span, fast_group.bodies, fast_group.joints, joint_ends, is_in_loop, wrenches_now, stop,
-      clock};
+  const ImpulseStep step{span,
+                         fast_group.bodies,
+                         fast_group.joints,
+                         topology.joint_ends(),
+                         topology.is_in_loop(),
+                         wrenches_now,
+                         stop,
+                         clock};
   const std::uint32_t contacts_before = report.contacts;
   book(sequential_impulses.advance(*this, step, this));
   report.contacts = contacts_before;  // each is counted once, with the hits

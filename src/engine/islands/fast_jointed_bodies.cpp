@@ -54,7 +54,8 @@ struct Path {
 
 bool World::Impl::has_joints(const Broadphase::Pair& pair) const {
   const auto has = [&](int body) {
-    return is_movable(to_index(body)) && !island_parts[island_of[body]].members.joints.empty();
+    return is_movable(to_index(body)) &&
+           !island_parts[topology.island_of(body)].members.joints.empty();
   };
   return has(pair.first) || has(pair.second);
 }
@@ -64,8 +65,7 @@ void World::Impl::list_jointed_pairs(const List<Broadphase::Pair>& near) {
   const double h = options.time_step;
   jointed_pairs.clear();
   for (const Broadphase::Pair& pair : near) {
-    if (!has_joints(pair) || !is_fast(pair, h) ||
-        std::binary_search(unpaired.begin(), unpaired.end(), pair) || is_touching(pair) ||
+    if (!has_joints(pair) || !is_fast(pair, h) || topology.is_unpaired(pair) || is_touching(pair) ||
         gap_of(pair) > swept(pair.first, h) + swept(pair.second, h))
       continue;
     jointed_pairs.push_back(pair);
@@ -113,7 +113,7 @@ void World::Impl::catch_what_passes() {
   };
   List<int> caught;
   for (const Broadphase::Pair& pair : jointed_pairs) {
-    const int a = island_of[pair.first], b = island_of[pair.second];
+    const int a = topology.island_of(pair.first), b = topology.island_of(pair.second);
     if (!is_integrated(a) || !is_integrated(b) || !passes(pair)) continue;
     for (const int island : {a, b})
       if (island >= 0) caught.push_back(island);
@@ -131,7 +131,7 @@ void World::Impl::catch_what_passes() {
 void World::Impl::add_jointed_pairs() {
   const auto is_carried = [&](int body) {
     return !is_movable(to_index(body)) ||
-           islands[island_of[body]].method == Method::kSequentialImpulses;
+           islands[topology.island_of(body)].method == Method::kSequentialImpulses;
   };
   for (const Broadphase::Pair& pair : jointed_pairs) {
     if (!is_carried(pair.first) || !is_carried(pair.second)) continue;

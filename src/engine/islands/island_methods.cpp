@@ -38,7 +38,7 @@ void World::Impl::sort_islands(const List<TouchingPair>& pairs) {
   for (const int i : awake_islands) in_contact[i] = false;
   for (const TouchingPair& pair : pairs)
     for (const int body : {pair.a, pair.b})
-      if (island_of[body] >= 0) in_contact[island_of[body]] = true;
+      if (topology.island_of(body) >= 0) in_contact[topology.island_of(body)] = true;
 
   bool changed = !fresh_islands.empty() || awake_changed;
   awake_changed = any_refused = any_stiff = false;
@@ -101,9 +101,7 @@ void World::Impl::restart(const IslandParts& parts) {
 
 // whether a joint belongs to an island that is integrated
 bool World::Impl::is_integrated(std::size_t j) const {
-  const auto [a, b] = joint_ends[j];
-  const int island = island_of[is_movable(a) ? a : b];
-  return islands[island].method != Method::kSequentialImpulses;
+  return islands[topology.island_of_joint(*this, j)].method != Method::kSequentialImpulses;
 }
 
 void World::Impl::list_by_method() {
@@ -118,7 +116,7 @@ void World::Impl::list_by_method() {
   carried.impulse_bodies.clear();
   carried.impulse_joints.clear();
   for (const int body : awake_bodies) {
-    const int island = island_of[body];
+    const int island = topology.island_of(body);
     if (island >= 0 && islands[island].method == Method::kSequentialImpulses)
       carried.impulse_bodies.push_back(body);
   }
@@ -141,7 +139,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     IslandParts& parts = island_parts[i];
     parts.projected_energy = parts.correction_work = 0.0;
     parts.changes = 0;
-    parts.is_to_be_asked = parts.has_failed = false;
+    parts.needs_method_choice = parts.has_failed = false;
     if (parts.motion >= 0) motions[parts.motion].begin_step(joint_states);
   }
   split_step(tick);
@@ -211,15 +209,16 @@ void World::Impl::compile_where_closed(const JointStep& step) {
     const std::size_t j = to_index(index);
     if (joint_states[j].closing || info(joints[j].kind).form != RowsForm::kPoint) continue;
     courses[j].begin(joints[j], step, joint_states[j]);
-    const auto [a, b] = joint_ends[j];
-    compile_if_opened(&island_parts[island_of[is_movable(a) ? a : b]]);
+    compile_if_opened(&island_parts[topology.island_of_joint(*this, j)]);
   }
 }
 
 // or where they have been opened
 void World::Impl::compile_if_opened(IslandParts* parts) {
-  if (parts->motion < 0 || open_points_of(parts->members) == parts->open_points) return;
-  compile_island(parts);
+  if (parts->motion < 0) return;
+  const List<int> open_points = open_points_of(*this, joint_states, parts->members);
+  if (open_points == parts->open_points) return;
+  compile_island(*this, topology, open_points, parts, &motions);
   restart(*parts);
 }
 
@@ -383,7 +382,7 @@ IntegrationResult World::Impl::advance_joints(std::size_t i, Integration way,
       const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
       if (!learn_from_substeps(cost, step_count, options, &progress, &parts)) break;
       if (!progress.done) motion.begin_step(joint_states);  // forgets what it did in vain
-      parts.is_to_be_asked = true;
+      parts.needs_method_choice = true;
       break;
     }
     case Integration::kGradients: {
@@ -406,7 +405,7 @@ void World::Impl::switch_method(std::size_t i, Method method, MethodReason why) 
   islands[i].method = method;
   islands[i].why = why;
   motions[island_parts[i].motion].change_way();
-  island_parts[i].is_to_be_asked = true;
+  island_parts[i].needs_method_choice = true;
 }
 
 // from events to impulses

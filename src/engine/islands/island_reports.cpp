@@ -19,7 +19,7 @@ bool World::Impl::report_islands(const List<int>& smooth) {
     watch.integrated_corrections += parts.correction_work;
     parts.energy.corrections += parts.correction_work;
     report.changes += parts.changes;
-    any_stiff = any_stiff || parts.is_to_be_asked;
+    any_stiff = any_stiff || parts.needs_method_choice;
     any_changed = any_changed || parts.changes > 0;
     if (island.method == Method::kSequentialImpulses) continue;  // refused within the step
     if (parts.motion >= 0) {

@@ -10,9 +10,9 @@ namespace constraint_sim::engine {
 List<World::Impl::NextIsland> World::Impl::next_islands() const {
   List<NextIsland> next;
   List<JointEnds> ends;
-  for (const Joint& joint : joints) ends.push_back(ends_of(joint));
+  for (const Joint& joint : joints) ends.push_back(ends_of(*this, joint));
   if (topology_edited)
-    for (IslandMembers& members : group_bodies(ends))
+    for (IslandMembers& members : group_bodies(*this, joint_states, ends))
       next.push_back(next_island(std::move(members)));
   else
     for (std::size_t i = 0; i < islands.size(); ++i)
@@ -37,12 +37,12 @@ List<World::Impl::NextIsland> World::Impl::next_islands() const {
 // as it was before, where it has the same bodies and joints
 World::Impl::NextIsland World::Impl::next_island(IslandMembers members) const {
   const std::size_t first = to_index(members.bodies.front());
-  const int old = !all_edited && first < island_of.size() ? island_of[first] : -1;
+  const int old = !all_edited && topology.knows(first) ? topology.island_of(first) : -1;
   if (old >= 0 && island_parts[old].members == members) {
     const IslandParts& parts = island_parts[old];
     return {std::move(members), islands[old], parts, parts.is_fresh};
   }
-  const Island island = new_island(members);
+  const Island island = new_island(*this, members);
   return {std::move(members), island, loaded_memory_of(island.first_body), true};
 }
 
@@ -69,7 +69,7 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
     return std::find(grouped_bodies.begin(), grouped_bodies.end(), body_ids[body]) !=
            grouped_bodies.end();
   };
-  const FastestSprings fastest(*this, ends);
+  const FastestSprings fastest(*this, joint_states, ends);
   for (std::size_t i = 0; i < next->size(); ++i) {
     auto& [members, island, memory, is_fresh] = (*next)[i];
     island.local_error = 0.0;
@@ -80,7 +80,7 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
       continue;
     }
     island.dependent_rows = 0;
-    const MethodReason nature = classify(traits_of(members, fastest), options);
+    const MethodReason nature = classify(traits_of(*this, members, fastest), options);
     MethodChoice choice = choose(nature, in_contact[i], memory, step_count, options);
     if (follows_contacts() && suits_group(members, nature, memory) &&
         std::any_of(members.bodies.begin(), members.bodies.end(), was_in_group))

@@ -165,11 +165,11 @@ bool World::Impl::is_driven(std::size_t island) const {
           return law.motor && law.motor->force.value_or(0.0) != 0.0;
         }))
       return true;
-    for (const std::size_t end : {joint_ends[j].first, joint_ends[j].second})
+    for (const std::size_t end : {topology.ends(j).first, topology.ends(j).second})
       if (!is_movable(end) && is_moving_by_itself(end)) return true;
   }
   return std::any_of(wrenches.begin(), wrenches.end(), [&](const Wrench& wrench) {
-    return island_of[index(wrench.body)] == static_cast<int>(island);
+    return topology.island_of(index(wrench.body)) == static_cast<int>(island);
   });
 }
 
@@ -190,10 +190,11 @@ bool World::Impl::find_sleep_candidates() {
     is_sleep_candidate[i] = parts.quiet_for >= least && !is_driven(to_index(i));
   }
   const auto keep_awake = [&](int body, int other) {
-    if (!is_movable(to_index(body)) || !is_sleep_candidate[island_of[body]]) return false;
-    const bool other_moves = is_movable(to_index(other)) ? !is_sleep_candidate[island_of[other]]
-                                                         : is_moving_by_itself(to_index(other));
-    if (other_moves) is_sleep_candidate[island_of[body]] = false;
+    if (!is_movable(to_index(body)) || !is_sleep_candidate[topology.island_of(body)]) return false;
+    const bool other_moves = is_movable(to_index(other))
+                                 ? !is_sleep_candidate[topology.island_of(other)]
+                                 : is_moving_by_itself(to_index(other));
+    if (other_moves) is_sleep_candidate[topology.island_of(body)] = false;
     return other_moves;
   };
   for (bool spreads = true; spreads;) {
@@ -245,7 +246,7 @@ void World::Impl::list_awake() {
   awake_joints.clear();
   List<int> resting_joints;
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    const auto [a, b] = joint_ends[j];
+    const auto [a, b] = topology.ends(j);
     (asleep[is_movable(a) ? a : b] ? resting_joints : awake_joints).push_back(static_cast<int>(j));
   }
   list_shapes(resting_bodies);

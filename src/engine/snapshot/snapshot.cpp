@@ -392,7 +392,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     visit(static_cast<MemoryOf&>(parts));
     visit(parts.is_fresh);
     visit(parts.energy);
-    visit(parts.gives_way);
+    visit(parts.has_limited_spring);
     bool has_motion = parts.motion >= 0;
     visit(has_motion);
     List<int> open_points = parts.open_points;  // maybe not those that are open by now
@@ -400,7 +400,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     if constexpr (Visit::kReads) check_indices(open_points, self.joints.size());
     if constexpr (Visit::kReads)
       if (has_motion && (parts.motion < 0 || open_points != parts.open_points))
-        self.compile_island(&parts, open_points);
+        compile_island(self, self.topology, open_points, &parts, &self.motions);
     visit.keep_sizes(true);  // as it is compiled
     if (has_motion)
       IslandMotion::visit_memory(self.motions[static_cast<std::size_t>(parts.motion)], visit,
@@ -439,9 +439,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
 // what follows from islands and what they remember; of those that impulses carry nothing does,
 // which have no courses where they have always done so
 void World::Impl::continue_from_snapshot() {
-  fresh_islands.clear();
-  for (std::size_t i = 0; i < islands.size(); ++i)
-    if (island_parts[i].is_fresh) fresh_islands.push_back(static_cast<int>(i));
+  list_fresh();
   in_contact.assign(islands.size(), false);
   list_by_method();
   for (std::size_t i = 0; i < islands.size(); ++i)

@@ -130,7 +130,7 @@ struct VerifiedRun {
   const std::string& why_without(BodyId body) const { return without_estimate[body.value]; }
   const BodyState& state(BodyId body) const { return insides().states[insides().index(body)]; }
   const Island& island_of(BodyId body) const {
-    const int island = insides().island_of[insides().index(body)];
+    const int island = insides().topology.island_of(insides().index(body));
     return insides().islands[static_cast<std::size_t>(island)];
   }
 };

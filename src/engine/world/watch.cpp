@@ -81,8 +81,7 @@ void World::Impl::watch_joints() {
     }
     watch.open.push_back(now);
     // that joints cannot be met, or rest as they are, is known before any time has passed
-    const auto [a, b] = joint_ends[j];
-    const MethodReason why = islands[island_of[is_movable(a) ? a : b]].why;
+    const MethodReason why = islands[topology.island_of_joint(*this, j)].why;
     const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
     // joints that impulses open beside contacts are reported in the first step already
     const bool is_opened = why == MethodReason::kManyContacts || why == MethodReason::kContact ||
@@ -117,7 +116,7 @@ void World::Impl::watch_contacts() {
             radius * (*all)[body].angular_velocity.norm() > resting)
           watch.has_moved[body] = 1;
     }
-    const int island = std::max(island_of[pair.a], island_of[pair.b]);
+    const int island = std::max(topology.island_of(pair.a), topology.island_of(pair.b));
     if (pair.manifold.count == 0 || island < 0 || is_in_group(to_index(island))) continue;
     double deepest = 0.0;
     bool sticks = false;
@@ -201,13 +200,13 @@ void World::Impl::begin_watch() {
     parts.energy = WatchedEnergy{};
     parts.energy.was_by_impulses = method_for(parts.nature, options) == Method::kSequentialImpulses;
     parts.energy.was_driven = is_driven(i);
-    parts.gives_way = false;
+    parts.has_limited_spring = false;
     for (const int index : parts.members.joints) {
       const Joint& joint = joints[index];
       if (is_rigid(joint))  // what does not fit is closed from the first step on
         parts.energy.was_driven |= std::abs(joint_states[index].error) > kFits;
       else
-        parts.gives_way |= joint.motor.max_force > 0.0;
+        parts.has_limited_spring |= joint.motor.max_force > 0.0;
     }
     look_at_island(i, nullptr);
   }
@@ -283,7 +282,7 @@ void World::Impl::look_at_energy() {
       continue;
     }
     // the work of drives on what was integrated for a while is not known
-    is_known = is_known && !island_parts[i].gives_way &&
+    is_known = is_known && !island_parts[i].has_limited_spring &&
                !(any_driven && (has_changed || !was_by_impulses));
     gain += gain_here;
     allowed += allowed_here;

@@ -10,17 +10,6 @@
 
 namespace constraint_sim::engine {
 
-/// Energy of an island, as looked at every kWindow steps.
-struct WatchedEnergy {
-  double before = 0.0;        ///< when last looked at [J]
-  double gain = 0.0;          ///< without a cause, since it was least; by impulses, since then [J]
-  double most_kinetic = 0.0;  ///< since the last edit [J]
-  double corrections = 0.0;   ///< work of corrections where it was integrated, since [J]
-  bool was_driven = false;    ///< when last looked at
-  bool was_by_impulses = false;
-  bool has_changed = false;  ///< to or from impulses, since
-};
-
 /// Finds errors that nothing closes, and energy that rises without a cause. Decides nothing.
 class Watch {
  public:

@@ -141,7 +141,8 @@ void World::Impl::find_acting_wrenches(const Tick& tick) {
                         : std::min(wrench.end, tick.end) - std::max(wrench.start, tick.start);
     if (duration <= 0.0) continue;  // not yet
     const std::size_t i = index(wrench.body);
-    if (islands[static_cast<std::size_t>(island_of[i])].method == Method::kSequentialImpulses)
+    if (islands[static_cast<std::size_t>(topology.island_of(i))].method ==
+        Method::kSequentialImpulses)
       acting_wrenches.push_back({i, duration, wrench.force, wrench.torque});
   }
 }
@@ -152,7 +153,7 @@ void World::Impl::find_custom_forces(const Tick& tick, const Carried& by_method)
     const auto j = static_cast<std::size_t>(index);
     if (!is_custom_force(joints[j].kind) || !acts(joints[j], joint_states[j])) continue;
     const Jacobian wrench = custom_wrench(joints[j], state_a(j), state_b(j), tick.start);
-    const auto [a, b] = joint_ends[j];
+    const auto [a, b] = topology.ends(j);
     if (is_movable(a)) acting_wrenches.push_back({a, options.time_step, wrench.j1, wrench.j2});
     if (is_movable(b)) acting_wrenches.push_back({b, options.time_step, wrench.j3, wrench.j4});
   }
@@ -174,7 +175,7 @@ void World::Impl::advance_by_impulses(const Tick& tick, const Carried& by_method
   if (by_method.impulse_bodies.empty()) return;
   acting_wrenches.clear();
   if (!wrenches.empty()) find_acting_wrenches(tick);
-  if (any_custom_forces) find_custom_forces(tick, by_method);
+  if (topology.has_custom_forces()) find_custom_forces(tick, by_method);
   if (!jointed_pairs.empty()) add_jointed_pairs();
   if (!fast_bodies.empty() && is_any_about_to_hit()) {
     find_fast_group(by_method);
@@ -196,8 +197,8 @@ void World::Impl::finish_impulses(const Tick& tick, const Carried& by_method) {
 // Impulses have no estimate of their error, and so has a step with them.
 void World::Impl::leave_out_estimates(const Carried& by_method) {
   for (const int body : by_method.impulse_bodies)
-    islands[static_cast<std::size_t>(island_of[static_cast<std::size_t>(body)])].local_error =
-        report.local_error = std::numeric_limits<double>::quiet_NaN();
+    islands[static_cast<std::size_t>(topology.island_of(static_cast<std::size_t>(body)))]
+        .local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
 }
 
 ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method) const {
@@ -205,8 +206,8 @@ ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method
   return {joint_step(tick),
           is_divided ? slow_group.bodies : by_method.impulse_bodies,
           is_divided ? slow_group.joints : by_method.impulse_joints,
-          joint_ends,
-          is_in_loop,
+          topology.joint_ends(),
+          topology.is_in_loop(),
           acting_wrenches,
           stop,
           clock};
@@ -388,7 +389,11 @@ double World::Impl::time_of(std::uint64_t step) const {
   return base_time + static_cast<double>(step - base_step) * options.time_step;
 }
 
-const BodyState& World::Impl::state_a(std::size_t j) const { return states[joint_ends[j].first]; }
-const BodyState& World::Impl::state_b(std::size_t j) const { return states[joint_ends[j].second]; }
+const BodyState& World::Impl::state_a(std::size_t j) const {
+  return states[topology.ends(j).first];
+}
+const BodyState& World::Impl::state_b(std::size_t j) const {
+  return states[topology.ends(j).second];
+}
 
 }  // namespace constraint_sim::engine

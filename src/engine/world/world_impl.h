@@ -13,9 +13,10 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_sum.h"
 #include "engine/constraints/one_sided_law.h"
-#include "engine/islands/island_motion.h"
-#include "engine/islands/islands.h"
-#include "engine/islands/method_choice.h"
+#include "engine/islands/compile.h"
+#include "engine/islands/island_lists.h"
+#include "engine/islands/island_traits.h"
+#include "engine/islands/topology.h"
 #include "engine/math/list.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
 #include "engine/methods/sequential_impulses/sequential_impulses.h"
@@ -34,39 +35,9 @@ struct Energy {
   double kinetic = 0.0, potential = 0.0;
 };
 
-/// What an island is made of, and what is kept for it from step to step.
-struct IslandParts : IslandMemory {
-  IslandMembers members;
-  MethodReason nature = MethodReason::kSmooth;  ///< of its joints and options; contacts come and go
-  int motion = -1;           ///< into motions; -1: no joints, or never integrated
-  List<int> turning_freely;  ///< bodies whose rotation no joint acts on
-
-  // of this step; each island writes its own, for several may be carried at once
-  double projected_energy = 0.0, correction_work = 0.0;  ///< [J]
-  std::uint32_t changes = 0;                             ///< of its method
-  bool is_to_be_asked = false;                           ///< what it is, again in the next step
-  bool has_failed = false;
-
-  bool is_fresh = true;   ///< no step since an edit that concerns it
-  bool is_stale = false;  ///< the laws of its joints are others than those compiled
-  List<int> open_points;  ///< joints without axes that were open when it was compiled
-  WatchedEnergy energy;
-  bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
-};
-
 class ContactEquations;
 class ContactEvents;
 class ElasticSpheres;
-
-/// Islands and what is compiled for them.
-struct IslandLists {
-  List<IslandParts> island_parts;
-  std::vector<Island> islands;  // the same, as it is told
-  List<IslandMotion> motions;   // of the islands with joints
-};
-
-/// The two bodies of a joint, by index.
-using JointEnds = std::pair<std::size_t, std::size_t>;
 
 /// One step, simulated [s].
 struct Tick {
@@ -141,19 +112,14 @@ struct World::Impl : Model, State, IslandLists {
   bool all_edited = true;                  // all islands begin anew
   std::shared_ptr<const char> model_mark;  // worlds that have the same have the same model
   std::optional<Seen> seen;                // of snapshots, which count as edited
-  Storage<List<List<std::size_t>>> joints_of_bodies;    // made when asked for
-  std::vector<BodyId> edited_bodies;                    // whose islands begin anew
-  std::vector<BodyId> relinked_bodies;                  // whose islands are compiled anew
-  List<Broadphase::Pair> unpaired;                      // joined bodies that may overlap, sorted
-  List<JointEnds> joint_ends;                           // the two bodies of each joint
-  List<std::pair<BodyId, IslandMemory>> loaded_memory;  // by first body, until there are islands
-  List<bool> is_in_loop;                // joints of an island whose joints close one
-  List<int> island_of;                  // of bodies; -1 of immovable ones
+  Storage<List<List<std::size_t>>> joints_of_bodies;  // made when asked for
+  std::vector<BodyId> edited_bodies;                  // whose islands begin anew
+  std::vector<BodyId> relinked_bodies;                // whose islands are compiled anew
+  Topology topology;
   List<FreeRotation> rotations;         // of bodies
   double reference_energy = 0.0;        // [J] at the last edit
   double largest_kinetic_energy = 0.0;  // [J] since the last edit
   std::uint64_t quiet_steps = 0;        // after which an island may rest; 0: never
-  List<int> fresh_islands;              // those that begin anew
 
   // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
   bool may_sleep = true;    // false: no body is asleep
@@ -185,7 +151,6 @@ struct World::Impl : Model, State, IslandLists {
   List<double> span_ends;     // of the spans of a step in which nothing jumps [s]
   List<AppliedWrench> loads;  // of wrenches, in a span
   bool had_wrenches = false;  // in the span before
-  bool any_custom_forces = false;
   Workers workers;
   Broadphase broadphase;
   List<Proxy> proxies;
@@ -337,28 +302,7 @@ struct World::Impl : Model, State, IslandLists {
   void save_state();
   void restore_state();
   void rebuild_topology();
-  void make_islands();
-  void keep_island(std::size_t old, IslandLists* before);
-  void list_fresh_islands();
-  void restart_all();
-  void find_loops();
-  void classify_islands();
-  std::pair<std::size_t, std::size_t> ends_of(const Joint& joint) const;
-  List<IslandMembers> group_bodies(const List<JointEnds>& ends) const;
-  Island new_island(const IslandMembers& members) const;
-  IslandMemory loaded_memory_of(BodyId first) const;
-  List<double> fastest_springs(const List<JointEnds>& ends, bool with_limit) const;
-  /// Of bodies, those without and with a force limit [1/s].
-  struct FastestSprings {
-    List<double> springs, limited;
-
-    FastestSprings(const Impl& impl, const List<JointEnds>& ends)
-        : springs(impl.fastest_springs(ends, false)), limited(impl.fastest_springs(ends, true)) {}
-  };
-  IslandTraits traits_of(const IslandMembers& members, const FastestSprings& fastest) const;
-  List<int> open_points_of(const IslandMembers& members) const;
-  void compile_island(IslandParts* parts);
-  void compile_island(IslandParts* parts, const List<int>& open_points);
+  void take_over_edits();
   const List<Broadphase::Pair>& find_pairs();
   void find_overlapping();
   Proxy proxy(int body) const;

@@ -285,8 +285,8 @@ void World::Impl::set_ends(const Joint& joint, JointState* state) const {
 }
 
 void World::Impl::wake_ends(const Joint& joint) {
-  wake(index(joint.body_a));
-  wake(index(joint.body_b));
+  sleep.wake(index(joint.body_a), this);
+  sleep.wake(index(joint.body_b), this);
 }
 
 bool World::has_joint(std::string_view name) const {

@@ -139,8 +139,8 @@ void World::Impl::erase_bodies(const List<bool>& is_removed) {
   const auto goes = [&](BodyId id) { return is_removed[index(id)]; };
   for (const TouchingPair& pair : resting) {
     if (!is_known(pair)) continue;
-    if (goes(pair.id_a)) wake(index(pair.id_b));
-    if (goes(pair.id_b)) wake(index(pair.id_a));
+    if (goes(pair.id_a)) sleep.wake(index(pair.id_b), this);
+    if (goes(pair.id_b)) sleep.wake(index(pair.id_a), this);
   }
   const auto is_on_one = [&](const Wrench& wrench) { return goes(wrench.body); };
   wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_on_one), wrenches.end());

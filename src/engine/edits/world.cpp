@@ -51,7 +51,6 @@ void World::take_snapshot(World* snapshot) const {
   if (!to.model_mark || to.model_mark != from.model_mark) static_cast<Model&>(to) = from;
   to.model_mark = from.model_mark;
   to.joints_of_bodies = {};
-  to.may_sleep = true;
   static_cast<State&>(to) = from;
   to.report = from.report;
   if (from.report.failure == Failure::kCustom) {
@@ -62,7 +61,7 @@ void World::take_snapshot(World* snapshot) const {
   to.resting_contacts = from.resting_contacts;
   to.events = from.events;
   to.watch.unclosed = from.watch.unclosed;
-  to.any_waking = from.any_waking;
+  to.sleep.continue_from(from.sleep.is_stale());
   to.edited = to.topology_edited = to.all_edited = true;
   if (!to.seen) to.seen.emplace();
   to.seen->is_edited = from.edited;
@@ -89,7 +88,7 @@ void World::set_options(const WorldOptions& options) {
   check_next_tick("time_step", time(), options.time_step);
   if (options.time_step != impl_->options.time_step) set_time(time(), step_count());
   impl_->options = options;
-  impl_->wake_all();
+  impl_->sleep.wake_all(impl_.get());
   impl_->edit_all();
 }
 
@@ -178,7 +177,7 @@ void World::continue_from(const World& other) {
 }
 
 void World::Impl::forget_contacts() {
-  wake_all();
+  sleep.wake_all(this);
   touching.clear();
   resting.clear();
   contacts.clear();
@@ -186,16 +185,15 @@ void World::Impl::forget_contacts() {
   events.clear();
 }
 
-// whether both bodies are still there
+// Whether both bodies are still there.
 bool World::Impl::is_known(const TouchingPair& pair) const {
-  return body_index[pair.id_a.value] >= 0 && body_index[pair.id_b.value] >= 0;
+  return Model::is_known(pair.id_a) && Model::is_known(pair.id_b);
 }
 
 // those that slept when the scene was saved, with all that they hang on
 void World::Impl::continue_asleep(const std::vector<BodyId>& ids) {
   for (const BodyId id : ids) asleep[index(id)] = true;
-  may_sleep = true;
-  any_waking = !ids.empty();  // wakes those whose neighbours do not sleep
+  sleep.continue_from(!ids.empty());  // wakes bodies whose neighbours do not sleep
   edit_all();
 }
 

@@ -22,7 +22,7 @@ void World::add_wrench(const Wrench& wrench) {
                       shortest(wrench.end));
 
   if (wrench.end <= time()) return;
-  impl_->wake(i);
+  impl_->sleep.wake(i, impl_.get());
   impl_->wrenches.push_back(wrench);
 }
 

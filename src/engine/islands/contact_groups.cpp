@@ -144,7 +144,7 @@ void World::Impl::find_contact_groups(const List<Broadphase::Pair>& near) {
     }
     contact_groups[size.group].pairs.push_back(pair);
   }
-  for (const int i : awake_islands) {
+  for (const int i : sleep.awake().islands) {
     const int group = group_sizes[leader_of[i]].group;
     if (group >= 0) contact_groups[group].islands.push_back(i);
   }
@@ -228,7 +228,7 @@ ContactGroup& World::Impl::add_contact_group() {
 // who is in a group, as islands were sorted
 void World::Impl::list_grouped_bodies() {
   grouped_bodies.clear();
-  for (const int i : awake_islands)
+  for (const int i : sleep.awake().islands)
     if (islands[i].why == MethodReason::kFewContacts)
       for (const int body : island_parts[i].members.bodies)
         grouped_bodies.push_back(body_ids[body]);
@@ -360,7 +360,7 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
   std::sort(others.begin(), others.end());
   others.erase(std::unique(others.begin(), others.end()), others.end());
   for (const int body : others) {
-    if (is_moving_by_itself(to_index(body)) || !keeps_energy(bodies[body]) ||
+    if (is_moving_by_itself(*this, *this, to_index(body)) || !keeps_energy(bodies[body]) ||
         !std::holds_alternative<Plane>(bodies[body].shape))
       return false;
     const BodyState& state = states[body];

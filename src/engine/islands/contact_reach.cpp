@@ -81,7 +81,7 @@ bool World::Impl::grow_reach() {
   if (watched_pairs.empty()) return false;
   list_group_sizes();
   bool any_grown = false;
-  for (const int i : awake_islands) {
+  for (const int i : sleep.awake().islands) {
     const GroupSize& size = group_sizes[leader_of[i]];
     if (!size.has_pairs || !(size.is_elastic || size.bodies <= most_bodies_of_group())) continue;
     for (const int body : island_parts[i].members.bodies) {
@@ -131,7 +131,7 @@ void World::Impl::list_group_sizes() {
     size.overlaps = true;
     size.is_settled = size.is_settled && is_settled(pair, gap);
   }
-  for (const int i : awake_islands) {
+  for (const int i : sleep.awake().islands) {
     GroupSize& size = group_sizes[leader_of[i]];
     size.was_handed = size.was_handed || island_parts[i].left_for != MethodReason::kSmooth;
     const List<int>& members = island_parts[i].members.bodies;
@@ -167,14 +167,12 @@ std::optional<double> World::Impl::gap_to_watch(const Broadphase::Pair& pair) co
   return gap;
 }
 
-// what sleeps and may be touched is awake
-bool World::Impl::wake_approached() {
+// Wakes bodies that may be touched within the step.
+void World::Impl::wake_approached() {
   for (const auto& [pair, gap] : watched_pairs) {
     if (!(asleep[pair.first] || asleep[pair.second])) continue;
-    wake(to_index(pair.first));
-    wake(to_index(pair.second));
+    sleep.wake(pair, this);
   }
-  return any_waking;
 }
 
 }  // namespace constraint_sim::engine

@@ -3,7 +3,9 @@
 #include <algorithm>
 
 #include "engine/collision/narrowphase.h"
+#include "engine/islands/fast_bodies.h"
 #include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -21,6 +23,29 @@ Proxy World::Impl::proxy(int body) const {
   return {bounds(placed.shape(), placed.state()), body, is_movable(i)};
 }
 
+// of what may touch: what is to be looked at in every step, and what that may meet
+void World::Impl::list_shapes(const List<int>& resting_bodies) {
+  const auto has_shape = [&](int body) {
+    return !bodies[body].no_collision && !std::holds_alternative<Point>(bodies[body].shape);
+  };
+  moving_shapes.clear();
+  std::copy_if(sleep.awake().bodies.begin(), sleep.awake().bodies.end(),
+               std::back_inserter(moving_shapes), has_shape);
+  proxies.clear();
+  for (const int body : resting_bodies)
+    if (has_shape(body)) proxies.push_back(proxy(body));
+  const auto movable = [&](int body) { return is_movable(to_index(body)); };
+  const bool any_movable =
+      std::any_of(moving_shapes.begin(), moving_shapes.end(), movable) ||
+      std::any_of(proxies.begin(), proxies.end(), [](const Proxy& p) { return p.movable; });
+  if (!any_movable || moving_shapes.size() + proxies.size() < 2) moving_shapes.clear();
+  if (moving_shapes.empty()) proxies.clear();
+  broadphase.set_resting(proxies);
+  thinnest = kInfinity;
+  for (std::size_t i = 1; i < bodies.size(); ++i)
+    if (has_shape(static_cast<int>(i))) thinnest = std::min(thinnest, thickness(bodies[i].shape));
+}
+
 // ---- 2. narrowphase
 
 const List<TouchingPair>& World::Impl::find_contacts(const List<Broadphase::Pair>& near) {
@@ -28,7 +53,7 @@ const List<TouchingPair>& World::Impl::find_contacts(const List<Broadphase::Pair
     return touching;
   collide_pairs(near);
   if (!fast_bodies.empty()) find_hits(near);
-  while (wake_touched() || (follows_contacts() && wake_approached())) {
+  while (wake_touched()) {
     std::swap(touching, touching_before);  // back to the contacts of the step before
     contacts_are_new = false;
     spread_waking();
@@ -38,6 +63,13 @@ const List<TouchingPair>& World::Impl::find_contacts(const List<Broadphase::Pair
   }
   find_contact_groups(broadphase.pairs());
   return touching;
+}
+
+// Wakes bodies in contact, and bodies that may be touched within the step; true where one slept.
+bool World::Impl::wake_touched() {
+  for (const TouchingPair& pair : touching) sleep.wake(pair.ends(), this);
+  if (!sleep.is_stale() && follows_contacts()) wake_approached();
+  return sleep.is_stale();
 }
 
 void World::Impl::collide_pairs(const List<Broadphase::Pair>& near) {

@@ -424,7 +424,7 @@ void World::Impl::advance_fast_group(const Tick& tick) {
   double done = 0.0;
   List<double> ways;
   for (int leg = 0; done < h && !is_set(stop); ++leg) {
-    for (const int body : kinematic)
+    for (const int body : sleep.awake().kinematic)
       states[body] = moved(at_start[body], MassProperties{}, Vector3d::Zero(), done);
     const double left = h - done;
     const List<Broadphase::Pair> near = pairs_of_group(left, &is_any_left);
@@ -455,7 +455,7 @@ void World::Impl::advance_fast_group(const Tick& tick) {
     gather_hits();
     done = is_last ? h : done + duration;
   }
-  for (const int body : kinematic) states[body] = at_start[body];
+  for (const int body : sleep.awake().kinematic) states[body] = at_start[body];
   for (std::size_t k = 0; k < joint_sums.size(); ++k) {
     const std::size_t j = to_index(fast_group.joints[k]);
     joint_sums[k].finish(joints[j], state_a(j), state_b(j), h, &joint_states[j]);

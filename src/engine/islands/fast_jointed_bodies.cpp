@@ -69,8 +69,7 @@ void World::Impl::list_jointed_pairs(const List<Broadphase::Pair>& near) {
         gap_of(pair) > swept(pair.first, h) + swept(pair.second, h))
       continue;
     jointed_pairs.push_back(pair);
-    wake(to_index(pair.first));
-    wake(to_index(pair.second));
+    sleep.wake(pair, this);
   }
 }
 

@@ -25,7 +25,7 @@ constexpr std::size_t kMostAttemptsOfAll = 300000;
 
 Carried& World::Impl::choose_methods(const List<TouchingPair>& pairs) {
   entering.clear();
-  if (!fresh_islands.empty() || awake_changed || !pairs.empty() || !touching_before.empty() ||
+  if (!fresh_islands.empty() || sleep.has_changed() || !pairs.empty() || !touching_before.empty() ||
       any_refused || any_stiff || had_groups || !contact_groups.empty())
     sort_islands(pairs);
   had_groups = !contact_groups.empty();
@@ -35,14 +35,15 @@ Carried& World::Impl::choose_methods(const List<TouchingPair>& pairs) {
 
 void World::Impl::sort_islands(const List<TouchingPair>& pairs) {
   in_contact.resize(islands.size());
-  for (const int i : awake_islands) in_contact[i] = false;
+  for (const int i : sleep.awake().islands) in_contact[i] = false;
   for (const TouchingPair& pair : pairs)
     for (const int body : {pair.a, pair.b})
       if (topology.island_of(body) >= 0) in_contact[topology.island_of(body)] = true;
 
-  bool changed = !fresh_islands.empty() || awake_changed;
-  awake_changed = any_refused = any_stiff = false;
-  for (const int index : awake_islands) {
+  bool changed = !fresh_islands.empty() || sleep.has_changed();
+  sleep.forget_change();
+  any_refused = any_stiff = false;
+  for (const int index : sleep.awake().islands) {
     const std::size_t i = to_index(index);
     Island& island = islands[i];
     IslandParts& parts = island_parts[i];
@@ -108,19 +109,19 @@ void World::Impl::list_by_method() {
   smooth_changed = true;
   carried.smooth.clear();
   carried.islands = {};
-  for (const int i : awake_islands) {
+  for (const int i : sleep.awake().islands) {
     ++carried.islands[static_cast<std::size_t>(islands[i].method)];
     if (islands[i].method == Method::kSequentialImpulses) continue;
     carried.smooth.push_back(i);
   }
   carried.impulse_bodies.clear();
   carried.impulse_joints.clear();
-  for (const int body : awake_bodies) {
+  for (const int body : sleep.awake().bodies) {
     const int island = topology.island_of(body);
     if (island >= 0 && islands[island].method == Method::kSequentialImpulses)
       carried.impulse_bodies.push_back(body);
   }
-  for (const int j : awake_joints)
+  for (const int j : sleep.awake().joints)
     if (acts(joints[j], joint_states[j]) && !is_integrated(to_index(j)))
       carried.impulse_joints.push_back(j);
 }
@@ -179,7 +180,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
 // a thread takes tens of microseconds to wake, and is worth it for some hundreds of work
 int World::Impl::threads_worth_it(const List<int>& smooth) const {
   constexpr std::size_t kBodiesWorthIt = 500;
-  return smooth.size() > 1 && awake_bodies.size() >= kBodiesWorthIt ? options.threads : 1;
+  return smooth.size() > 1 && sleep.awake().bodies.size() >= kBodiesWorthIt ? options.threads : 1;
 }
 
 // islands that were not integrated in the step before, or were edited: what does not fit begins to
@@ -359,14 +360,11 @@ IntegratorOptions World::Impl::accuracy_within(double most_frequency) const {
   ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
   if (options.dissipation) mode = ImplicitMode::kDissipate;
   IntegratorOptions accuracy{options.order, options.tolerance, mode, most_frequency};
-  accuracy.most_attempts = most_attempts;
+  const std::size_t share =
+      kMostAttemptsOfAll / std::max<std::size_t>(1, sleep.awake().bodies.size());
+  accuracy.most_attempts =
+      static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
   return accuracy;
-}
-
-// of one island in one span: the more bodies there are, the fewer
-void World::Impl::share_attempts() {
-  const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, awake_bodies.size());
-  most_attempts = static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
 }
 
 // A span in one way, and what the island learns from it.

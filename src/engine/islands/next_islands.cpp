@@ -54,10 +54,10 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
       if (is_known(pair))
         near.emplace_back(body_index[pair.id_a.value], body_index[pair.id_b.value]);
   List<bool> sleeps = asleep;
-  if (any_waking) {
+  if (sleep.is_stale()) {
     List<const List<int>*> groups;
     for (const NextIsland& island : *next) groups.push_back(&island.members.bodies);
-    spread_waking(groups, near, &sleeps);
+    engine::spread_waking(*this, groups, near, &sleeps);
   }
   List<bool> in_contact(next->size(), false);
   for (const auto& [a, b] : near) {

@@ -43,6 +43,7 @@ struct Model {
   std::unordered_map<std::string, JointId> joint_by_name;
 
   bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
+  bool is_known(BodyId id) const { return body_index[id.value] >= 0; }
   /// The index of a body or joint; throws std::invalid_argument where there is none of this id.
   std::size_t index(BodyId id) const;
   std::size_t index(JointId id) const;

@@ -414,12 +414,11 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   visit(self.touching_before);
   visit(self.reference_energy);
   visit(self.largest_kinetic_energy);
-  visit(self.any_waking);
+  Sleep::visit_memory(self.sleep, visit);
   if constexpr (Visit::kReads) {
     check_rest(self);
     self.continue_from_snapshot();
   }
-  visit(self.awake_changed);
   visit(self.any_refused);
   visit(self.any_stiff);
   visit(self.had_groups);

@@ -20,8 +20,8 @@ void World::Impl::measure() {
   report.worst_joint = resting_report.worst_joint;
   report.closing_error = resting_report.closing_error;
   report.closing_joint = resting_report.closing_joint;
-  const bool is_any_askew = find_worst_joint(awake_joints, &report);
-  const Energy now = energy(awake_bodies, awake_joints);
+  const bool is_any_askew = find_worst_joint(sleep.awake().joints, &report);
+  const Energy now = energy(sleep.awake().bodies, sleep.awake().joints);
   largest_kinetic_energy = std::max(largest_kinetic_energy, now.kinetic);
   report.energy = now.kinetic + now.potential + resting_energy.potential;
   if (largest_kinetic_energy > 0.0) {

@@ -95,7 +95,7 @@ struct VerifiedRun {
     const auto& impl = insides();
     estimates.resize(impl.body_index.size(), 0.0);
     without_estimate.resize(impl.body_index.size());
-    for (const int i : impl.awake_islands) {
+    for (const int i : impl.sleep.awake().islands) {
       const auto island = static_cast<std::size_t>(i);
       const double local_error = impl.islands[island].local_error;
       const bool has_none =

@@ -165,7 +165,7 @@ void World::Impl::watch_contacts() {
 // ---- bodies that turn too fast for impulses
 
 void World::Impl::watch_spin() {
-  for (const int index : awake_islands) {
+  for (const int index : sleep.awake().islands) {
     Island& island = islands[index];
     if (island.method != Method::kSequentialImpulses) continue;
     island.unresolved_bodies = find_spinning(to_index(index), nullptr);
@@ -199,7 +199,7 @@ void World::Impl::begin_watch() {
     IslandParts& parts = island_parts[i];
     parts.energy = WatchedEnergy{};
     parts.energy.was_by_impulses = method_for(parts.nature, options) == Method::kSequentialImpulses;
-    parts.energy.was_driven = is_driven(i);
+    parts.energy.was_driven = is_driven(*this, *this, topology, island_parts[i].members, i);
     parts.has_limited_spring = false;
     for (const int index : parts.members.joints) {
       const Joint& joint = joints[index];
@@ -270,7 +270,7 @@ void World::Impl::look_at_energy() {
     const double gain_here = look_at_island(i, &allowed_here);
     const bool was_driven = watched.was_driven || watch.any_wrench_ended;
     const bool was_by_impulses = watched.was_by_impulses;
-    watched.was_driven = is_driven(i);
+    watched.was_driven = is_driven(*this, *this, topology, island_parts[i].members, i);
     watched.was_by_impulses = islands[i].method == Method::kSequentialImpulses;
     const bool any_driven = was_driven || watched.was_driven;
     const bool has_changed = watched.has_changed;

@@ -82,10 +82,10 @@ Tick World::Impl::begin_step() {
   is_state_saved = false;
   if (edited)
     rebuild_topology();
-  else if (any_waking)
+  else if (sleep.is_stale())
     spread_waking();
   save_state();
-  const Tick tick{time(), time_of(step_count + 1)};
+  const Tick tick{time(), time_of(step_count + 1, options.time_step)};
   report = StepReport{};
   events.clear();
   contacts_are_new = false;
@@ -95,11 +95,11 @@ Tick World::Impl::begin_step() {
 
 // for a step that fails
 void World::Impl::save_state() {
-  for (const int i : awake_bodies)
+  for (const int i : sleep.awake().bodies)
     states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
-  for (const int j : awake_joints)
+  for (const int j : sleep.awake().joints)
     joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
-  for (const int i : awake_islands)
+  for (const int i : sleep.awake().islands)
     memory_before[static_cast<std::size_t>(i)] = island_parts[static_cast<std::size_t>(i)];
   is_state_saved = true;
   had_corrections = any_corrections;
@@ -107,11 +107,11 @@ void World::Impl::save_state() {
 }
 
 void World::Impl::restore_state() {
-  for (const int i : awake_bodies)
+  for (const int i : sleep.awake().bodies)
     states[static_cast<std::size_t>(i)] = states_before[static_cast<std::size_t>(i)];
-  for (const int j : awake_joints)
+  for (const int j : sleep.awake().joints)
     joint_states[static_cast<std::size_t>(j)] = joint_states_before[static_cast<std::size_t>(j)];
-  for (const int i : awake_islands)
+  for (const int i : sleep.awake().islands)
     static_cast<IslandMemory&>(island_parts[static_cast<std::size_t>(i)]) =
         memory_before[static_cast<std::size_t>(i)];
   if (contacts_are_new) std::swap(touching, touching_before);
@@ -123,7 +123,7 @@ void World::Impl::restore_state() {
 }
 
 void World::Impl::take_out_corrections() {
-  for (const int index : awake_bodies) {
+  for (const int index : sleep.awake().bodies) {
     const auto i = static_cast<std::size_t>(index);
     states[i].linear_velocity -= corrections[i].head<3>();
     states[i].angular_velocity -= corrections[i].tail<3>();
@@ -214,9 +214,9 @@ ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method
 }
 
 void World::Impl::advance_kinematic_bodies() {
-  if (kinematic.empty()) return;
+  if (sleep.awake().kinematic.empty()) return;
   const StageTimer timer(clock, Stage::kPositions, &report.stage_times);
-  advance_kinematic(kinematic, options.time_step, states);
+  advance_kinematic(sleep.awake().kinematic, options.time_step, states);
 }
 
 void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
@@ -238,7 +238,10 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
   if (events.size() > 1) sort_events();
   ++step_count;
   drop_spent_wrenches(tick.end);
-  fall_asleep();
+  if (const auto resting_sets = sleep.fall_asleep(*this, topology, watched_pairs, this, this)) {
+    list_resting(*resting_sets);
+    tell_contacts();
+  }
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
   if (!time_varying_joints.empty()) compile_where_closed(joint_step(tick));
@@ -265,7 +268,7 @@ void World::Impl::keep_state_before(Failure why) {
 Failure World::Impl::failure_of_motion() {
   Eigen::Array2d squares(0.0, 0.0);
   double others = 0.0;
-  for (const int i : awake_bodies) {
+  for (const int i : sleep.awake().bodies) {
     const BodyState& state = states[static_cast<std::size_t>(i)];
     const Eigen::Vector3d& x = state.position;
     const Eigen::Vector3d& v = state.linear_velocity;
@@ -277,7 +280,7 @@ Failure World::Impl::failure_of_motion() {
     others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
   }
   if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
-  for (const int i : awake_bodies) {
+  for (const int i : sleep.awake().bodies) {
     const BodyState& state = states[static_cast<std::size_t>(i)];
     Eigen::Matrix<double, 13, 1> numbers;
     numbers << state.position, state.linear_velocity, state.angular_velocity,
@@ -294,10 +297,11 @@ Failure World::Impl::failure_of_motion() {
 // bodies. A single NaN or infinity makes the sum none. Energies follow from these numbers, which
 // kMostMagnitude bounds as it bounds positions and velocities.
 bool World::Impl::tells_finite_numbers() const {
-  if (awake_bodies.empty() && awake_joints.empty()) return true;  // nothing is new in this step
+  if (sleep.awake().bodies.empty() && sleep.awake().joints.empty())
+    return true;  // nothing is new in this step
   double sum = report.local_error + report.projected_energy + report.correction_work +
                report.driven_work + report.solver_residual + report.max_penetration;
-  for (const int j : awake_joints) {
+  for (const int j : sleep.awake().joints) {
     const auto i = static_cast<std::size_t>(j);
     const JointState& state = joint_states[i];
     sum += state.error + state.error_rate + state.angle_error + state.force + state.bias +
@@ -320,7 +324,7 @@ bool World::Impl::tells_finite_numbers() const {
   if (!std::isfinite(sum)) return false;
   if (!any_corrections) return true;
   double squares = 0.0;
-  for (const int i : awake_bodies)
+  for (const int i : sleep.awake().bodies)
     squares += corrections[static_cast<std::size_t>(i)].squaredNorm();
   return squares <= kMostMagnitude * kMostMagnitude;
 }
@@ -352,8 +356,8 @@ void World::Impl::tell_broken(std::size_t j) {
     return event.kind == EventKind::kBroken && event.joint == joint_ids[j];
   });
   if (is_told) return;
-  events.push_back({EventKind::kBroken, time_of(step_count + 1), joints[j].body_a, joints[j].body_b,
-                    joint_ids[j]});
+  events.push_back({EventKind::kBroken, time_of(step_count + 1, options.time_step),
+                    joints[j].body_a, joints[j].body_b, joint_ids[j]});
 }
 
 void World::Impl::sort_events() {
@@ -383,11 +387,7 @@ JointStep World::Impl::span_from(double t, double h) const {
   return {t, h, options.baumgarte, closing_time};
 }
 
-double World::Impl::time() const { return time_of(step_count); }
-
-double World::Impl::time_of(std::uint64_t step) const {
-  return base_time + static_cast<double>(step - base_step) * options.time_step;
-}
+double World::Impl::time() const { return State::time(options.time_step); }
 
 const BodyState& World::Impl::state_a(std::size_t j) const {
   return states[topology.ends(j).first];

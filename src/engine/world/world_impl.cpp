@@ -1,7 +1,6 @@
 #include "engine/world/world_impl.h"
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 
 namespace constraint_sim::engine {
@@ -54,8 +53,6 @@ void World::Impl::rebuild_topology() {
   }
   take_over_edits();
   compile_islands(*this, *this, topology, this);
-  const double quiet = std::ceil(options.sleep_after / options.time_step);
-  quiet_steps = quiet < 1e18 ? static_cast<std::uint64_t>(quiet) : 0;
   spread_waking();
 
   const Energy now = energy();
@@ -66,6 +63,31 @@ void World::Impl::rebuild_topology() {
   states_before.resize(states.size());
   joint_states_before.resize(joint_states.size());
   memory_before.resize(island_parts.size());
+}
+
+// Wakes everything that joints or contacts connect with bodies that are awake.
+void World::Impl::spread_waking() { list_resting(sleep.spread(*this, topology, this, this)); }
+
+// Keeps the report of everything that rests, and the shapes that take part in a step.
+void World::Impl::list_resting(const RestingSets& resting_sets) {
+  watch.awake_changed = true;
+  list_shapes(resting_sets.bodies);
+  resting_report = StepReport{};
+  resting_report.asleep = static_cast<std::uint32_t>(islands.size() - sleep.awake().islands.size());
+  for (const Island& island : islands)
+    if (island.why == MethodReason::kAtRest)
+      resting_report.dependent_rows =
+          std::max(resting_report.dependent_rows, island.dependent_rows);
+  for (const TouchingPair& pair : resting)
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k)
+      resting_report.max_penetration =
+          std::max(resting_report.max_penetration, pair.manifold.points[k].depth);
+  find_worst_joint(resting_sets.joints, &resting_report);
+  resting_energy = energy(resting_sets.bodies, resting_sets.joints);
+
+  contacts.clear();
+  for (const TouchingPair& pair : resting) add_contacts(pair);
+  resting_contacts = contacts.size();
 }
 
 // Marks the islands of edited bodies, once it is known which islands there are.

@@ -16,6 +16,7 @@
 #include "engine/islands/compile.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/island_traits.h"
+#include "engine/islands/sleep.h"
 #include "engine/islands/topology.h"
 #include "engine/math/list.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
@@ -119,23 +120,13 @@ struct World::Impl : Model, State, IslandLists {
   List<FreeRotation> rotations;         // of bodies
   double reference_energy = 0.0;        // [J] at the last edit
   double largest_kinetic_energy = 0.0;  // [J] since the last edit
-  std::uint64_t quiet_steps = 0;        // after which an island may rest; 0: never
 
-  // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
-  bool may_sleep = true;    // false: no body is asleep
-  bool any_waking = false;  // somebody was woken, and the lists do not know yet
-  bool awake_changed = true;
-  List<int> awake_islands;
-  List<int> awake_bodies;   // dynamic ones, and kinematic ones that move
-  List<int> awake_joints;   // those that do not act as well
-  List<int> kinematic;      // bodies that move
+  // ---- awake sets, and the report of the rest; rebuilt when an island wakes or falls asleep
+  Sleep sleep;
   List<int> moving_shapes;  // bodies that may touch something; empty where none can
   StepReport resting_report;
   Energy resting_energy;
-  int most_attempts = 0;             // substeps of an island in one span
   std::size_t resting_contacts = 0;  // so many of contacts, the first ones
-  List<bool> is_sleep_candidate;     // islands about to fall asleep
-  List<int> sleep_candidates;        // the same
 
   // ---- which islands have which method; made anew when that changes
   Carried carried;
@@ -278,20 +269,11 @@ struct World::Impl : Model, State, IslandLists {
   void erase_bodies(const List<bool>& is_removed);
   void erase_wrenches(BodyId id);
 
-  // ---- resting (rest.cpp)
-  void wake(std::size_t body);
-  void wake_all();
-  void wake_around(BodyId id);
+  // ---- resting
   bool wake_touched();
+  void wake_approached();
   void spread_waking();
-  void spread_waking(const List<const List<int>*>& groups, const List<std::pair<int, int>>& near,
-                     List<bool>* sleeps) const;
-  void fall_asleep();
-  bool is_quiet(std::size_t island) const;
-  bool is_driven(std::size_t island) const;
-  bool is_moving_by_itself(std::size_t body) const;
-  bool find_sleep_candidates();
-  void list_awake();
+  void list_resting(const RestingSets& resting_sets);
   void list_shapes(const List<int>& resting_bodies);
 
   // ---- stepping (world.cpp), in the order of a step
@@ -326,7 +308,6 @@ struct World::Impl : Model, State, IslandLists {
   IntegrationResult advance_joints(std::size_t i, Integration way, const SmoothSpan& span,
                                    const IntegratorOptions& accuracy);
   IntegratorOptions accuracy_within(double most_frequency) const;
-  void share_attempts();
   int threads_worth_it(const List<int>& smooth) const;
   void switch_method(std::size_t i, Method method, MethodReason why);
   void refuse_island(std::size_t i, MethodReason why);
@@ -352,7 +333,6 @@ struct World::Impl : Model, State, IslandLists {
   double gap_of(const Broadphase::Pair& pair) const;
   double least_gap(std::size_t a, std::size_t b) const;
   std::optional<double> gap_to_watch(const Broadphase::Pair& pair) const;
-  bool wake_approached();
   void find_contact_groups(const List<Broadphase::Pair>& near);
   void list_group_sizes();
   bool is_settled(const Broadphase::Pair& pair, double gap) const;
@@ -447,7 +427,6 @@ struct World::Impl : Model, State, IslandLists {
   double time() const;
   JointStep joint_step(const Tick& tick) const;
   JointStep span_from(double t, double h) const;
-  double time_of(std::uint64_t step) const;
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
   Energy energy() const;

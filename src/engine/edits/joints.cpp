@@ -231,7 +231,7 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   }
   state.coordinates = saved.coordinates;  // read by the frame that is being closed, or by none
   measure_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)],
-                span_from(time(), options.time_step), state);
+                joint_step(options, time(), options.time_step), state);
   for (std::size_t i = 0; i < kMaxCoordinates; ++i)
     state.coordinates[i].position = saved.coordinates[i].position;  // to the bit
   joint_starts[j].state = state;

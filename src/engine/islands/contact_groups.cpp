@@ -251,7 +251,7 @@ bool World::Impl::suits_group(const IslandMembers& members, MethodReason nature,
 bool World::Impl::can_be_in_group(std::size_t i) const {
   const IslandParts& parts = island_parts[i];
   if (!suits_group(parts.members, parts.nature, parts)) return false;
-  const JointStep now = span_from(time(), options.time_step);
+  const JointStep now = joint_step(options, time(), options.time_step);
   return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
     const std::size_t j = to_index(index);
     JointState state = joint_states[j];
@@ -304,7 +304,7 @@ bool World::Impl::compile_events(const ContactGroup& group) {
       joint = {index, add_group_body(static_cast<int>(a), &equations),
                add_group_body(static_cast<int>(b), &equations), std::move(storage)};
       joint.joint = joints[index];
-      joint.was_saturated = joint_states_before[index].saturated;
+      joint.was_saturated = rollback.joint_states()[index].saturated;
       add_coordinates(count, &group_laws, &equations);
       ++count;
     }
@@ -397,8 +397,9 @@ void World::Impl::advance_contact_groups(const SmoothSpan& part) {
     const IntegrationResult progress =
         group.spheres != nullptr
             ? group.spheres->advance(span, &states)
-            : group.events->advance(span, accuracy_within(kInfinity), span_from(span.t, span.h),
-                                    joint_states, most_work_of(group), &states);
+            : group.events->advance(span, accuracy_within(kInfinity),
+                                    joint_step(options, span.t, span.h), joint_states,
+                                    most_work_of(group), &states);
     group.has_failed = !note(to_index(group.islands.front()), progress);
     if (group.islands.size() > 1)  // they exchange energy
       for (const int i : group.islands) island_parts[i].energy.has_changed = true;

@@ -380,7 +380,7 @@ void World::Impl::advance_group(const Tick& tick, double done, double duration) 
     wrench.duration *= share;
     wrenches_now.push_back(wrench);
   }
-  JointStep span = span_from(tick.start + done, duration);
+  JointStep span = joint_step(options, tick.start + done, duration);
   if (!joint_sums.empty()) span.beta *= share;  // errors close in all parts as they do in a step
   const ImpulseStep step{span,
                          fast_group.bodies,

@@ -78,7 +78,7 @@ bool World::Impl::passes(const Broadphase::Pair& pair) const {
   const double h = options.time_step;
   const std::size_t i = to_index(pair.first), j = to_index(pair.second);
   const auto path_of = [&](std::size_t body) {
-    if (is_movable(body)) return Path(states_before[body], states[body], h);
+    if (is_movable(body)) return Path(rollback.states()[body], states[body], h);
     BodyState later = states[body];  // what moves by itself does so at the end of the step
     later.position += h * later.linear_velocity;
     later.orientation = rotation(h * later.angular_velocity) * later.orientation;

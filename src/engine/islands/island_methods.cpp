@@ -131,7 +131,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
   const List<int>& smooth = by_method->smooth;
   if (smooth.empty()) return;
   const StageTimer timer(clock, Stage::kIntegration, &report.stage_times);
-  if (!entering.empty()) assemble_entering(joint_step(tick));
+  if (!entering.empty()) assemble_entering(joint_step(options, tick.start, options.time_step));
   if (smooth_changed) list_changing_courses(smooth);
   for (const int i : smooth) {
     Island& island = islands[i];
@@ -146,7 +146,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
   split_step(tick);
   for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
     const double t = span_ends[k];
-    const JointStep span = span_from(t, span_ends[k + 1] - t);
+    const JointStep span = joint_step(options, t, span_ends[k + 1] - t);
     if (!wrenches.empty() || !loads.empty()) find_loads(t, span_ends[k + 1]);
     const bool is_disturbed = had_wrenches || !loads.empty() || k > 0;
     for (const int j : time_varying_joints)
@@ -308,8 +308,8 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   IslandParts& parts = island_parts[i];
   Island& island = islands[i];
   if (island.method == Method::kEventDriven) {
-    const EventDriven::Surroundings around{span_from(span.t, span.h), joint_states,
-                                           joint_states_before, masses};
+    const EventDriven::Surroundings around{joint_step(options, span.t, span.h), joint_states,
+                                           rollback.joint_states(), masses};
     return note(i,
                 motions[parts.motion].advance(span, accuracy_within(kInfinity), around, &states));
   }
@@ -429,8 +429,7 @@ void World::Impl::tell_of_island(EventKind kind, std::size_t i) {
 
 // the other method takes this step, from its start, and some more
 void World::Impl::refuse_island(std::size_t i, MethodReason why) {
-  for (const int body : island_parts[i].members.bodies) states[body] = states_before[body];
-  for (const int j : island_parts[i].members.joints) joint_states[j] = joint_states_before[j];
+  rollback.restore(island_parts[i].members, this);
   islands[i].method = Method::kSequentialImpulses;
   islands[i].why = why;
   island_parts[i].projected_energy = island_parts[i].correction_work = 0.0;

@@ -76,7 +76,7 @@ void World::Impl::read_smooth_joints(JointStep step, const Carried& by_method) {
   for (std::size_t k = 0; is_split && k < time_varying_joints.size(); ++k) {
     const std::size_t j = to_index(time_varying_joints[k]);
     if (is_integrated(j))
-      joint_states[j].bias = (joint_states[j].travel - joint_states_before[j].travel) / step.h;
+      joint_states[j].bias = (joint_states[j].travel - rollback.joint_states()[j].travel) / step.h;
   }
   for (const int i : by_method.smooth) {
     if (island_parts[i].motion < 0 || is_in_group(to_index(i))) continue;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/islands/fast_bodies.h"
 #include "engine/math/list.h"
@@ -111,7 +112,7 @@ void World::Impl::watch_contacts() {
       if (watch.has_moved[body] != 0) continue;
       const double thick = thickness(bodies[body].shape);
       const double radius = std::isfinite(thick) ? 0.5 * thick : 0.0;
-      for (const List<BodyState>* all : {&states_before, &states})
+      for (const List<BodyState>* all : {&rollback.states(), &std::as_const(states)})
         if ((*all)[body].linear_velocity.norm() > resting ||
             radius * (*all)[body].angular_velocity.norm() > resting)
           watch.has_moved[body] = 1;
@@ -180,7 +181,7 @@ std::uint32_t World::Impl::find_spinning(std::size_t i, List<std::size_t>* bodie
   std::uint32_t count = 0;
   for (const int body : island_parts[i].members.bodies) {
     const double w = std::max(states[body].angular_velocity.squaredNorm(),
-                              states_before[body].angular_velocity.squaredNorm());
+                              rollback.states()[body].angular_velocity.squaredNorm());
     if (!masses[body].can_turn() || w <= most * most) continue;
     ++count;
     if (bodies != nullptr) bodies->push_back(to_index(body));

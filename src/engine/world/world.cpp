@@ -55,7 +55,7 @@ void World::Impl::fail(Failure why) { throw StepFailed{why}; }
 
 // of whatever thread it was thrown in
 void World::Impl::fail_by(const CustomFailure& failed) {
-  if (is_state_saved)
+  if (rollback.is_saved())
     keep_state_before(Failure::kCustom);
   else
     abandon_step();
@@ -68,7 +68,7 @@ void World::Impl::fail_by(const CustomFailure& failed) {
 
 // where what the system threw may have left anything half done: as after an edit
 void World::Impl::abandon_step() {
-  if (is_state_saved) restore_state();
+  if (rollback.is_saved()) restore_state();
   forget_contacts();
   topology_edited = true;
   edit_all();
@@ -79,7 +79,7 @@ void World::Impl::abandon_step() {
 }
 
 Tick World::Impl::begin_step() {
-  is_state_saved = false;
+  rollback.begin_step();
   if (edited)
     rebuild_topology();
   else if (sleep.is_stale())
@@ -93,33 +93,11 @@ Tick World::Impl::begin_step() {
   return tick;
 }
 
-// for a step that fails
-void World::Impl::save_state() {
-  for (const int i : sleep.awake().bodies)
-    states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
-  for (const int j : sleep.awake().joints)
-    joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
-  for (const int i : sleep.awake().islands)
-    memory_before[static_cast<std::size_t>(i)] = island_parts[static_cast<std::size_t>(i)];
-  is_state_saved = true;
-  had_corrections = any_corrections;
-  if (had_corrections) corrections_before = corrections;
-}
+void World::Impl::save_state() { rollback.save(sleep.awake(), *this, island_parts); }
 
 void World::Impl::restore_state() {
-  for (const int i : sleep.awake().bodies)
-    states[static_cast<std::size_t>(i)] = states_before[static_cast<std::size_t>(i)];
-  for (const int j : sleep.awake().joints)
-    joint_states[static_cast<std::size_t>(j)] = joint_states_before[static_cast<std::size_t>(j)];
-  for (const int i : sleep.awake().islands)
-    static_cast<IslandMemory&>(island_parts[static_cast<std::size_t>(i)]) =
-        memory_before[static_cast<std::size_t>(i)];
+  rollback.restore(sleep.awake(), this, &island_parts);
   if (contacts_are_new) std::swap(touching, touching_before);
-  if (had_corrections)
-    corrections = corrections_before;
-  else if (any_corrections)
-    for (Twist& correction : corrections) correction.setZero();
-  any_corrections = had_corrections;
 }
 
 void World::Impl::take_out_corrections() {
@@ -203,7 +181,7 @@ void World::Impl::leave_out_estimates(const Carried& by_method) {
 
 ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method) const {
   const bool is_divided = !fast_group.is_empty();
-  return {joint_step(tick),
+  return {joint_step(options, tick.start, options.time_step),
           is_divided ? slow_group.bodies : by_method.impulse_bodies,
           is_divided ? slow_group.joints : by_method.impulse_joints,
           topology.joint_ends(),
@@ -230,8 +208,9 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
   if (failure != Failure::kNone) fail(failure);
   finish_impulses(tick, by_method);
   if (!motions.empty() && !by_method.smooth.empty())
-    read_smooth_joints(joint_step(tick), by_method);
-  if (!contact_groups.empty()) tell_contact_groups(joint_step(tick));
+    read_smooth_joints(joint_step(options, tick.start, options.time_step), by_method);
+  if (!contact_groups.empty())
+    tell_contact_groups(joint_step(options, tick.start, options.time_step));
   if (!touching.empty() || !contacts.empty()) tell_contacts();
   if (!tells_finite_numbers()) fail(Failure::kNotFinite);
   leave_out_estimates(by_method);
@@ -244,7 +223,8 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
   }
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
-  if (!time_varying_joints.empty()) compile_where_closed(joint_step(tick));
+  if (!time_varying_joints.empty())
+    compile_where_closed(joint_step(options, tick.start, options.time_step));
   if (!by_method.impulse_bodies.empty() && fast_group.is_empty())
     sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
@@ -375,16 +355,6 @@ void World::Impl::drop_spent_wrenches(double now) {
   if (spent == wrenches.end()) return;
   wrenches.erase(spent, wrenches.end());
   watch.any_wrench_ended = true;
-}
-
-JointStep World::Impl::joint_step(const Tick& tick) const {
-  return span_from(tick.start, options.time_step);
-}
-
-JointStep World::Impl::span_from(double t, double h) const {
-  const bool by_baumgarte = options.method == Method::kSequentialImpulses;
-  const double closing_time = by_baumgarte ? 0.0 : options.closing_time;
-  return {t, h, options.baumgarte, closing_time};
 }
 
 double World::Impl::time() const { return State::time(options.time_step); }

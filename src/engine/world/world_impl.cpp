@@ -60,9 +60,7 @@ void World::Impl::rebuild_topology() {
   reference_energy = now.kinetic + now.potential;
   begin_watch();
 
-  states_before.resize(states.size());
-  joint_states_before.resize(joint_states.size());
-  memory_before.resize(island_parts.size());
+  rollback.resize(*this, island_parts.size());
 }
 
 // Wakes everything that joints or contacts connect with bodies that are awake.

@@ -16,7 +16,9 @@
 #include "engine/islands/compile.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/island_traits.h"
+#include "engine/islands/rollback.h"
 #include "engine/islands/sleep.h"
+#include "engine/islands/step.h"
 #include "engine/islands/topology.h"
 #include "engine/math/list.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
@@ -39,11 +41,6 @@ struct Energy {
 class ContactEquations;
 class ContactEvents;
 class ElasticSpheres;
-
-/// One step, simulated [s].
-struct Tick {
-  double start, end;
-};
 
 /// Bodies that may hit each other within a step, and all that is joined to them, by index.
 struct FastGroup {
@@ -157,12 +154,7 @@ struct World::Impl : Model, State, IslandLists {
   List<TouchingPair> hits;             // of the group, with the impulses of all its hits
   List<ActingWrench> acting_wrenches;  // on bodies that impulses carry
   SequentialImpulses sequential_impulses;
-  bool is_state_saved = false;   // the state before the step is in the next two
-  bool had_corrections = false;  // in the step before
-  List<BodyState> states_before;
-  List<Twist> corrections_before;
-  List<JointState> joint_states_before;
-  List<IslandMemory> memory_before;
+  Rollback rollback;
   bool contacts_are_new = false;  // those of the step before are in touching_before
 
   // ---- what a step tells
@@ -425,8 +417,6 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- asking
   double time() const;
-  JointStep joint_step(const Tick& tick) const;
-  JointStep span_from(double t, double h) const;
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
   Energy energy() const;

@@ -9,7 +9,7 @@
 #include "engine/collision/narrowphase.h"
 #include "engine/constraints/contact.h"
 #include "engine/constraints/one_sided_law.h"
-#include "engine/islands/fast_bodies.h"
+#include "engine/islands/motion_bounds.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
@@ -172,8 +172,7 @@ bool World::Impl::is_settled(const Broadphase::Pair& pair, double gap) const {
   const double h = options.time_step;
   const std::size_t a = to_index(pair.first), b = to_index(pair.second);
   const double most =
-      std::min(kSunkShare * std::min(thickness(bodies[a].shape), thickness(bodies[b].shape)),
-               kSunk * h * h * options.gravity.norm());
+      std::min(kSunkShare * thinner_of(*this, pair), kSunk * h * h * options.gravity.norm());
   if (-gap > most) return false;
   const PlacedShape of_a(bodies[a], states[a]), of_b(bodies[b], states[b]);
   const Vector3d n = separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).normal;
@@ -183,8 +182,10 @@ bool World::Impl::is_settled(const Broadphase::Pair& pair, double gap) const {
     if (any_corrections) v -= corrections[body].head<3>();
     moved += sign * h * n.dot(v);
   }
-  const double turned =
-      travel(pair.first, h) - way(pair.first, h) + travel(pair.second, h) - way(pair.second, h);
+  const double turned = max_point_displacement(*this, *this, pair.first, h) -
+                        max_center_displacement(*this, *this, pair.first, h) +
+                        max_point_displacement(*this, *this, pair.second, h) -
+                        max_center_displacement(*this, *this, pair.second, h);
   return std::abs(moved) + turned <= kMostMoved * most;
 }
 
@@ -367,10 +368,7 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
     planes.push_back({body, state.orientation * Vector3d::UnitZ(), state.position});
   }
   // where all that can touch is among them, they can meet nothing else however fast they get
-  const auto can_touch = [](const Body& body) {
-    return !body.no_collision && !std::holds_alternative<Point>(body.shape);
-  };
-  const bool is_all = std::count_if(bodies.begin(), bodies.end(), can_touch) ==
+  const bool is_all = std::count_if(bodies.begin(), bodies.end(), may_touch) ==
                       static_cast<std::ptrdiff_t>(spheres.size() + planes.size());
   const double most_speed = is_all ? kInfinity : reach[spheres.front().body] / options.time_step;
   group->spheres =

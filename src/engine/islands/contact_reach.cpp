@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "engine/collision/narrowphase.h"
-#include "engine/islands/fast_bodies.h"
+#include "engine/islands/motion_bounds.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/world/world_impl.h"
@@ -20,11 +20,6 @@ using Eigen::Vector3d;
 // Each but the last one has made a group larger or faster; a chain of many more is left as it is.
 constexpr int kMostRounds = 40;
 
-void widen(double margin, Proxy* proxy) {
-  proxy->box.min -= Vector3d::Constant(margin);
-  proxy->box.max += Vector3d::Constant(margin);
-}
-
 }  // namespace
 
 // Of each body by itself; elastic spheres may be very many, and are as fast as the fastest of them
@@ -33,7 +28,7 @@ void World::Impl::begin_reach() {
   reach.assign(bodies.size(), 0.0);
   double of_elastic = 0.0;
   for (const int body : moving_shapes) {
-    reach[body] = 2.0 * travel(body, options.time_step) + kTouching;
+    reach[body] = 2.0 * max_point_displacement(*this, *this, body, options.time_step) + kTouching;
     if (is_elastic_sphere(to_index(body))) of_elastic = std::max(of_elastic, reach[body]);
   }
   for (const int body : moving_shapes)
@@ -43,13 +38,9 @@ void World::Impl::begin_reach() {
 
 const List<Broadphase::Pair>& World::Impl::find_pairs() {
   watched_pairs.clear();
-  jointed_pairs.clear();
   if (moving_shapes.empty()) return broadphase.pairs();
   const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
-  fast_bodies.clear();
-  find_fast_speed();
-  for (const int body : moving_shapes)
-    if (is_fast(body)) fast_bodies.push_back(body);
+  continuous.find_fast_bodies(*this, *this, moving_shapes);
   if (follows_contacts()) begin_reach();
   find_overlapping();
   if (!follows_contacts()) return broadphase.pairs();
@@ -59,19 +50,20 @@ const List<Broadphase::Pair>& World::Impl::find_pairs() {
 
 void World::Impl::find_overlapping() {
   proxies.clear();
-  auto fast = fast_bodies.begin();  // in the same order
+  const List<int>& fast_bodies = continuous.fast_bodies();
+  auto fast = fast_bodies.begin();  // in the order of moving_shapes
   for (const int body : moving_shapes) {
-    proxies.push_back(proxy(body));
+    proxies.push_back(proxy_of(*this, *this, body));
     const bool is_fast_one = fast != fast_bodies.end() && *fast == body;
     if (is_fast_one) {
-      sweep(options.time_step, &proxies.back());
+      widen(max_distance(*this, *this, body, options.time_step), &proxies.back());
       ++fast;
     }
     if (follows_contacts()) widen(reach[body], &proxies.back());
   }
   report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
   report.broadphase_tests += broadphase.tests();
-  if (broadphase.is_full()) fail(Failure::kTooManyPairs);
+  if (broadphase.is_full()) throw StepFailed{Failure::kTooManyPairs};
 }
 
 // Pairs that may touch, and islands that these connect, by the first of them; what is alone has its
@@ -142,12 +134,6 @@ void World::Impl::list_group_sizes() {
   }
 }
 
-double World::Impl::gap_of(const Broadphase::Pair& pair) const {
-  const auto [a, b] = pair;
-  const PlacedShape of_a(bodies[a], states[a]), of_b(bodies[b], states[b]);
-  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
-}
-
 // what is easily told of it: shapes are within spheres, or on the other side of a plane
 double World::Impl::least_gap(std::size_t a, std::size_t b) const {
   if (std::holds_alternative<Plane>(bodies[a].shape)) std::swap(a, b);
@@ -162,7 +148,7 @@ std::optional<double> World::Impl::gap_to_watch(const Broadphase::Pair& pair) co
   const double most = reach[pair.first] + reach[pair.second];
   if (least_gap(to_index(pair.first), to_index(pair.second)) > most || topology.is_unpaired(pair))
     return std::nullopt;
-  const double gap = gap_of(pair);
+  const double gap = gap_of(*this, *this, pair);
   if (gap > most) return std::nullopt;
   return gap;
 }

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "engine/collision/narrowphase.h"
-#include "engine/islands/fast_bodies.h"
+#include "engine/islands/motion_bounds.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/world/world_impl.h"
@@ -17,23 +17,15 @@ using Eigen::Vector3d;
 
 // ---- 1. broadphase
 
-Proxy World::Impl::proxy(int body) const {
-  const auto i = to_index(body);
-  const PlacedShape placed(bodies[i], states[i]);
-  return {bounds(placed.shape(), placed.state()), body, is_movable(i)};
-}
-
 // of what may touch: what is to be looked at in every step, and what that may meet
 void World::Impl::list_shapes(const List<int>& resting_bodies) {
-  const auto has_shape = [&](int body) {
-    return !bodies[body].no_collision && !std::holds_alternative<Point>(bodies[body].shape);
-  };
+  const auto has_shape = [&](int body) { return may_touch(bodies[body]); };
   moving_shapes.clear();
   std::copy_if(sleep.awake().bodies.begin(), sleep.awake().bodies.end(),
                std::back_inserter(moving_shapes), has_shape);
   proxies.clear();
   for (const int body : resting_bodies)
-    if (has_shape(body)) proxies.push_back(proxy(body));
+    if (has_shape(body)) proxies.push_back(proxy_of(*this, *this, body));
   const auto movable = [&](int body) { return is_movable(to_index(body)); };
   const bool any_movable =
       std::any_of(moving_shapes.begin(), moving_shapes.end(), movable) ||
@@ -41,28 +33,33 @@ void World::Impl::list_shapes(const List<int>& resting_bodies) {
   if (!any_movable || moving_shapes.size() + proxies.size() < 2) moving_shapes.clear();
   if (moving_shapes.empty()) proxies.clear();
   broadphase.set_resting(proxies);
-  thinnest = kInfinity;
-  for (std::size_t i = 1; i < bodies.size(); ++i)
-    if (has_shape(static_cast<int>(i))) thinnest = std::min(thinnest, thickness(bodies[i].shape));
+  continuous.set_shapes(*this);
 }
 
 // ---- 2. narrowphase
 
-const List<TouchingPair>& World::Impl::find_contacts(const List<Broadphase::Pair>& near) {
+const List<TouchingPair>& World::Impl::find_contacts(const StepContext& step,
+                                                     const List<Broadphase::Pair>& near) {
   if (near.empty() && touching.empty() && touching_before.empty() && contact_groups.empty())
     return touching;
   collide_pairs(near);
-  if (!fast_bodies.empty()) find_hits(near);
+  find_hits(step, near);
   while (wake_touched()) {
     std::swap(touching, touching_before);  // back to the contacts of the step before
     contacts_are_new = false;
     spread_waking();
     save_state();
     collide_pairs(find_pairs());
-    if (!fast_bodies.empty()) find_hits(broadphase.pairs());
+    find_hits(step, broadphase.pairs());
   }
   find_contact_groups(broadphase.pairs());
   return touching;
+}
+
+void World::Impl::find_hits(const StepContext& step, const List<Broadphase::Pair>& near) {
+  if (continuous.fast_bodies().empty()) return;
+  continuous.find_hits(step, near, *this, this);
+  for (const Broadphase::Pair& pair : continuous.jointed_pairs()) sleep.wake(pair, this);
 }
 
 // Wakes bodies in contact, and bodies that may be touched within the step; true where one slept.
@@ -89,7 +86,7 @@ void World::Impl::collide_pairs(const List<Broadphase::Pair>& near) {
         collide(PlacedShape(bodies[a], states[a]), PlacedShape(bodies[b], states[b]));
     if (manifold.count == 0) continue;
     points += to_index(manifold.count);
-    if (points > kMostContacts) fail(Failure::kTooManyContacts);
+    if (points > kMostContacts) throw StepFailed{Failure::kTooManyContacts};
 
     TouchingPair& pair = touching.emplace_back();
     pair.a = ends.first;

@@ -127,11 +127,11 @@ void World::Impl::list_by_method() {
 }
 
 // Carries the smooth islands to the end of the tick; one that cannot be goes to the impulses.
-void World::Impl::integrate(const Tick& tick, Carried* by_method) {
+void World::Impl::integrate(const StepContext& step, Carried* by_method) {
   const List<int>& smooth = by_method->smooth;
   if (smooth.empty()) return;
   const StageTimer timer(clock, Stage::kIntegration, &report.stage_times);
-  if (!entering.empty()) assemble_entering(joint_step(options, tick.start, options.time_step));
+  if (!entering.empty()) assemble_entering(joint_step(options, step.tick.start, options.time_step));
   if (smooth_changed) list_changing_courses(smooth);
   for (const int i : smooth) {
     Island& island = islands[i];
@@ -143,7 +143,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     parts.needs_method_choice = parts.has_failed = false;
     if (parts.motion >= 0) motions[parts.motion].begin_step(joint_states);
   }
-  split_step(tick);
+  split_step(step);
   for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
     const double t = span_ends[k];
     const JointStep span = joint_step(options, t, span_ends[k + 1] - t);
@@ -151,7 +151,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     const bool is_disturbed = had_wrenches || !loads.empty() || k > 0;
     for (const int j : time_varying_joints)
       if (is_integrated(to_index(j))) courses[j].begin(joints[j], span, joint_states[j]);
-    const double since = t - tick.start;
+    const double since = t - step.tick.start;
     const SmoothSpan continued{t,    span.h, options.gravity, loads, courses, is_disturbed, k > 0,
                                stop, since};
     workers.run(threads_worth_it(smooth), smooth.size(), [&](std::size_t s) {
@@ -171,7 +171,11 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
       if (is_integrated(to_index(j))) finish_span(joints[j], span, joint_states[j]);
     had_wrenches = !loads.empty();
   }
-  if (!jointed_pairs.empty()) catch_what_passes();
+  for (const int i : continuous.find_passing(step, *this, rollback, *this)) {
+    refuse_island(to_index(i), MethodReason::kContact);
+    remember_choice({Method::kSequentialImpulses, MethodReason::kContact}, true, step_count,
+                    &island_parts[i]);
+  }
   if (!contact_groups.empty()) take_out_group_contacts();
   if (report_islands(smooth)) list_by_method();
   report.islands = by_method->islands;
@@ -237,14 +241,14 @@ void World::Impl::list_changing_courses(const List<int>& smooth) {
 }
 
 // where forces or biases jump within the step
-void World::Impl::split_step(const Tick& tick) {
+void World::Impl::split_step(const StepContext& step) {
   span_ends.resize(2);
-  span_ends[0] = tick.start;
-  span_ends[1] = tick.end;
+  span_ends[0] = step.tick.start;
+  span_ends[1] = step.tick.end;
   if (wrenches.empty() && time_varying_joints.empty()) return;
   const double margin = 1e-9 * options.time_step;  // nearer to the ends is at the ends
   const auto split_at = [&](double time) {
-    if (time > tick.start + margin && time < tick.end - margin) span_ends.push_back(time);
+    if (time > step.tick.start + margin && time < step.tick.end - margin) span_ends.push_back(time);
   };
   for (const Wrench& wrench : wrenches) {
     split_at(wrench.start);

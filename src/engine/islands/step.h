@@ -3,6 +3,8 @@
 #include "constraint_sim/engine/stop_flag.h"
 #include "constraint_sim/engine/world.h"
 #include "engine/constraints/joint.h"
+#include "engine/islands/topology.h"
+#include "engine/model/model.h"
 #include "engine/support/stage_timer.h"
 
 namespace constraint_sim::engine {
@@ -12,11 +14,18 @@ struct Tick {
   double start, end;
 };
 
-/// Everything that stays the same for all stages of a step, beside model and topology.
+/// Everything that stays the same for all stages of a step.
 struct StepContext {
+  const Model& model;
+  const Topology& topology;
   Tick tick;
   StopFlag stop = nullptr;
   Clock clock = nullptr;
+};
+
+/// Thrown inside World::step() and caught there.
+struct StepFailed {
+  Failure why;
 };
 
 /// The interval of `h` [s] from `t` [s] as joints read it.

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <utility>
 
-#include "engine/islands/fast_bodies.h"
+#include "engine/islands/motion_bounds.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/world/world_impl.h"

@@ -17,28 +17,21 @@ namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
 
-namespace {
-
-/// Ends a step within.
-struct StepFailed {
-  Failure why;
-};
-
-}  // namespace
-
 // a whole physics engine in six steps, as the tutorial has it
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {
-    const Tick tick = world.begin_step();
-    const auto& near = world.find_pairs();                    // 1. broadphase: fast and approximate
-    const auto& touching = world.find_contacts(near);         // 2. narrowphase: accurate but slow
-    if (world.any_corrections) world.take_out_corrections();  // what closed errors a step ago
+    const StepContext step = world.begin_step();
+    const auto& near = world.find_pairs();                   // 1. broadphase: fast and approximate
+    const auto& touching = world.find_contacts(step, near);  // 2. narrowphase: accurate but slow
+    if (world.any_corrections)
+      world.State::take_out_corrections(
+          world.sleep.awake().bodies);  // what closed errors a step ago
     Carried& carried = world.choose_methods(touching);
-    world.integrate(tick, &carried);           //    smooth islands part here from the tutorial
-    world.advance_by_impulses(tick, carried);  // 3. to 6. of the others: SequentialImpulses
+    world.integrate(step, &carried);           //    smooth islands part here from the tutorial
+    world.advance_by_impulses(step, carried);  // 3. to 6. of the others: SequentialImpulses
     world.advance_kinematic_bodies();
-    world.finish_step(tick, carried);
+    world.finish_step(step, carried);
   } catch (const StepFailed& failed) {
     world.keep_state_before(failed.why);
   } catch (const CustomFailure& failed) {
@@ -50,8 +43,6 @@ const StepReport& World::step() {
   world.measure();
   return world.report;
 }
-
-void World::Impl::fail(Failure why) { throw StepFailed{why}; }
 
 // of whatever thread it was thrown in
 void World::Impl::fail_by(const CustomFailure& failed) {
@@ -78,19 +69,20 @@ void World::Impl::abandon_step() {
   report.time = time();
 }
 
-Tick World::Impl::begin_step() {
+StepContext World::Impl::begin_step() {
   rollback.begin_step();
   if (edited)
     rebuild_topology();
   else if (sleep.is_stale())
     spread_waking();
   save_state();
-  const Tick tick{time(), time_of(step_count + 1, options.time_step)};
+  const StepContext step{
+      *this, topology, {time(), time_of(step_count + 1, options.time_step)}, stop, clock};
   report = StepReport{};
   events.clear();
   contacts_are_new = false;
-  if (!has_next_tick(tick.start, options.time_step)) fail(Failure::kNoNextTick);
-  return tick;
+  if (!has_next_tick(step.tick.start, options.time_step)) throw StepFailed{Failure::kNoNextTick};
+  return step;
 }
 
 void World::Impl::save_state() { rollback.save(sleep.awake(), *this, island_parts); }
@@ -100,23 +92,13 @@ void World::Impl::restore_state() {
   if (contacts_are_new) std::swap(touching, touching_before);
 }
 
-void World::Impl::take_out_corrections() {
-  for (const int index : sleep.awake().bodies) {
-    const auto i = static_cast<std::size_t>(index);
-    states[i].linear_velocity -= corrections[i].head<3>();
-    states[i].angular_velocity -= corrections[i].tail<3>();
-    corrections[i].setZero();
-  }
-  any_corrections = false;
-}
-
 // those that act in this step on bodies that impulses carry: how long
-void World::Impl::find_acting_wrenches(const Tick& tick) {
+void World::Impl::find_acting_wrenches(const StepContext& step) {
   for (const Wrench& wrench : wrenches) {
-    const bool acts_throughout = wrench.start <= tick.start && wrench.end >= tick.end;
-    const double duration =
-        acts_throughout ? options.time_step
-                        : std::min(wrench.end, tick.end) - std::max(wrench.start, tick.start);
+    const bool acts_throughout = wrench.start <= step.tick.start && wrench.end >= step.tick.end;
+    const double duration = acts_throughout ? options.time_step
+                                            : std::min(wrench.end, step.tick.end) -
+                                                  std::max(wrench.start, step.tick.start);
     if (duration <= 0.0) continue;  // not yet
     const std::size_t i = index(wrench.body);
     if (islands[static_cast<std::size_t>(topology.island_of(i))].method ==
@@ -126,49 +108,43 @@ void World::Impl::find_acting_wrenches(const Tick& tick) {
 }
 
 // as they are at the start of the step
-void World::Impl::find_custom_forces(const Tick& tick, const Carried& by_method) {
+void World::Impl::find_custom_forces(const StepContext& step, const Carried& by_method) {
   for (const int index : by_method.impulse_joints) {
     const auto j = static_cast<std::size_t>(index);
     if (!is_custom_force(joints[j].kind) || !acts(joints[j], joint_states[j])) continue;
-    const Jacobian wrench = custom_wrench(joints[j], state_a(j), state_b(j), tick.start);
+    const Jacobian wrench = custom_wrench(joints[j], state_a(j), state_b(j), step.tick.start);
     const auto [a, b] = topology.ends(j);
     if (is_movable(a)) acting_wrenches.push_back({a, options.time_step, wrench.j1, wrench.j2});
     if (is_movable(b)) acting_wrenches.push_back({b, options.time_step, wrench.j3, wrench.j4});
   }
 }
 
-void World::Impl::book(const ImpulseReport& impulses) {
-  report.rows += impulses.rows;
-  report.contacts += impulses.contacts;
-  report.max_penetration = std::max(report.max_penetration, impulses.max_penetration);
-  report.iterations += impulses.iterations;
-  report.solver_residual = std::max(report.solver_residual, impulses.solver_residual);
-  report.driven_work += impulses.driven_work;
-  report.correction_work += impulses.correction_work;
-  for (std::size_t i = 0; i < kStageCount; ++i) report.stage_times[i] += impulses.stage_times[i];
-}
-
-void World::Impl::advance_by_impulses(const Tick& tick, const Carried& by_method) {
-  fast_group.bodies.clear();
+void World::Impl::advance_by_impulses(const StepContext& step, const Carried& by_method) {
+  continuous.begin_impulses();
   if (by_method.impulse_bodies.empty()) return;
   acting_wrenches.clear();
-  if (!wrenches.empty()) find_acting_wrenches(tick);
-  if (topology.has_custom_forces()) find_custom_forces(tick, by_method);
-  if (!jointed_pairs.empty()) add_jointed_pairs();
-  if (!fast_bodies.empty() && is_any_about_to_hit()) {
-    find_fast_group(by_method);
-    advance_fast_group(tick);
-    if (slow_group.is_empty()) return;
+  if (!wrenches.empty()) find_acting_wrenches(step);
+  if (topology.has_custom_forces()) find_custom_forces(step, by_method);
+  if (!continuous.jointed_pairs().empty()) continuous.add_jointed_pairs(step, *this, this);
+  if (!continuous.fast_bodies().empty() &&
+      continuous.divide(step, *this, by_method.impulse_bodies, by_method.impulse_joints, this)) {
+    const HitReport hits =
+        continuous.advance(step, *this, sleep.awake(), moving_shapes, acting_wrenches, &broadphase,
+                           &sequential_impulses, this);
+    add_impulses(hits.impulses, &report);
+    report.hits += hits.hits;
+    if (hits.has_left_any) report.hits_left_body = body_ids[continuous.first_body()];
+    if (continuous.rest().is_empty()) return;
   }
-  book(sequential_impulses.advance(*this, impulse_step(tick, by_method), this));
+  add_impulses(sequential_impulses.advance(*this, impulse_step(step, by_method), this), &report);
 }
 
-void World::Impl::finish_impulses(const Tick& tick, const Carried& by_method) {
+void World::Impl::finish_impulses(const StepContext& step, const Carried& by_method) {
   if (by_method.impulse_bodies.empty()) return;
-  if (fast_group.is_empty() || !slow_group.is_empty())
+  if (!continuous.is_divided() || !continuous.rest().is_empty())
     report.correction_work +=
-        sequential_impulses.finish(*this, impulse_step(tick, by_method), this);
-  if (!fast_group.is_empty()) take_hits();
+        sequential_impulses.finish(*this, impulse_step(step, by_method), this);
+  if (continuous.is_divided()) report.contacts += continuous.return_contacts(this);
   for (const int j : by_method.impulse_joints) note_if_broken(static_cast<std::size_t>(j));
 }
 
@@ -179,11 +155,11 @@ void World::Impl::leave_out_estimates(const Carried& by_method) {
         .local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
 }
 
-ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method) const {
-  const bool is_divided = !fast_group.is_empty();
-  return {joint_step(options, tick.start, options.time_step),
-          is_divided ? slow_group.bodies : by_method.impulse_bodies,
-          is_divided ? slow_group.joints : by_method.impulse_joints,
+ImpulseStep World::Impl::impulse_step(const StepContext& step, const Carried& by_method) const {
+  const bool is_divided = continuous.is_divided();
+  return {joint_step(options, step.tick.start, options.time_step),
+          is_divided ? continuous.rest().bodies : by_method.impulse_bodies,
+          is_divided ? continuous.rest().joints : by_method.impulse_joints,
           topology.joint_ends(),
           topology.is_in_loop(),
           acting_wrenches,
@@ -197,7 +173,7 @@ void World::Impl::advance_kinematic_bodies() {
   advance_kinematic(sleep.awake().kinematic, options.time_step, states);
 }
 
-void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
+void World::Impl::finish_step(const StepContext& step, const Carried& by_method) {
   if (is_set(stop)) {
     keep_state_before(Failure::kNone);
     report.failed = false;
@@ -205,18 +181,18 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
     return;
   }
   const Failure failure = failure_of_motion();
-  if (failure != Failure::kNone) fail(failure);
-  finish_impulses(tick, by_method);
+  if (failure != Failure::kNone) throw StepFailed{failure};
+  finish_impulses(step, by_method);
   if (!motions.empty() && !by_method.smooth.empty())
-    read_smooth_joints(joint_step(options, tick.start, options.time_step), by_method);
+    read_smooth_joints(joint_step(options, step.tick.start, options.time_step), by_method);
   if (!contact_groups.empty())
-    tell_contact_groups(joint_step(options, tick.start, options.time_step));
+    tell_contact_groups(joint_step(options, step.tick.start, options.time_step));
   if (!touching.empty() || !contacts.empty()) tell_contacts();
-  if (!tells_finite_numbers()) fail(Failure::kNotFinite);
+  if (!tells_finite_numbers()) throw StepFailed{Failure::kNotFinite};
   leave_out_estimates(by_method);
   if (events.size() > 1) sort_events();
   ++step_count;
-  drop_spent_wrenches(tick.end);
+  drop_spent_wrenches(step.tick.end);
   if (const auto resting_sets = sleep.fall_asleep(*this, topology, watched_pairs, this, this)) {
     list_resting(*resting_sets);
     tell_contacts();
@@ -224,11 +200,11 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
   if (!time_varying_joints.empty())
-    compile_where_closed(joint_step(options, tick.start, options.time_step));
-  if (!by_method.impulse_bodies.empty() && fast_group.is_empty())
+    compile_where_closed(joint_step(options, step.tick.start, options.time_step));
+  if (!by_method.impulse_bodies.empty() && !continuous.is_divided())
     sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
-  report.time = tick.end;
+  report.time = step.tick.end;
 }
 
 void World::Impl::keep_state_before(Failure why) {

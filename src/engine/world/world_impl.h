@@ -11,9 +11,9 @@
 #include "constraint_sim/engine/world.h"
 #include "engine/collision/broadphase.h"
 #include "engine/constraints/joint.h"
-#include "engine/constraints/joint_sum.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/islands/compile.h"
+#include "engine/islands/continuous_collision.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/island_traits.h"
 #include "engine/islands/rollback.h"
@@ -41,15 +41,6 @@ struct Energy {
 class ContactEquations;
 class ContactEvents;
 class ElasticSpheres;
-
-/// Bodies that may hit each other within a step, and all that is joined to them, by index.
-struct FastGroup {
-  List<int> bodies;      ///< movable
-  List<int> joints;      ///< on them
-  List<bool> is_member;  ///< of all bodies; of others where they are in no group
-
-  bool is_empty() const { return bodies.empty(); }
-};
 
 /// Storage that steps use again. A copy of a world begins without: nothing goes by what is in it.
 template <class T>
@@ -143,15 +134,7 @@ struct World::Impl : Model, State, IslandLists {
   Broadphase broadphase;
   List<Proxy> proxies;
   List<TouchingPair> touching_before;  // in the step before
-  double thinnest = 0.0;               // [m] of all shapes
-  double fast_square = 0.0;            // of the speed from which bodies are fast [m²/s²]
-  List<int> fast_bodies;               // that may pass through a shape in this step
-  // pairs of these with joints, that are apart
-  List<Broadphase::Pair> jointed_pairs;
-  FastGroup fast_group;                // of those that hit something, carried to each hit
-  FastGroup slow_group;                // what else impulses carry, where there is a group
-  List<JointSum> joint_sums;           // of the group
-  List<TouchingPair> hits;             // of the group, with the impulses of all its hits
+  ContinuousCollision continuous;
   List<ActingWrench> acting_wrenches;  // on bodies that impulses carry
   SequentialImpulses sequential_impulses;
   Rollback rollback;
@@ -271,28 +254,28 @@ struct World::Impl : Model, State, IslandLists {
   // ---- stepping (world.cpp), in the order of a step
   void abandon_step();
   void fail_by(const CustomFailure& failed);
-  Tick begin_step();
-  void take_out_corrections();
+  StepContext begin_step();
   void save_state();
   void restore_state();
   void rebuild_topology();
   void take_over_edits();
   const List<Broadphase::Pair>& find_pairs();
   void find_overlapping();
-  Proxy proxy(int body) const;
-  const List<TouchingPair>& find_contacts(const List<Broadphase::Pair>& near);
+  const List<TouchingPair>& find_contacts(const StepContext& step,
+                                          const List<Broadphase::Pair>& near);
+  void find_hits(const StepContext& step, const List<Broadphase::Pair>& near);
   void collide_pairs(const List<Broadphase::Pair>& near);
   Carried& choose_methods(const List<TouchingPair>& in_contact);
   void sort_islands(const List<TouchingPair>& in_contact);
   void restart(const IslandParts& parts);
   bool is_integrated(std::size_t j) const;
   void list_by_method();
-  void integrate(const Tick& tick, Carried* by_method);
+  void integrate(const StepContext& step, Carried* by_method);
   void assemble_entering(const JointStep& step);
   void compile_where_closed(const JointStep& step);
   void compile_if_opened(IslandParts* parts);
   void list_changing_courses(const List<int>& smooth);
-  void split_step(const Tick& tick);
+  void split_step(const StepContext& step);
   void find_loads(double from, double to);
   bool integrate_island(std::size_t i, const SmoothSpan& span);
   bool integrate_joints(std::size_t i, const SmoothSpan& span);
@@ -305,13 +288,12 @@ struct World::Impl : Model, State, IslandLists {
   void refuse_island(std::size_t i, MethodReason why);
   bool report_islands(const List<int>& smooth);
   std::uint32_t find_unresolved(std::size_t i, List<std::size_t>* bodies) const;
-  void advance_by_impulses(const Tick& tick, const Carried& by_method);
-  void finish_impulses(const Tick& tick, const Carried& by_method);
+  void advance_by_impulses(const StepContext& step, const Carried& by_method);
+  void finish_impulses(const StepContext& step, const Carried& by_method);
   void leave_out_estimates(const Carried& by_method);
-  ImpulseStep impulse_step(const Tick& tick, const Carried& by_method) const;
-  void find_acting_wrenches(const Tick& tick);
-  void find_custom_forces(const Tick& tick, const Carried& by_method);
-  void book(const ImpulseReport& impulses);
+  ImpulseStep impulse_step(const StepContext& step, const Carried& by_method) const;
+  void find_acting_wrenches(const StepContext& step);
+  void find_custom_forces(const StepContext& step, const Carried& by_method);
 
   // ---- contacts of few bodies, by events (contact_groups.cpp)
   bool follows_contacts() const;
@@ -322,7 +304,6 @@ struct World::Impl : Model, State, IslandLists {
   bool grow_reach();
   void watch_pairs();
   std::size_t most_bodies_of_group() const;
-  double gap_of(const Broadphase::Pair& pair) const;
   double least_gap(std::size_t a, std::size_t b) const;
   std::optional<double> gap_to_watch(const Broadphase::Pair& pair) const;
   void find_contact_groups(const List<Broadphase::Pair>& near);
@@ -356,37 +337,9 @@ struct World::Impl : Model, State, IslandLists {
   std::uint32_t events_of_group(std::size_t island) const;
   double driven_work_of_group(std::size_t island) const;
 
-  // ---- bodies that pass through shapes in a step (fast_bodies.cpp)
-  void find_fast_speed();
-  bool is_fast(int body) const;
-  double way(int body, double duration) const;
-  double travel(int body, double duration) const;
-  bool is_fast(const Broadphase::Pair& pair, double duration) const;
-  double swept(int body, double duration) const;
-  void sweep(double duration, Proxy* proxy) const;
-  void find_hits(const List<Broadphase::Pair>& near);
-  std::optional<double> time_of_hit(const Broadphase::Pair& pair, double duration) const;
-  bool has_joints(const Broadphase::Pair& pair) const;
-  bool is_touching(const Broadphase::Pair& pair) const;
-  void list_jointed_pairs(const List<Broadphase::Pair>& near);
-  bool passes(const Broadphase::Pair& pair) const;
-  void catch_what_passes();
-  void add_jointed_pairs();
-  double time_on_joints(const List<Broadphase::Pair>& near, double left, List<double>* ways) const;
-  bool has_outrun(const List<Broadphase::Pair>& near, const List<double>& ways,
-                  double duration) const;
-  void find_fast_group(const Carried& by_method);
-  void advance_fast_group(const Tick& tick);
-  bool collide_group(const List<Broadphase::Pair>& near, double left);
-  List<Broadphase::Pair> pairs_of_group(double duration, bool* is_any_left);
-  void advance_group(const Tick& tick, double done, double duration);
-  double time_to_watch(const TouchingPair& pair) const;
-  bool is_hit(const TouchingPair& pair, double duration) const;
-  void gather_hits();
-  void take_hits();
-  bool is_any_about_to_hit() const;
+  // ---- the end of a step
   void advance_kinematic_bodies();
-  void finish_step(const Tick& tick, const Carried& by_method);
+  void finish_step(const StepContext& step, const Carried& by_method);
   void read_smooth_joints(JointStep step, const Carried& by_method);
   void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
                          double coupled_impulse);
@@ -410,7 +363,6 @@ struct World::Impl : Model, State, IslandLists {
   double look_at_island(std::size_t island, double* allowed);
   void tell_of_gain(const IslandParts& parts, double gain, double allowed);
   bool find_worst_joint(const List<int>& among, StepReport* worst) const;
-  [[noreturn]] static void fail(Failure why);
   void keep_state_before(Failure why);
   Failure failure_of_motion();
   bool tells_finite_numbers() const;

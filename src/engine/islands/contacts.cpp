@@ -17,6 +17,42 @@ using Eigen::Vector3d;
 
 // ---- 1. broadphase
 
+const List<Broadphase::Pair>& World::Impl::find_pairs() {
+  reach.forget_pairs();
+  if (moving_shapes.empty()) return broadphase.pairs();
+  const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
+  continuous.find_fast_bodies(*this, *this, moving_shapes);
+  if (follows_contacts(options)) reach.begin(*this, *this, moving_shapes);
+  find_overlapping();
+  if (!follows_contacts(options)) return broadphase.pairs();
+  // Each round but the last makes a group larger or faster; longer chains are left as they are.
+  constexpr int kMostRounds = 40;
+  for (int round = 0;
+       reach.grow(*this, topology, *this, *this, sleep.awake(), broadphase.pairs()) &&
+       round < kMostRounds;
+       ++round)
+    find_overlapping();
+  return broadphase.pairs();
+}
+
+void World::Impl::find_overlapping() {
+  proxies.clear();
+  const List<int>& fast_bodies = continuous.fast_bodies();
+  auto fast = fast_bodies.begin();  // in the order of moving_shapes
+  for (const int body : moving_shapes) {
+    proxies.push_back(proxy_of(*this, *this, body));
+    const bool is_fast_one = fast != fast_bodies.end() && *fast == body;
+    if (is_fast_one) {
+      widen(max_distance(*this, *this, body, options.time_step), &proxies.back());
+      ++fast;
+    }
+    if (follows_contacts(options)) widen(reach.of(body), &proxies.back());
+  }
+  report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
+  report.broadphase_tests += broadphase.tests();
+  if (broadphase.is_full()) throw StepFailed{Failure::kTooManyPairs};
+}
+
 // of what may touch: what is to be looked at in every step, and what that may meet
 void World::Impl::list_shapes(const List<int>& resting_bodies) {
   const auto has_shape = [&](int body) { return may_touch(bodies[body]); };
@@ -40,7 +76,7 @@ void World::Impl::list_shapes(const List<int>& resting_bodies) {
 
 const List<TouchingPair>& World::Impl::find_contacts(const StepContext& step,
                                                      const List<Broadphase::Pair>& near) {
-  if (near.empty() && touching.empty() && touching_before.empty() && contact_groups.empty())
+  if (near.empty() && touching.empty() && touching_before.empty() && groups.is_empty())
     return touching;
   collide_pairs(near);
   find_hits(step, near);
@@ -52,7 +88,7 @@ const List<TouchingPair>& World::Impl::find_contacts(const StepContext& step,
     collide_pairs(find_pairs());
     find_hits(step, broadphase.pairs());
   }
-  find_contact_groups(broadphase.pairs());
+  groups.find(step, *this, rollback, *this, sleep.awake(), reach, touching_before);
   return touching;
 }
 
@@ -65,7 +101,9 @@ void World::Impl::find_hits(const StepContext& step, const List<Broadphase::Pair
 // Wakes bodies in contact, and bodies that may be touched within the step; true where one slept.
 bool World::Impl::wake_touched() {
   for (const TouchingPair& pair : touching) sleep.wake(pair.ends(), this);
-  if (!sleep.is_stale() && follows_contacts()) wake_approached();
+  if (!sleep.is_stale() && follows_contacts(options))
+    for (const auto& [pair, gap] : reach.watched_pairs())
+      if (asleep[pair.first] || asleep[pair.second]) sleep.wake(pair, this);
   return sleep.is_stale();
 }
 

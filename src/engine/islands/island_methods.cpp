@@ -26,9 +26,9 @@ constexpr std::size_t kMostAttemptsOfAll = 300000;
 Carried& World::Impl::choose_methods(const List<TouchingPair>& pairs) {
   entering.clear();
   if (!fresh_islands.empty() || sleep.has_changed() || !pairs.empty() || !touching_before.empty() ||
-      any_refused || any_stiff || had_groups || !contact_groups.empty())
+      any_refused || any_stiff || groups.had_groups() || !groups.is_empty())
     sort_islands(pairs);
-  had_groups = !contact_groups.empty();
+  groups.end_choice();
   report.islands = carried.islands;
   return carried;
 }
@@ -50,11 +50,11 @@ void World::Impl::sort_islands(const List<TouchingPair>& pairs) {
     const bool has_woken = island.why == MethodReason::kAtRest;
     const bool was_in_group = island.why == MethodReason::kFewContacts;
     MethodChoice choice = choose(parts.nature, in_contact[i], parts, step_count, options);
-    if (is_in_group(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
-    if (is_in_group(i)) take_back(i);
-    if (choice.why == MethodReason::kContact) choice.why = why_left(i);
-    if (was_in_group && !parts.is_fresh && is_left_in_contact(i)) {
-      choice = {Method::kSequentialImpulses, why_left(i)};
+    if (groups.contains(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
+    if (groups.contains(i)) take_back(i);
+    if (choice.why == MethodReason::kContact) choice.why = groups.why_left(reach, i);
+    if (was_in_group && !parts.is_fresh && groups.is_left_in_contact(topology, reach, i)) {
+      choice = {Method::kSequentialImpulses, groups.why_left(reach, i)};
       hand_over(i, choice.why);
     }
     remember_choice(choice, in_contact[i], step_count, &parts);
@@ -69,13 +69,13 @@ void World::Impl::sort_islands(const List<TouchingPair>& pairs) {
     const Method before = island.method;
     island.method = choice.method;
     island.why = choice.why;
-    const bool changes_way = island.method != before || was_in_group != is_in_group(i);
+    const bool changes_way = island.method != before || was_in_group != groups.contains(i);
     if (!changes_way && !parts.is_fresh && !has_woken) continue;
     changed = true;
     if (!parts.is_fresh && island.method != before) ++report.changes;
     parts.energy.has_changed |= !parts.is_fresh && (island.method == Method::kSequentialImpulses ||
                                                     before == Method::kSequentialImpulses);
-    parts.energy.has_changed |= is_in_group(i);  // what touches exchanges energy
+    parts.energy.has_changed |= groups.contains(i);  // what touches exchanges energy
     const bool restarts = parts.is_fresh || has_woken;
     if (restarts) {
       restart(parts);
@@ -90,7 +90,7 @@ void World::Impl::sort_islands(const List<TouchingPair>& pairs) {
         island.method != Method::kSequentialImpulses)
       entering.push_back(static_cast<int>(i));
   }
-  if (had_groups || !contact_groups.empty()) list_grouped_bodies();
+  if (groups.had_groups() || !groups.is_empty()) groups.list_bodies(*this, *this, sleep.awake());
   if (changed) list_by_method();
 }
 
@@ -157,7 +157,7 @@ void World::Impl::integrate(const StepContext& step, Carried* by_method) {
     workers.run(threads_worth_it(smooth), smooth.size(), [&](std::size_t s) {
       const std::size_t i = to_index(smooth[s]);
       IslandParts& parts = island_parts[i];
-      if (parts.has_failed || is_in_group(i)) return;
+      if (parts.has_failed || groups.contains(i)) return;
       if (parts.is_fresh)
         parts.has_failed = !integrate_island(i, continued.after_edit());
       else
@@ -166,7 +166,7 @@ void World::Impl::integrate(const StepContext& step, Carried* by_method) {
     for (const int i : smooth)
       if (island_parts[i].has_failed && islands[i].method != Method::kSequentialImpulses)
         refuse_island(to_index(i), MethodReason::kRefused);
-    if (!contact_groups.empty()) advance_contact_groups(continued);
+    if (!groups.is_empty()) advance_contact_groups(continued);
     for (const int j : time_varying_joints)
       if (is_integrated(to_index(j))) finish_span(joints[j], span, joint_states[j]);
     had_wrenches = !loads.empty();
@@ -176,7 +176,7 @@ void World::Impl::integrate(const StepContext& step, Carried* by_method) {
     remember_choice({Method::kSequentialImpulses, MethodReason::kContact}, true, step_count,
                     &island_parts[i]);
   }
-  if (!contact_groups.empty()) take_out_group_contacts();
+  if (!groups.is_empty()) groups.take_out_contacts(topology, &touching);
   if (report_islands(smooth)) list_by_method();
   report.islands = by_method->islands;
 }
@@ -369,6 +369,23 @@ IntegratorOptions World::Impl::accuracy_within(double most_frequency) const {
   accuracy.most_attempts =
       static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
   return accuracy;
+}
+
+void World::Impl::advance_contact_groups(const SmoothSpan& part) {
+  SmoothSpan span = part;
+  if (span_ends.size() == 2) span.h = options.time_step;  // the whole step, however late it is
+  for (std::size_t g = 0; g < groups.groups().size(); ++g) {
+    const ContactGroup& group = groups.groups()[g];
+    if (group.has_failed) continue;
+    const IntegrationResult progress =
+        groups.advance(g, span, accuracy_within(kInfinity), options, this);
+    const bool is_done = note(to_index(group.islands.front()), progress);
+    if (group.islands.size() > 1)  // they exchange energy
+      for (const int i : group.islands) island_parts[i].energy.has_changed = true;
+    if (is_done) continue;
+    groups.mark_failed(g);
+    for (const int i : group.islands) refuse_island(to_index(i), MethodReason::kContactsGivenUp);
+  }
 }
 
 // A span in one way, and what the island learns from it.

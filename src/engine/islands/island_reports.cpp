@@ -2,7 +2,9 @@
 
 #include <algorithm>
 
+#include "engine/islands/contact_group_reports.h"
 #include "engine/math/list.h"
+#include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -29,9 +31,9 @@ bool World::Impl::report_islands(const List<int>& smooth) {
       island.dependent_rows = static_cast<std::uint32_t>(equations.dependent_rows());
       island.events = motion.events();
     }
-    if (is_in_group(to_index(index))) {
-      island.events = events_of_group(to_index(index));
-      const double driven = driven_work_of_group(to_index(index));
+    if (groups.contains(to_index(index))) {
+      island.events = groups.events_of(to_index(index));
+      const double driven = groups.driven_work_of(to_index(index));
       integrated_drives += driven;
       parts.energy.corrections += driven;
     }
@@ -79,7 +81,7 @@ void World::Impl::read_smooth_joints(JointStep step, const Carried& by_method) {
       joint_states[j].bias = (joint_states[j].travel - rollback.joint_states()[j].travel) / step.h;
   }
   for (const int i : by_method.smooth) {
-    if (island_parts[i].motion < 0 || is_in_group(to_index(i))) continue;
+    if (island_parts[i].motion < 0 || groups.contains(to_index(i))) continue;
     IslandMotion& motion = motions[island_parts[i].motion];
     if (const EventDriven* by_events = motion.finish_events(states)) {
       tell_events(*by_events);
@@ -109,6 +111,30 @@ void World::Impl::read_smooth_joints(JointStep step, const Carried& by_method) {
     }
     step.counted = nullptr;
   }
+}
+
+void World::Impl::report_contact_groups(const JointStep& step) {
+  const std::size_t first = touching.size();
+  for (const ContactGroup& group : groups.groups()) {
+    if (group.has_failed) continue;
+    add_group_events(*this, group, span_ends.back(), &events);
+    add_group_contacts(*this, states, group, &touching);
+    if (group.spheres != nullptr) continue;
+    const ContactEquations& equations = group.events->equations();
+    for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
+      group.events->write(c, &joint_states[equations.joints[equations.coordinates[c].joint].index]);
+    for (const ContactEquations::BodyJoint& joint : equations.joints) {
+      if (joint.is_broken) joint_states[joint.index].broken = true;
+      read_smooth_joint(to_index(joint.index), step, joint.impulse, 0.0);
+    }
+  }
+  for (std::size_t i = first; i < touching.size(); ++i) {
+    const Manifold& manifold = touching[i].manifold;
+    report.contacts += static_cast<std::uint32_t>(manifold.count);
+    for (std::size_t k = 0; k < to_index(manifold.count); ++k)
+      report.max_penetration = std::max(report.max_penetration, manifold.points[k].depth);
+  }
+  std::sort(touching.begin(), touching.end(), TouchingPair::in_order);
 }
 
 void World::Impl::tell_events(const EventDriven& from) {

@@ -55,9 +55,9 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
         near.emplace_back(body_index[pair.id_a.value], body_index[pair.id_b.value]);
   List<bool> sleeps = asleep;
   if (sleep.is_stale()) {
-    List<const List<int>*> groups;
-    for (const NextIsland& island : *next) groups.push_back(&island.members.bodies);
-    engine::spread_waking(*this, groups, near, &sleeps);
+    List<const List<int>*> members;
+    for (const NextIsland& island : *next) members.push_back(&island.members.bodies);
+    engine::spread_waking(*this, members, near, &sleeps);
   }
   List<bool> in_contact(next->size(), false);
   for (const auto& [a, b] : near) {
@@ -66,8 +66,8 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
       if (next_of[body] >= 0) in_contact[next_of[body]] = true;
   }
   const auto was_in_group = [&](int body) {
-    return std::find(grouped_bodies.begin(), grouped_bodies.end(), body_ids[body]) !=
-           grouped_bodies.end();
+    return std::find(groups.bodies().begin(), groups.bodies().end(), body_ids[body]) !=
+           groups.bodies().end();
   };
   const FastestSprings fastest(*this, joint_states, ends);
   for (std::size_t i = 0; i < next->size(); ++i) {
@@ -82,7 +82,7 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
     island.dependent_rows = 0;
     const MethodReason nature = classify(traits_of(*this, members, fastest), options);
     MethodChoice choice = choose(nature, in_contact[i], memory, step_count, options);
-    if (follows_contacts() && suits_group(members, nature, memory) &&
+    if (follows_contacts(options) && suits_group(*this, step_count, members, nature, memory) &&
         std::any_of(members.bodies.begin(), members.bodies.end(), was_in_group))
       choice = {Method::kEventDriven, MethodReason::kFewContacts};
     island.method = choice.method;

@@ -373,7 +373,6 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   if constexpr (Visit::kReads) {
     check_model(self, self);
     check_ids(self, visit.most_ids());
-    self.list_grouped_bodies();
     make_custom_codes(&self.joints);
     name_all(self.bodies, self.body_ids, &self.body_by_name);
     name_all(self.joints, self.joint_ids, &self.joint_by_name);
@@ -421,7 +420,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   }
   visit(self.any_refused);
   visit(self.any_stiff);
-  visit(self.had_groups);
+  ContactGroups::visit_memory(self.groups, visit);
   visit(self.smooth_changed);
   visit(self.time_varying_joints);
   visit(self.contacts);

@@ -118,7 +118,7 @@ void World::Impl::watch_contacts() {
           watch.has_moved[body] = 1;
     }
     const int island = std::max(topology.island_of(pair.a), topology.island_of(pair.b));
-    if (pair.manifold.count == 0 || island < 0 || is_in_group(to_index(island))) continue;
+    if (pair.manifold.count == 0 || island < 0 || groups.contains(to_index(island))) continue;
     double deepest = 0.0;
     bool sticks = false;
     for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {

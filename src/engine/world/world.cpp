@@ -185,15 +185,16 @@ void World::Impl::finish_step(const StepContext& step, const Carried& by_method)
   finish_impulses(step, by_method);
   if (!motions.empty() && !by_method.smooth.empty())
     read_smooth_joints(joint_step(options, step.tick.start, options.time_step), by_method);
-  if (!contact_groups.empty())
-    tell_contact_groups(joint_step(options, step.tick.start, options.time_step));
+  if (!groups.is_empty())
+    report_contact_groups(joint_step(options, step.tick.start, options.time_step));
   if (!touching.empty() || !contacts.empty()) tell_contacts();
   if (!tells_finite_numbers()) throw StepFailed{Failure::kNotFinite};
   leave_out_estimates(by_method);
   if (events.size() > 1) sort_events();
   ++step_count;
   drop_spent_wrenches(step.tick.end);
-  if (const auto resting_sets = sleep.fall_asleep(*this, topology, watched_pairs, this, this)) {
+  if (const auto resting_sets =
+          sleep.fall_asleep(*this, topology, reach.watched_pairs(), this, this)) {
     list_resting(*resting_sets);
     tell_contacts();
   }

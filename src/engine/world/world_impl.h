@@ -13,6 +13,8 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/islands/compile.h"
+#include "engine/islands/contact_groups.h"
+#include "engine/islands/contact_reach.h"
 #include "engine/islands/continuous_collision.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/island_traits.h"
@@ -26,6 +28,7 @@
 #include "engine/model/model.h"
 #include "engine/model/state.h"
 #include "engine/support/stage_timer.h"
+#include "engine/support/storage.h"
 #include "engine/world/watch.h"
 #include "engine/world/workers.h"
 
@@ -36,46 +39,6 @@ struct CustomFailure;
 /// Of gravity, with 0 at the height 0, and of springs where potential [J].
 struct Energy {
   double kinetic = 0.0, potential = 0.0;
-};
-
-class ContactEquations;
-class ContactEvents;
-class ElasticSpheres;
-
-/// Storage that steps use again. A copy of a world begins without: nothing goes by what is in it.
-template <class T>
-class Storage {
- public:
-  Storage() = default;
-  Storage(const Storage& /*other*/) {}
-  Storage(Storage&&) noexcept = default;
-  Storage& operator=(const Storage& /*other*/) {
-    of_.reset();
-    return *this;
-  }
-  Storage& operator=(Storage&&) noexcept = default;
-  ~Storage() = default;
-
-  T* get() const { return of_.get(); }
-  T* operator->() const { return of_.get(); }
-  void make() {
-    if (of_ == nullptr) of_ = std::make_shared<T>();
-  }
-
- private:
-  std::shared_ptr<T> of_;
-};
-
-/// Islands that may touch each other, or what does not move, within a step.
-struct ContactGroup {
-  List<int> islands;
-  List<Broadphase::Pair> pairs;
-  Storage<ContactEvents> events;            ///< of this step alone
-  std::shared_ptr<ElasticSpheres> spheres;  ///< or these
-  bool has_failed = false;                  ///< in this step: others carry them
-  bool is_few = false;                      ///< enough for `events`
-  bool closes = false;                      ///< overlaps, which `events` do
-  bool is_elastic = false;                  ///< all of them spheres for `spheres`
 };
 
 /// What each method carries in a step; made anew when that changes.
@@ -150,30 +113,10 @@ struct World::Impl : Model, State, IslandLists {
   Clock clock = nullptr;
   StopFlag stop = nullptr;
 
-  // ---- what touches by events, in this step
-  /// Of islands that pairs connect, by the first one of them.
-  struct GroupSize {
-    std::size_t bodies = 0, points = 0;
-    double reach = 0.0;  ///< [m] of the one that may get furthest
-    bool has_pairs = false, overlaps = false, is_elastic = true;
-    bool is_settled = true;   ///< as far as overlaps go: they are what impulses leave at rest
-    bool was_handed = false;  ///< one of them was handed over to impulses, and is not back
-    MethodReason left_for = MethodReason::kContact;  ///< where it is not by events
-    int group = -1;                                  ///< that was made of them
-  };
-  List<std::pair<Broadphase::Pair, double>> watched_pairs;  // with their gaps [m]
-  List<GroupSize> group_sizes;
-  List<ContactGroup> contact_groups;
-  List<ContactGroup> unused_groups;    // their storage is used again
-  List<int> place_in_group;            // of bodies; -1: not in the one that is compiled
-  List<OneSidedLaw> group_laws;        // of a joint
-  List<int> leader_of;                 // of islands: the first one that pairs connect with it
-  List<int> group_of;                  // of islands; -1: none
-  double integrated_drives = 0.0;      // work of what moves by itself on groups, in this step [J]
-  std::vector<BodyId> grouped_bodies;  // whatever is edited after the step
-  bool had_groups = false;             // in the step before
-  List<double> reach;                  // [m] of bodies in this step, whoever hits them
-  List<double> own_reach;              // [m] where nobody does
+  // ---- event-driven contacts
+  ContactReach reach;
+  ContactGroups groups;
+  double integrated_drives = 0.0;  // work of kinematic bodies on groups, in this step [J]
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
@@ -246,7 +189,6 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- resting
   bool wake_touched();
-  void wake_approached();
   void spread_waking();
   void list_resting(const RestingSets& resting_sets);
   void list_shapes(const List<int>& resting_bodies);
@@ -295,47 +237,11 @@ struct World::Impl : Model, State, IslandLists {
   void find_acting_wrenches(const StepContext& step);
   void find_custom_forces(const StepContext& step, const Carried& by_method);
 
-  // ---- contacts of few bodies, by events (contact_groups.cpp)
-  bool follows_contacts() const;
-  bool is_in_group(std::size_t island) const {
-    return !contact_groups.empty() && group_of[island] >= 0;
-  }
-  void begin_reach();
-  bool grow_reach();
-  void watch_pairs();
-  std::size_t most_bodies_of_group() const;
-  double least_gap(std::size_t a, std::size_t b) const;
-  std::optional<double> gap_to_watch(const Broadphase::Pair& pair) const;
-  void find_contact_groups(const List<Broadphase::Pair>& near);
-  void list_group_sizes();
-  bool is_settled(const Broadphase::Pair& pair, double gap) const;
-  bool is_few(const GroupSize& size) const;
-  MethodReason why_left(std::size_t island) const;
-  bool is_left_in_contact(std::size_t island) const;
+  void advance_contact_groups(const SmoothSpan& span);
+  void report_contact_groups(const JointStep& step);
   void hand_over(std::size_t island, MethodReason why);
   void take_back(std::size_t island);
   void tell_of_island(EventKind kind, std::size_t island);
-  void list_grouped_bodies();
-  bool is_elastic_sphere(std::size_t body) const;
-  bool suits_group(const IslandMembers& members, MethodReason nature,
-                   const IslandMemory& memory) const;
-  bool can_be_in_group(std::size_t i) const;
-  void clear_contact_groups(std::size_t kept = 0);
-  ContactGroup& add_contact_group();
-  bool compile_group(ContactGroup* group);
-  bool compile_events(const ContactGroup& group);
-  std::size_t add_group_body(int body, ContactEquations* equations);
-  bool add_group_pairs(const ContactGroup& group);
-  bool compile_spheres(ContactGroup* group);
-  double most_work_of(const ContactGroup& of) const;
-  void advance_contact_groups(const SmoothSpan& span);
-  void take_out_group_contacts();
-  void tell_contact_groups(const JointStep& step);
-  void add_group_contacts(const ContactEvents& by_events);
-  void add_group_contact(TouchingPair pair);
-  void tell_spheres(const ElasticSpheres& spheres);
-  std::uint32_t events_of_group(std::size_t island) const;
-  double driven_work_of_group(std::size_t island) const;
 
   // ---- the end of a step
   void advance_kinematic_bodies();

@@ -23,20 +23,21 @@ constexpr std::size_t kMostAttemptsOfAll = 300000;
 
 // ---- methods chosen
 
-Carried& World::Impl::choose_methods(const List<TouchingPair>& pairs) {
+MethodPartition& World::Impl::choose_methods() {
   entering.clear();
-  if (!fresh_islands.empty() || sleep.has_changed() || !pairs.empty() || !touching_before.empty() ||
-      any_refused || any_stiff || groups.had_groups() || !groups.is_empty())
-    sort_islands(pairs);
+  if (!fresh_islands.empty() || sleep.has_changed() || !touching.empty() ||
+      !pipeline.touching_before().empty() || any_refused || any_stiff || groups.had_groups() ||
+      !groups.is_empty())
+    sort_islands();
   groups.end_choice();
   report.islands = carried.islands;
   return carried;
 }
 
-void World::Impl::sort_islands(const List<TouchingPair>& pairs) {
+void World::Impl::sort_islands() {
   in_contact.resize(islands.size());
   for (const int i : sleep.awake().islands) in_contact[i] = false;
-  for (const TouchingPair& pair : pairs)
+  for (const TouchingPair& pair : touching)
     for (const int body : {pair.a, pair.b})
       if (topology.island_of(body) >= 0) in_contact[topology.island_of(body)] = true;
 
@@ -127,7 +128,7 @@ void World::Impl::list_by_method() {
 }
 
 // Carries the smooth islands to the end of the tick; one that cannot be goes to the impulses.
-void World::Impl::integrate(const StepContext& step, Carried* by_method) {
+void World::Impl::integrate(const StepContext& step, MethodPartition* by_method) {
   const List<int>& smooth = by_method->smooth;
   if (smooth.empty()) return;
   const StageTimer timer(clock, Stage::kIntegration, &report.stage_times);

@@ -73,7 +73,7 @@ void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
   coupling.effort = impulse / h;
 }
 
-void World::Impl::read_smooth_joints(JointStep step, const Carried& by_method) {
+void World::Impl::read_smooth_joints(JointStep step, const MethodPartition& by_method) {
   const bool is_split = span_ends.size() > 2;
   for (std::size_t k = 0; is_split && k < time_varying_joints.size(); ++k) {
     const std::size_t j = to_index(time_varying_joints[k]);

@@ -410,7 +410,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   visit(self.courses);
   visit(self.loads);
   visit(self.had_wrenches);
-  visit(self.touching_before);
+  ContactPipeline::visit_memory(self.pipeline, visit);
   visit(self.reference_energy);
   visit(self.largest_kinetic_energy);
   Sleep::visit_memory(self.sleep, visit);

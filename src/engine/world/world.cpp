@@ -22,12 +22,12 @@ const StepReport& World::step() {
   Impl& world = *impl_;
   try {
     const StepContext step = world.begin_step();
-    const auto& near = world.find_pairs();                   // 1. broadphase: fast and approximate
-    const auto& touching = world.find_contacts(step, near);  // 2. narrowphase: accurate but slow
+    world.find_pairs(step);     // 1. broadphase: fast and approximate
+    world.find_contacts(step);  // 2. narrowphase: accurate but slow
     if (world.any_corrections)
       world.State::take_out_corrections(
           world.sleep.awake().bodies);  // what closed errors a step ago
-    Carried& carried = world.choose_methods(touching);
+    MethodPartition& carried = world.choose_methods();
     world.integrate(step, &carried);           //    smooth islands part here from the tutorial
     world.advance_by_impulses(step, carried);  // 3. to 6. of the others: SequentialImpulses
     world.advance_kinematic_bodies();
@@ -80,7 +80,7 @@ StepContext World::Impl::begin_step() {
       *this, topology, {time(), time_of(step_count + 1, options.time_step)}, stop, clock};
   report = StepReport{};
   events.clear();
-  contacts_are_new = false;
+  pipeline.begin_step();
   if (!has_next_tick(step.tick.start, options.time_step)) throw StepFailed{Failure::kNoNextTick};
   return step;
 }
@@ -89,7 +89,7 @@ void World::Impl::save_state() { rollback.save(sleep.awake(), *this, island_part
 
 void World::Impl::restore_state() {
   rollback.restore(sleep.awake(), this, &island_parts);
-  if (contacts_are_new) std::swap(touching, touching_before);
+  pipeline.take_back(&touching);
 }
 
 // those that act in this step on bodies that impulses carry: how long
@@ -108,7 +108,7 @@ void World::Impl::find_acting_wrenches(const StepContext& step) {
 }
 
 // as they are at the start of the step
-void World::Impl::find_custom_forces(const StepContext& step, const Carried& by_method) {
+void World::Impl::find_custom_forces(const StepContext& step, const MethodPartition& by_method) {
   for (const int index : by_method.impulse_joints) {
     const auto j = static_cast<std::size_t>(index);
     if (!is_custom_force(joints[j].kind) || !acts(joints[j], joint_states[j])) continue;
@@ -119,7 +119,7 @@ void World::Impl::find_custom_forces(const StepContext& step, const Carried& by_
   }
 }
 
-void World::Impl::advance_by_impulses(const StepContext& step, const Carried& by_method) {
+void World::Impl::advance_by_impulses(const StepContext& step, const MethodPartition& by_method) {
   continuous.begin_impulses();
   if (by_method.impulse_bodies.empty()) return;
   acting_wrenches.clear();
@@ -129,8 +129,8 @@ void World::Impl::advance_by_impulses(const StepContext& step, const Carried& by
   if (!continuous.fast_bodies().empty() &&
       continuous.divide(step, *this, by_method.impulse_bodies, by_method.impulse_joints, this)) {
     const HitReport hits =
-        continuous.advance(step, *this, sleep.awake(), moving_shapes, acting_wrenches, &broadphase,
-                           &sequential_impulses, this);
+        continuous.advance(step, *this, sleep.awake(), pipeline.moving_shapes(), acting_wrenches,
+                           pipeline.broadphase(), &sequential_impulses, this);
     add_impulses(hits.impulses, &report);
     report.hits += hits.hits;
     if (hits.has_left_any) report.hits_left_body = body_ids[continuous.first_body()];
@@ -139,7 +139,7 @@ void World::Impl::advance_by_impulses(const StepContext& step, const Carried& by
   add_impulses(sequential_impulses.advance(*this, impulse_step(step, by_method), this), &report);
 }
 
-void World::Impl::finish_impulses(const StepContext& step, const Carried& by_method) {
+void World::Impl::finish_impulses(const StepContext& step, const MethodPartition& by_method) {
   if (by_method.impulse_bodies.empty()) return;
   if (!continuous.is_divided() || !continuous.rest().is_empty())
     report.correction_work +=
@@ -149,13 +149,14 @@ void World::Impl::finish_impulses(const StepContext& step, const Carried& by_met
 }
 
 // Impulses have no estimate of their error, and so has a step with them.
-void World::Impl::leave_out_estimates(const Carried& by_method) {
+void World::Impl::leave_out_estimates(const MethodPartition& by_method) {
   for (const int body : by_method.impulse_bodies)
     islands[static_cast<std::size_t>(topology.island_of(static_cast<std::size_t>(body)))]
         .local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
 }
 
-ImpulseStep World::Impl::impulse_step(const StepContext& step, const Carried& by_method) const {
+ImpulseStep World::Impl::impulse_step(const StepContext& step,
+                                      const MethodPartition& by_method) const {
   const bool is_divided = continuous.is_divided();
   return {joint_step(options, step.tick.start, options.time_step),
           is_divided ? continuous.rest().bodies : by_method.impulse_bodies,
@@ -173,7 +174,7 @@ void World::Impl::advance_kinematic_bodies() {
   advance_kinematic(sleep.awake().kinematic, options.time_step, states);
 }
 
-void World::Impl::finish_step(const StepContext& step, const Carried& by_method) {
+void World::Impl::finish_step(const StepContext& step, const MethodPartition& by_method) {
   if (is_set(stop)) {
     keep_state_before(Failure::kNone);
     report.failed = false;
@@ -187,7 +188,7 @@ void World::Impl::finish_step(const StepContext& step, const Carried& by_method)
     read_smooth_joints(joint_step(options, step.tick.start, options.time_step), by_method);
   if (!groups.is_empty())
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
-  if (!touching.empty() || !contacts.empty()) tell_contacts();
+  if (!touching.empty() || !contacts.empty()) set_contacts(touching, options.time_step);
   if (!tells_finite_numbers()) throw StepFailed{Failure::kNotFinite};
   leave_out_estimates(by_method);
   if (events.size() > 1) sort_events();
@@ -196,7 +197,7 @@ void World::Impl::finish_step(const StepContext& step, const Carried& by_method)
   if (const auto resting_sets =
           sleep.fall_asleep(*this, topology, reach.watched_pairs(), this, this)) {
     list_resting(*resting_sets);
-    tell_contacts();
+    set_contacts(touching, options.time_step);
   }
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
@@ -315,12 +316,6 @@ void World::Impl::tell_broken(std::size_t j) {
   if (is_told) return;
   events.push_back({EventKind::kBroken, time_of(step_count + 1, options.time_step),
                     joints[j].body_a, joints[j].body_b, joint_ids[j]});
-}
-
-void World::Impl::sort_events() {
-  const auto is_earlier = [](const Event& l, const Event& r) { return l.time < r.time; };
-  if (!std::is_sorted(events.begin(), events.end(), is_earlier))
-    std::stable_sort(events.begin(), events.end(), is_earlier);
 }
 
 void World::Impl::drop_spent_wrenches(double now) {

@@ -69,7 +69,8 @@ void World::Impl::spread_waking() { list_resting(sleep.spread(*this, topology, t
 // Keeps the report of everything that rests, and the shapes that take part in a step.
 void World::Impl::list_resting(const RestingSets& resting_sets) {
   watch.awake_changed = true;
-  list_shapes(resting_sets.bodies);
+  pipeline.set_shapes(*this, *this, sleep.awake().bodies, resting_sets.bodies);
+  continuous.set_shapes(*this);
   resting_report = StepReport{};
   resting_report.asleep = static_cast<std::uint32_t>(islands.size() - sleep.awake().islands.size());
   for (const Island& island : islands)
@@ -83,9 +84,7 @@ void World::Impl::list_resting(const RestingSets& resting_sets) {
   find_worst_joint(resting_sets.joints, &resting_report);
   resting_energy = energy(resting_sets.bodies, resting_sets.joints);
 
-  contacts.clear();
-  for (const TouchingPair& pair : resting) add_contacts(pair);
-  resting_contacts = contacts.size();
+  set_resting_contacts(resting, options.time_step);
 }
 
 // Marks the islands of edited bodies, once it is known which islands there are.
@@ -106,6 +105,59 @@ void World::Impl::take_over_edits() {
   else
     list_fresh();
   all_edited = false;
+}
+
+// Stage 1: pairs of shapes that may touch within the step.
+void World::Impl::find_pairs(const StepContext& step) {
+  reach.forget_pairs();
+  const List<int>& shapes = pipeline.moving_shapes();
+  if (shapes.empty()) return;
+  const StageTimer timer(step.clock, Stage::kBroadphase, &report.stage_times);
+  continuous.find_fast_bodies(*this, *this, shapes);
+  if (!follows_contacts(options))
+    return pipeline.find_pairs(*this, *this, continuous.fast_bodies(), nullptr, &report);
+  reach.begin(*this, *this, shapes);
+  pipeline.find_pairs(*this, *this, continuous.fast_bodies(), &reach, &report);
+  // Each round but the last makes a group larger or faster; longer chains are left as they are.
+  constexpr int kMostRounds = 40;
+  for (int round = 0; reach.grow(*this, topology, *this, *this, sleep.awake(), pipeline.pairs()) &&
+                      round < kMostRounds;
+       ++round)
+    pipeline.find_pairs(*this, *this, continuous.fast_bodies(), &reach, &report);
+}
+
+// Stage 2: contacts, and groups of contacts that are event-driven. Wakes everything that is
+// touched.
+void World::Impl::find_contacts(const StepContext& step) {
+  if (pipeline.pairs().empty() && touching.empty() && pipeline.touching_before().empty() &&
+      groups.is_empty())
+    return;
+  pipeline.collide(step, this, &report);
+  find_hits(step);
+  while (wake_touched()) {
+    pipeline.take_back(&touching);
+    spread_waking();
+    save_state();
+    find_pairs(step);
+    pipeline.collide(step, this, &report);
+    find_hits(step);
+  }
+  groups.find(step, *this, rollback, *this, sleep.awake(), reach, pipeline.touching_before());
+}
+
+void World::Impl::find_hits(const StepContext& step) {
+  if (continuous.fast_bodies().empty()) return;
+  continuous.find_hits(step, pipeline.pairs(), *this, this);
+  for (const Broadphase::Pair& pair : continuous.jointed_pairs()) sleep.wake(pair, this);
+}
+
+// Wakes bodies in contact, and bodies that may be touched within the step; true where one slept.
+bool World::Impl::wake_touched() {
+  for (const TouchingPair& pair : touching) sleep.wake(pair.ends(), this);
+  if (!sleep.is_stale() && follows_contacts(options))
+    for (const auto& [pair, gap] : reach.watched_pairs())
+      if (asleep[pair.first] || asleep[pair.second]) sleep.wake(pair, this);
+  return sleep.is_stale();
 }
 
 }  // namespace constraint_sim::engine

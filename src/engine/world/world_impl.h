@@ -14,13 +14,16 @@
 #include "engine/constraints/one_sided_law.h"
 #include "engine/islands/compile.h"
 #include "engine/islands/contact_groups.h"
+#include "engine/islands/contact_pipeline.h"
 #include "engine/islands/contact_reach.h"
 #include "engine/islands/continuous_collision.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/island_traits.h"
+#include "engine/islands/method_partition.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/sleep.h"
 #include "engine/islands/step.h"
+#include "engine/islands/step_output.h"
 #include "engine/islands/topology.h"
 #include "engine/math/list.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
@@ -41,14 +44,6 @@ struct Energy {
   double kinetic = 0.0, potential = 0.0;
 };
 
-/// What each method carries in a step; made anew when that changes.
-struct Carried {
-  std::array<std::uint32_t, kMethodCount> islands{};  ///< so many
-  List<int> smooth;          ///< islands that are integrated, stiff ones as well
-  List<int> impulse_bodies;  ///< of all other islands
-  List<int> impulse_joints;  ///< the same
-};
-
 /// What a snapshot answers where a world goes by what a snapshot does not have.
 struct Seen {
   bool is_edited = false;  ///< since the last step
@@ -57,7 +52,7 @@ struct Seen {
 };
 
 /// What stands behind a World.
-struct World::Impl : Model, State, IslandLists {
+struct World::Impl : Model, State, IslandLists, StepOutput {
   // ---- follows from the above; made anew by the first step after an edit
   bool edited = true;                      // anything
   bool topology_edited = true;             // also who is joined to whom
@@ -74,13 +69,11 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- awake sets, and the report of the rest; rebuilt when an island wakes or falls asleep
   Sleep sleep;
-  List<int> moving_shapes;  // bodies that may touch something; empty where none can
   StepReport resting_report;
   Energy resting_energy;
-  std::size_t resting_contacts = 0;  // so many of contacts, the first ones
 
   // ---- which islands have which method; made anew when that changes
-  Carried carried;
+  MethodPartition carried;
   bool any_refused = false;
   bool any_stiff = false;          // or one that no longer is, or was just found to be
   List<bool> in_contact;           // islands in contact
@@ -94,22 +87,14 @@ struct World::Impl : Model, State, IslandLists {
   List<AppliedWrench> loads;  // of wrenches, in a span
   bool had_wrenches = false;  // in the span before
   Workers workers;
-  Broadphase broadphase;
-  List<Proxy> proxies;
-  List<TouchingPair> touching_before;  // in the step before
+  ContactPipeline pipeline;
   ContinuousCollision continuous;
   List<ActingWrench> acting_wrenches;  // on bodies that impulses carry
   SequentialImpulses sequential_impulses;
   Rollback rollback;
-  bool contacts_are_new = false;  // those of the step before are in touching_before
 
   // ---- what a step tells
-  std::vector<Contact> contacts;  // those of sleepers first
-  std::vector<Event> events;
   Watch watch;
-  StepReport report;
-  std::optional<JointId> failed_joint;  // of a step that failed by Failure::kCustom
-  std::string failed_why;               // the same
   Clock clock = nullptr;
   StopFlag stop = nullptr;
 
@@ -191,7 +176,6 @@ struct World::Impl : Model, State, IslandLists {
   bool wake_touched();
   void spread_waking();
   void list_resting(const RestingSets& resting_sets);
-  void list_shapes(const List<int>& resting_bodies);
 
   // ---- stepping (world.cpp), in the order of a step
   void abandon_step();
@@ -201,18 +185,15 @@ struct World::Impl : Model, State, IslandLists {
   void restore_state();
   void rebuild_topology();
   void take_over_edits();
-  const List<Broadphase::Pair>& find_pairs();
-  void find_overlapping();
-  const List<TouchingPair>& find_contacts(const StepContext& step,
-                                          const List<Broadphase::Pair>& near);
-  void find_hits(const StepContext& step, const List<Broadphase::Pair>& near);
-  void collide_pairs(const List<Broadphase::Pair>& near);
-  Carried& choose_methods(const List<TouchingPair>& in_contact);
-  void sort_islands(const List<TouchingPair>& in_contact);
+  void find_pairs(const StepContext& step);
+  void find_contacts(const StepContext& step);
+  void find_hits(const StepContext& step);
+  MethodPartition& choose_methods();
+  void sort_islands();
   void restart(const IslandParts& parts);
   bool is_integrated(std::size_t j) const;
   void list_by_method();
-  void integrate(const StepContext& step, Carried* by_method);
+  void integrate(const StepContext& step, MethodPartition* by_method);
   void assemble_entering(const JointStep& step);
   void compile_where_closed(const JointStep& step);
   void compile_if_opened(IslandParts* parts);
@@ -230,12 +211,12 @@ struct World::Impl : Model, State, IslandLists {
   void refuse_island(std::size_t i, MethodReason why);
   bool report_islands(const List<int>& smooth);
   std::uint32_t find_unresolved(std::size_t i, List<std::size_t>* bodies) const;
-  void advance_by_impulses(const StepContext& step, const Carried& by_method);
-  void finish_impulses(const StepContext& step, const Carried& by_method);
-  void leave_out_estimates(const Carried& by_method);
-  ImpulseStep impulse_step(const StepContext& step, const Carried& by_method) const;
+  void advance_by_impulses(const StepContext& step, const MethodPartition& by_method);
+  void finish_impulses(const StepContext& step, const MethodPartition& by_method);
+  void leave_out_estimates(const MethodPartition& by_method);
+  ImpulseStep impulse_step(const StepContext& step, const MethodPartition& by_method) const;
   void find_acting_wrenches(const StepContext& step);
-  void find_custom_forces(const StepContext& step, const Carried& by_method);
+  void find_custom_forces(const StepContext& step, const MethodPartition& by_method);
 
   void advance_contact_groups(const SmoothSpan& span);
   void report_contact_groups(const JointStep& step);
@@ -245,18 +226,15 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- the end of a step
   void advance_kinematic_bodies();
-  void finish_step(const StepContext& step, const Carried& by_method);
-  void read_smooth_joints(JointStep step, const Carried& by_method);
+  void finish_step(const StepContext& step, const MethodPartition& by_method);
+  void read_smooth_joints(JointStep step, const MethodPartition& by_method);
   void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
                          double coupled_impulse);
   void note_if_broken(std::size_t j);
   void tell_broken(std::size_t j);
   void tell_events(const EventDriven& from);
-  void sort_events();
   void give_up(std::size_t j);
   void note_coupling(std::size_t j, double h, double impulse);
-  void tell_contacts();
-  void add_contacts(const TouchingPair& pair);
   void drop_spent_wrenches(double now);
   void measure();
   void begin_watch();

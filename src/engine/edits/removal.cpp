@@ -144,7 +144,7 @@ void World::Impl::erase_bodies(const List<bool>& is_removed) {
   }
   const auto is_on_one = [&](const Wrench& wrench) { return goes(wrench.body); };
   wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_on_one), wrenches.end());
-  watch.any_wrench_ended = true;
+  monitors.note_wrench_ended();
   for (std::size_t i = 0; i < bodies.size(); ++i)
     if (is_removed[i]) body_by_name.erase(bodies[i].name);
   compact_list(is_removed, &bodies);

@@ -60,7 +60,7 @@ void World::take_snapshot(World* snapshot) const {
   to.contacts = from.contacts;
   to.resting_contacts = from.resting_contacts;
   to.events = from.events;
-  to.watch.unclosed = from.watch.unclosed;
+  to.monitors.set_unclosed(from.monitors.unclosed());
   to.sleep.continue_from(from.sleep.is_stale());
   to.edited = to.topology_edited = to.all_edited = true;
   if (!to.seen) to.seen.emplace();
@@ -275,7 +275,7 @@ void World::reset() {
     impl_->start_joint(j);
   }
   impl_->wrenches.clear();
-  impl_->watch = Watch{};
+  impl_->monitors = Monitors{};
   impl_->loaded_memory.clear();
   impl_->forget_contacts();
   impl_->topology_edited = true;
@@ -295,7 +295,7 @@ std::string World::failed_why() const {
 const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
 const std::vector<Event>& World::events() const { return impl_->events; }
 double World::energy() const {
-  const Energy now = impl_->energy();
+  const Energy now = energy_of(*impl_, *impl_);
   return now.kinetic + now.potential;
 }
 
@@ -322,7 +322,7 @@ std::vector<BodyId> World::unresolved_bodies() const {
 
 std::vector<JointId> World::unclosed_joints() const {
   if (impl_->is_edited() || impl_->report.unclosed_joints == 0) return {};
-  return impl_->watch.unclosed;
+  return impl_->monitors.unclosed();
 }
 
 std::optional<BodyId> World::gaining_body() const {

@@ -13,12 +13,12 @@ namespace constraint_sim::engine {
 bool World::Impl::report_islands(const List<int>& smooth) {
   bool any_changed = false;
   report.rows = 0;
-  watch.integrated_corrections = integrated_drives = 0.0;
+  monitors.begin_step();
   for (const int index : smooth) {
     Island& island = islands[index];
     IslandParts& parts = island_parts[index];
     report.projected_energy += parts.projected_energy;
-    watch.integrated_corrections += parts.correction_work;
+    monitors.add_corrections(parts.correction_work);
     parts.energy.corrections += parts.correction_work;
     report.changes += parts.changes;
     any_stiff = any_stiff || parts.needs_method_choice;
@@ -34,7 +34,7 @@ bool World::Impl::report_islands(const List<int>& smooth) {
     if (groups.contains(to_index(index))) {
       island.events = groups.events_of(to_index(index));
       const double driven = groups.driven_work_of(to_index(index));
-      integrated_drives += driven;
+      monitors.add_drives(driven);
       parts.energy.corrections += driven;
     }
     report.events += island.events;
@@ -52,7 +52,8 @@ bool World::Impl::report_islands(const List<int>& smooth) {
 
 // how many there are in an island, and if asked for which bodies
 std::uint32_t World::Impl::find_unresolved(std::size_t i, List<std::size_t>* bodies) const {
-  if (islands[i].method == Method::kSequentialImpulses) return find_spinning(i, bodies);
+  if (islands[i].method == Method::kSequentialImpulses)
+    return find_spinning(*this, *this, rollback, island_parts[i].members, bodies);
   const IslandMotion& motion = motions[island_parts[i].motion];
   const List<int>& held = motion.equations().bodies();
   std::uint32_t count = 0;

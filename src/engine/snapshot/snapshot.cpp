@@ -411,8 +411,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   visit(self.loads);
   visit(self.had_wrenches);
   ContactPipeline::visit_memory(self.pipeline, visit);
-  visit(self.reference_energy);
-  visit(self.largest_kinetic_energy);
+  Monitors::visit_energies(self.monitors, visit);
   Sleep::visit_memory(self.sleep, visit);
   if constexpr (Visit::kReads) {
     check_rest(self);
@@ -425,7 +424,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   visit(self.time_varying_joints);
   visit(self.contacts);
   visit(self.resting_contacts);
-  visit(self.watch);
+  Monitors::visit_memory(self.monitors, visit);
   visit(self.report);
   if constexpr (Visit::kReads) {
     check_indices(self.time_varying_joints, std::min(self.joints.size(), self.courses.size()));

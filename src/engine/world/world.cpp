@@ -40,7 +40,9 @@ const StepReport& World::step() {
     world.abandon_step();
     throw;
   }
-  world.measure();
+  world.monitors.measure({world, world, world.topology, world.rollback, world.sleep.awake(),
+                          world.groups, world.carried},
+                         &world, &world.report);
   return world.report;
 }
 
@@ -326,7 +328,7 @@ void World::Impl::drop_spent_wrenches(double now) {
   const auto spent = std::remove_if(wrenches.begin(), wrenches.end(), is_spent);
   if (spent == wrenches.end()) return;
   wrenches.erase(spent, wrenches.end());
-  watch.any_wrench_ended = true;
+  monitors.note_wrench_ended();
 }
 
 double World::Impl::time() const { return State::time(options.time_step); }

@@ -55,10 +55,7 @@ void World::Impl::rebuild_topology() {
   compile_islands(*this, *this, topology, this);
   spread_waking();
 
-  const Energy now = energy();
-  largest_kinetic_energy = now.kinetic;
-  reference_energy = now.kinetic + now.potential;
-  begin_watch();
+  monitors.begin(*this, *this, topology, this);
 
   rollback.resize(*this, island_parts.size());
 }
@@ -66,24 +63,10 @@ void World::Impl::rebuild_topology() {
 // Wakes everything that joints or contacts connect with bodies that are awake.
 void World::Impl::spread_waking() { list_resting(sleep.spread(*this, topology, this, this)); }
 
-// Keeps the report of everything that rests, and the shapes that take part in a step.
 void World::Impl::list_resting(const RestingSets& resting_sets) {
-  watch.awake_changed = true;
   pipeline.set_shapes(*this, *this, sleep.awake().bodies, resting_sets.bodies);
   continuous.set_shapes(*this);
-  resting_report = StepReport{};
-  resting_report.asleep = static_cast<std::uint32_t>(islands.size() - sleep.awake().islands.size());
-  for (const Island& island : islands)
-    if (island.why == MethodReason::kAtRest)
-      resting_report.dependent_rows =
-          std::max(resting_report.dependent_rows, island.dependent_rows);
-  for (const TouchingPair& pair : resting)
-    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k)
-      resting_report.max_penetration =
-          std::max(resting_report.max_penetration, pair.manifold.points[k].depth);
-  find_worst_joint(resting_sets.joints, &resting_report);
-  resting_energy = energy(resting_sets.bodies, resting_sets.joints);
-
+  monitors.set_resting(*this, *this, resting_sets, *this);
   set_resting_contacts(resting, options.time_step);
 }
 

@@ -32,17 +32,12 @@
 #include "engine/model/state.h"
 #include "engine/support/stage_timer.h"
 #include "engine/support/storage.h"
-#include "engine/world/watch.h"
+#include "engine/world/monitors.h"
 #include "engine/world/workers.h"
 
 namespace constraint_sim::engine {
 
 struct CustomFailure;
-
-/// Of gravity, with 0 at the height 0, and of springs where potential [J].
-struct Energy {
-  double kinetic = 0.0, potential = 0.0;
-};
 
 /// What a snapshot answers where a world goes by what a snapshot does not have.
 struct Seen {
@@ -63,14 +58,10 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   std::vector<BodyId> edited_bodies;                  // whose islands begin anew
   std::vector<BodyId> relinked_bodies;                // whose islands are compiled anew
   Topology topology;
-  List<FreeRotation> rotations;         // of bodies
-  double reference_energy = 0.0;        // [J] at the last edit
-  double largest_kinetic_energy = 0.0;  // [J] since the last edit
+  List<FreeRotation> rotations;  // of bodies
 
   // ---- awake sets, and the report of the rest; rebuilt when an island wakes or falls asleep
   Sleep sleep;
-  StepReport resting_report;
-  Energy resting_energy;
 
   // ---- which islands have which method; made anew when that changes
   MethodPartition carried;
@@ -94,14 +85,13 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   Rollback rollback;
 
   // ---- what a step tells
-  Watch watch;
+  Monitors monitors;
   Clock clock = nullptr;
   StopFlag stop = nullptr;
 
   // ---- event-driven contacts
   ContactReach reach;
   ContactGroups groups;
-  double integrated_drives = 0.0;  // work of kinematic bodies on groups, in this step [J]
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
@@ -236,17 +226,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void give_up(std::size_t j);
   void note_coupling(std::size_t j, double h, double impulse);
   void drop_spent_wrenches(double now);
-  void measure();
-  void begin_watch();
-  void watch_joints();
-  void watch_contacts();
-  void watch_spin();
-  std::uint32_t find_spinning(std::size_t i, List<std::size_t>* bodies) const;
-  void watch_energy();
-  void look_at_energy();
-  double look_at_island(std::size_t island, double* allowed);
-  void tell_of_gain(const IslandParts& parts, double gain, double allowed);
-  bool find_worst_joint(const List<int>& among, StepReport* worst) const;
   void keep_state_before(Failure why);
   Failure failure_of_motion();
   bool tells_finite_numbers() const;
@@ -255,8 +234,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   double time() const;
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
-  Energy energy() const;
-  Energy energy(const List<int>& of_bodies, const List<int>& of_joints) const;
 };
 
 /// The way in for what saves and loads.

@@ -132,7 +132,7 @@ void World::set_state(BodyId id, const BodyState& state) {
   impl_->states[i] = placed;
   impl_->corrections[i].setZero();
   if (!stays)
-    for (const std::size_t j : impl_->joints_on(i)) impl_->open_joint(j, time());
+    for (const std::size_t j : impl_->joints_on(i)) open_joint(*impl_, j, time(), impl_.get());
   if (impl_->is_movable(i))
     impl_->edit_island_of(id);
   else

@@ -22,7 +22,7 @@ void World::Impl::replace_joint(std::size_t j, const Joint& joint,
   for (std::size_t i = 0; i < changes.size(); ++i)
     if (changes[i].law)
       begins = follow_law(j, i, before.coordinates[i], changes[i].motor) || begins;
-  if (begins) open_joint(j, time());
+  if (begins) open_joint(*this, j, time(), this);
   edit_laws(joint);
 }
 
@@ -178,7 +178,7 @@ void World::Impl::restart_joint(std::size_t j) {
   forget_impulses(&state);
   self_stress[j] = SelfStress{};
   wake_ends(joint);
-  open_joint(j, time());
+  open_joint(*this, j, time(), this);
   topology_edited = true;
   edit_island_of(joint.body_a);
   edit_island_of(joint.body_b);
@@ -195,7 +195,7 @@ void World::Impl::hold_from_here(std::size_t j) {
     state.coordinates[i].held = state.coordinates[i].position;
     is_held = true;
   }
-  if (is_held) open_joint(j, time());
+  if (is_held) open_joint(*this, j, time(), this);
 }
 
 }  // namespace constraint_sim::engine

@@ -182,14 +182,6 @@ const List<std::size_t>& World::Impl::joints_on(std::size_t body) {
   return body < joints_of_bodies->size() ? (*joints_of_bodies.get())[body] : kNone;
 }
 
-// Measures a joint whose bodies were moved, or that was edited; what it is off by is then closed.
-void World::Impl::open_joint(std::size_t j, double t) {
-  if (couples_joints(joints[j].kind))
-    read_coupling(terms_of(j), joint_states, &joint_states[j].coupling);
-  const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
-  begin_joint(joints[j], states[a], states[b], t, joint_states[j], masses[b].can_turn());
-}
-
 // the state of a joint just added
 void World::Impl::start_joint(std::size_t j) {
   JointState& state = joint_states[j] = JointState{};
@@ -218,7 +210,7 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   state.impulse = saved.impulse;
   state.coupling.constant = saved.coupling.constant;
   state.coupling.impulse = saved.coupling.impulse;
-  open_joint(j, time());  // measures it with this travel
+  open_joint(*this, j, time(), this);  // measures it with this travel
   state.closing = saved.closing && is_rigid(joints[j]) && acts(joints[j], state);
   if (state.closing) {
     state.closing_since = saved.closing_since;

@@ -154,7 +154,7 @@ void World::Impl::erase_bodies(const List<bool>& is_removed) {
   compact_list(is_removed, &asleep);
   compact_list(is_removed, &body_ids, &body_index);
   joints_of_bodies = {};
-  loads.clear();  // the last step's, by indices of bodies; all islands begin anew
+  integration.forget_loads();  // the last step's, by indices of bodies; all islands begin anew
   contacts.clear();
   events.clear();
   topology_edited = true;

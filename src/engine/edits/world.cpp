@@ -307,12 +307,19 @@ std::vector<Island> World::islands() const {
   return islands;
 }
 
+void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const {
+  if (islands[i].method == Method::kSequentialImpulses)
+    find_spinning(*this, *this, rollback, island_parts[i].members, found);
+  else
+    find_unresolved(*this, motions[to_index(island_parts[i].motion)], found);
+}
+
 std::vector<BodyId> World::unresolved_bodies() const {
   if (impl_->seen) return impl_->seen->unresolved_bodies;
   if (impl_->edited) return {};  // islands and bodies may be others now
   List<std::size_t> indices;
   for (std::size_t i = 0; i < impl_->islands.size(); ++i)
-    if (impl_->islands[i].unresolved_bodies > 0) impl_->find_unresolved(i, &indices);
+    if (impl_->islands[i].unresolved_bodies > 0) impl_->list_unresolved(i, &indices);
   std::sort(indices.begin(), indices.end());
   std::vector<BodyId> ids;
   ids.reserve(indices.size());

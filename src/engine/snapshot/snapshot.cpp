@@ -333,15 +333,16 @@ void make_custom_codes(List<Joint>* joints) {
 // what acted in the last step, by body and joint
 template <class Impl>
 void check_rest(const Impl& impl) {
-  if (impl.rotations.size() != impl.bodies.size()) fail_damaged("its lists");
+  if (impl.integration.rotations().size() != impl.bodies.size()) fail_damaged("its lists");
   // of joints that were added since the last step there are none yet; their islands are fresh
   for (std::size_t i = 0; i < impl.islands.size(); ++i) {
     const auto& parts = impl.island_parts[i];
     const bool is_smooth = impl.islands[i].method != Method::kSequentialImpulses;
-    if (!parts.is_fresh && is_smooth) check_indices(parts.members.joints, impl.courses.size());
+    if (!parts.is_fresh && is_smooth)
+      check_indices(parts.members.joints, impl.integration.courses().size());
   }
   List<int> loaded;
-  for (const AppliedWrench& load : impl.loads) loaded.push_back(load.body);
+  for (const AppliedWrench& load : impl.integration.loads()) loaded.push_back(load.body);
   check_indices(loaded, impl.bodies.size());
 }
 
@@ -406,44 +407,28 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
                                  self.masses);
     visit.keep_sizes(false);
   }
-  visit(self.rotations);
-  visit(self.courses);
-  visit(self.loads);
-  visit(self.had_wrenches);
+  IslandIntegration::visit_motion(self.integration, visit);
   ContactPipeline::visit_memory(self.pipeline, visit);
   Monitors::visit_energies(self.monitors, visit);
   Sleep::visit_memory(self.sleep, visit);
   if constexpr (Visit::kReads) {
     check_rest(self);
-    self.continue_from_snapshot();
+    self.list_fresh();
+    self.integration.continue_from(self, self.topology, self.sleep.awake(), self, &self);
   }
-  visit(self.any_refused);
-  visit(self.any_stiff);
+  IslandIntegration::visit_choice(self.integration, visit);
   ContactGroups::visit_memory(self.groups, visit);
-  visit(self.smooth_changed);
-  visit(self.time_varying_joints);
+  IslandIntegration::visit_courses(self.integration, visit);
   visit(self.contacts);
   visit(self.resting_contacts);
   Monitors::visit_memory(self.monitors, visit);
   visit(self.report);
   if constexpr (Visit::kReads) {
-    check_indices(self.time_varying_joints, std::min(self.joints.size(), self.courses.size()));
+    check_indices(self.integration.time_varying_joints(),
+                  std::min(self.joints.size(), self.integration.courses().size()));
     if (self.resting_contacts > self.contacts.size()) fail_damaged("its contacts");
     check_ids(self, visit.most_ids());
   }
-}
-
-// what follows from islands and what they remember; of those that impulses carry nothing does,
-// which have no courses where they have always done so
-void World::Impl::continue_from_snapshot() {
-  list_fresh();
-  in_contact.assign(islands.size(), false);
-  list_by_method();
-  for (std::size_t i = 0; i < islands.size(); ++i)
-    if (!island_parts[i].is_fresh && island_parts[i].motion >= 0 &&
-        islands[i].method != Method::kSequentialImpulses)
-      motions[static_cast<std::size_t>(island_parts[i].motion)].continue_from(
-          time(), states, options.gravity, loads, courses);
 }
 
 std::string write_snapshot(const World& world) {

@@ -49,11 +49,12 @@ class Monitors {
   void set_resting(const Model& model, const State& state, const RestingSets& resting,
                    const IslandLists& lists);
   void note_wrench_ended() { has_wrench_ended_ = true; }
-  /// Begins to add up the work on integrated islands in a step.
-  void begin_step() { integrated_corrections_ = integrated_drives_ = 0.0; }
-  /// Adds work of corrections, and of kinematic bodies on groups of contacts [J].
-  void add_corrections(double work) { integrated_corrections_ += work; }
-  void add_drives(double work) { integrated_drives_ += work; }
+  /// Takes over the work on integrated islands in a step: of corrections, and of kinematic bodies
+  /// on groups of contacts [J].
+  void set_work(double corrections, double drives) {
+    integrated_corrections_ = corrections;
+    integrated_drives_ = drives;
+  }
   /// Measures a step.
   void measure(const MonitorInput& in, IslandLists* lists, StepReport* report);
 

@@ -27,11 +27,11 @@ const StepReport& World::step() {
     if (world.any_corrections)
       world.State::take_out_corrections(
           world.sleep.awake().bodies);  // what closed errors a step ago
-    MethodPartition& carried = world.choose_methods();
-    world.integrate(step, &carried);           //    smooth islands part here from the tutorial
-    world.advance_by_impulses(step, carried);  // 3. to 6. of the others: SequentialImpulses
+    world.choose_methods(step);
+    world.integrate(step);            //    smooth islands part here from the tutorial
+    world.advance_by_impulses(step);  // 3. to 6. of the others: SequentialImpulses
     world.advance_kinematic_bodies();
-    world.finish_step(step, carried);
+    world.finish_step(step);
   } catch (const StepFailed& failed) {
     world.keep_state_before(failed.why);
   } catch (const CustomFailure& failed) {
@@ -41,7 +41,7 @@ const StepReport& World::step() {
     throw;
   }
   world.monitors.measure({world, world, world.topology, world.rollback, world.sleep.awake(),
-                          world.groups, world.carried},
+                          world.groups, world.integration.partition()},
                          &world, &world.report);
   return world.report;
 }
@@ -94,6 +94,20 @@ void World::Impl::restore_state() {
   pipeline.take_back(&touching);
 }
 
+void World::Impl::choose_methods(const StepContext& step) {
+  const bool may_change =
+      sleep.has_changed() || !touching.empty() || !pipeline.touching_before().empty();
+  integration.choose_methods({step, sleep.awake(), rollback, this, this, this}, may_change, reach,
+                             &sleep, &groups);
+}
+
+void World::Impl::integrate(const StepContext& step) {
+  if (integration.partition().smooth.empty()) return;
+  const IntegrationWork work =
+      integration.integrate({step, sleep.awake(), rollback, this, this, this}, continuous, &groups);
+  monitors.set_work(work.corrections, work.drives);
+}
+
 // those that act in this step on bodies that impulses carry: how long
 void World::Impl::find_acting_wrenches(const StepContext& step) {
   for (const Wrench& wrench : wrenches) {
@@ -110,26 +124,28 @@ void World::Impl::find_acting_wrenches(const StepContext& step) {
 }
 
 // as they are at the start of the step
-void World::Impl::find_custom_forces(const StepContext& step, const MethodPartition& by_method) {
-  for (const int index : by_method.impulse_joints) {
+void World::Impl::find_custom_forces(const StepContext& step) {
+  for (const int index : integration.partition().impulse_joints) {
     const auto j = static_cast<std::size_t>(index);
     if (!is_custom_force(joints[j].kind) || !acts(joints[j], joint_states[j])) continue;
-    const Jacobian wrench = custom_wrench(joints[j], state_a(j), state_b(j), step.tick.start);
+    const Jacobian wrench = custom_wrench(joints[j], topology.state_a(*this, j),
+                                          topology.state_b(*this, j), step.tick.start);
     const auto [a, b] = topology.ends(j);
     if (is_movable(a)) acting_wrenches.push_back({a, options.time_step, wrench.j1, wrench.j2});
     if (is_movable(b)) acting_wrenches.push_back({b, options.time_step, wrench.j3, wrench.j4});
   }
 }
 
-void World::Impl::advance_by_impulses(const StepContext& step, const MethodPartition& by_method) {
+void World::Impl::advance_by_impulses(const StepContext& step) {
   continuous.begin_impulses();
-  if (by_method.impulse_bodies.empty()) return;
+  if (integration.partition().impulse_bodies.empty()) return;
   acting_wrenches.clear();
   if (!wrenches.empty()) find_acting_wrenches(step);
-  if (topology.has_custom_forces()) find_custom_forces(step, by_method);
+  if (topology.has_custom_forces()) find_custom_forces(step);
   if (!continuous.jointed_pairs().empty()) continuous.add_jointed_pairs(step, *this, this);
   if (!continuous.fast_bodies().empty() &&
-      continuous.divide(step, *this, by_method.impulse_bodies, by_method.impulse_joints, this)) {
+      continuous.divide(step, *this, integration.partition().impulse_bodies,
+                        integration.partition().impulse_joints, this)) {
     const HitReport hits =
         continuous.advance(step, *this, sleep.awake(), pipeline.moving_shapes(), acting_wrenches,
                            pipeline.broadphase(), &sequential_impulses, this);
@@ -138,31 +154,30 @@ void World::Impl::advance_by_impulses(const StepContext& step, const MethodParti
     if (hits.has_left_any) report.hits_left_body = body_ids[continuous.first_body()];
     if (continuous.rest().is_empty()) return;
   }
-  add_impulses(sequential_impulses.advance(*this, impulse_step(step, by_method), this), &report);
+  add_impulses(sequential_impulses.advance(*this, impulse_step(step), this), &report);
 }
 
-void World::Impl::finish_impulses(const StepContext& step, const MethodPartition& by_method) {
-  if (by_method.impulse_bodies.empty()) return;
+void World::Impl::finish_impulses(const StepContext& step) {
+  if (integration.partition().impulse_bodies.empty()) return;
   if (!continuous.is_divided() || !continuous.rest().is_empty())
-    report.correction_work +=
-        sequential_impulses.finish(*this, impulse_step(step, by_method), this);
+    report.correction_work += sequential_impulses.finish(*this, impulse_step(step), this);
   if (continuous.is_divided()) report.contacts += continuous.return_contacts(this);
-  for (const int j : by_method.impulse_joints) note_if_broken(static_cast<std::size_t>(j));
+  for (const int j : integration.partition().impulse_joints)
+    note_if_broken(static_cast<std::size_t>(j));
 }
 
 // Impulses have no estimate of their error, and so has a step with them.
-void World::Impl::leave_out_estimates(const MethodPartition& by_method) {
-  for (const int body : by_method.impulse_bodies)
+void World::Impl::leave_out_estimates() {
+  for (const int body : integration.partition().impulse_bodies)
     islands[static_cast<std::size_t>(topology.island_of(static_cast<std::size_t>(body)))]
         .local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
 }
 
-ImpulseStep World::Impl::impulse_step(const StepContext& step,
-                                      const MethodPartition& by_method) const {
+ImpulseStep World::Impl::impulse_step(const StepContext& step) const {
   const bool is_divided = continuous.is_divided();
   return {joint_step(options, step.tick.start, options.time_step),
-          is_divided ? continuous.rest().bodies : by_method.impulse_bodies,
-          is_divided ? continuous.rest().joints : by_method.impulse_joints,
+          is_divided ? continuous.rest().bodies : integration.partition().impulse_bodies,
+          is_divided ? continuous.rest().joints : integration.partition().impulse_joints,
           topology.joint_ends(),
           topology.is_in_loop(),
           acting_wrenches,
@@ -176,7 +191,7 @@ void World::Impl::advance_kinematic_bodies() {
   advance_kinematic(sleep.awake().kinematic, options.time_step, states);
 }
 
-void World::Impl::finish_step(const StepContext& step, const MethodPartition& by_method) {
+void World::Impl::finish_step(const StepContext& step) {
   if (is_set(stop)) {
     keep_state_before(Failure::kNone);
     report.failed = false;
@@ -185,14 +200,14 @@ void World::Impl::finish_step(const StepContext& step, const MethodPartition& by
   }
   const Failure failure = failure_of_motion();
   if (failure != Failure::kNone) throw StepFailed{failure};
-  finish_impulses(step, by_method);
-  if (!motions.empty() && !by_method.smooth.empty())
-    read_smooth_joints(joint_step(options, step.tick.start, options.time_step), by_method);
+  finish_impulses(step);
+  if (!motions.empty() && !integration.partition().smooth.empty())
+    read_smooth_joints(joint_step(options, step.tick.start, options.time_step));
   if (!groups.is_empty())
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
   if (!touching.empty() || !contacts.empty()) set_contacts(touching, options.time_step);
   if (!tells_finite_numbers()) throw StepFailed{Failure::kNotFinite};
-  leave_out_estimates(by_method);
+  leave_out_estimates();
   if (events.size() > 1) sort_events();
   ++step_count;
   drop_spent_wrenches(step.tick.end);
@@ -203,9 +218,10 @@ void World::Impl::finish_step(const StepContext& step, const MethodPartition& by
   }
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
-  if (!time_varying_joints.empty())
-    compile_where_closed(joint_step(options, step.tick.start, options.time_step));
-  if (!by_method.impulse_bodies.empty() && !continuous.is_divided())
+  if (!integration.time_varying_joints().empty())
+    integration.compile_where_closed(
+        *this, topology, joint_step(options, step.tick.start, options.time_step), this, this);
+  if (!integration.partition().impulse_bodies.empty() && !continuous.is_divided())
     sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
   report.time = step.tick.end;
@@ -332,12 +348,5 @@ void World::Impl::drop_spent_wrenches(double now) {
 }
 
 double World::Impl::time() const { return State::time(options.time_step); }
-
-const BodyState& World::Impl::state_a(std::size_t j) const {
-  return states[topology.ends(j).first];
-}
-const BodyState& World::Impl::state_b(std::size_t j) const {
-  return states[topology.ends(j).second];
-}
 
 }  // namespace constraint_sim::engine

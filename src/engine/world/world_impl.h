@@ -17,6 +17,7 @@
 #include "engine/islands/contact_pipeline.h"
 #include "engine/islands/contact_reach.h"
 #include "engine/islands/continuous_collision.h"
+#include "engine/islands/island_integration.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/island_traits.h"
 #include "engine/islands/method_partition.h"
@@ -33,7 +34,6 @@
 #include "engine/support/stage_timer.h"
 #include "engine/support/storage.h"
 #include "engine/world/monitors.h"
-#include "engine/world/workers.h"
 
 namespace constraint_sim::engine {
 
@@ -63,24 +63,11 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   // ---- awake sets, and the report of the rest; rebuilt when an island wakes or falls asleep
   Sleep sleep;
 
-  // ---- which islands have which method; made anew when that changes
-  MethodPartition carried;
-  bool any_refused = false;
-  bool any_stiff = false;          // or one that no longer is, or was just found to be
-  List<bool> in_contact;           // islands in contact
-  List<int> entering;              // islands that were not integrated before, or were edited
-  List<PrescribedMotion> courses;  // of joints
-  bool smooth_changed = true;      // since time_varying_joints was listed
-  List<int> time_varying_joints;   // joints whose course is not constant
-
-  // ---- what one stage hands to the next, and one step to the following
-  List<double> span_ends;     // of the spans of a step in which nothing jumps [s]
-  List<AppliedWrench> loads;  // of wrenches, in a span
-  bool had_wrenches = false;  // in the span before
-  Workers workers;
+  // ---- the stages of a step, in their order
   ContactPipeline pipeline;
   ContinuousCollision continuous;
   List<ActingWrench> acting_wrenches;  // on bodies that impulses carry
+  IslandIntegration integration;
   SequentialImpulses sequential_impulses;
   Rollback rollback;
 
@@ -109,7 +96,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void set_zeros(Joint& joint) const;
   void fill_in_laws(Joint& joint) const;
   void start_joint(std::size_t j);
-  void open_joint(std::size_t j, double t);
   void continue_joint(std::size_t j, const JointState& saved);
   void continue_correction(std::size_t i, const Twist& correction);
   double end_of(const Motor& motor) const;
@@ -139,7 +125,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   std::uint64_t hash() const;
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit);
-  void continue_from_snapshot();
   bool is_edited() const { return seen ? seen->is_edited : edited; }
   void note_edit();
   void edit_all();
@@ -178,46 +163,21 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void find_pairs(const StepContext& step);
   void find_contacts(const StepContext& step);
   void find_hits(const StepContext& step);
-  MethodPartition& choose_methods();
-  void sort_islands();
-  void restart(const IslandParts& parts);
-  bool is_integrated(std::size_t j) const;
-  void list_by_method();
-  void integrate(const StepContext& step, MethodPartition* by_method);
-  void assemble_entering(const JointStep& step);
-  void compile_where_closed(const JointStep& step);
-  void compile_if_opened(IslandParts* parts);
-  void list_changing_courses(const List<int>& smooth);
-  void split_step(const StepContext& step);
-  void find_loads(double from, double to);
-  bool integrate_island(std::size_t i, const SmoothSpan& span);
-  bool integrate_joints(std::size_t i, const SmoothSpan& span);
-  bool note(std::size_t i, const IntegrationResult& progress);
-  IntegrationResult advance_joints(std::size_t i, Integration way, const SmoothSpan& span,
-                                   const IntegratorOptions& accuracy);
-  IntegratorOptions accuracy_within(double most_frequency) const;
-  int threads_worth_it(const List<int>& smooth) const;
-  void switch_method(std::size_t i, Method method, MethodReason why);
-  void refuse_island(std::size_t i, MethodReason why);
-  bool report_islands(const List<int>& smooth);
-  std::uint32_t find_unresolved(std::size_t i, List<std::size_t>* bodies) const;
-  void advance_by_impulses(const StepContext& step, const MethodPartition& by_method);
-  void finish_impulses(const StepContext& step, const MethodPartition& by_method);
-  void leave_out_estimates(const MethodPartition& by_method);
-  ImpulseStep impulse_step(const StepContext& step, const MethodPartition& by_method) const;
+  void choose_methods(const StepContext& step);
+  void integrate(const StepContext& step);
+  void advance_by_impulses(const StepContext& step);
+  void finish_impulses(const StepContext& step);
+  void leave_out_estimates();
+  ImpulseStep impulse_step(const StepContext& step) const;
   void find_acting_wrenches(const StepContext& step);
-  void find_custom_forces(const StepContext& step, const MethodPartition& by_method);
+  void find_custom_forces(const StepContext& step);
 
-  void advance_contact_groups(const SmoothSpan& span);
   void report_contact_groups(const JointStep& step);
-  void hand_over(std::size_t island, MethodReason why);
-  void take_back(std::size_t island);
-  void tell_of_island(EventKind kind, std::size_t island);
 
   // ---- the end of a step
   void advance_kinematic_bodies();
-  void finish_step(const StepContext& step, const MethodPartition& by_method);
-  void read_smooth_joints(JointStep step, const MethodPartition& by_method);
+  void finish_step(const StepContext& step);
+  void read_smooth_joints(JointStep step);
   void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
                          double coupled_impulse);
   void note_if_broken(std::size_t j);
@@ -231,9 +191,8 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   bool tells_finite_numbers() const;
 
   // ---- asking
+  void list_unresolved(std::size_t island, List<std::size_t>* found) const;
   double time() const;
-  const BodyState& state_a(std::size_t j) const;
-  const BodyState& state_b(std::size_t j) const;
 };
 
 /// The way in for what saves and loads.

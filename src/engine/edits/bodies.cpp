@@ -44,8 +44,7 @@ BodyId World::add_body(const Body& body) {
   if (body.type != BodyType::kDynamic)
     impl_->sleep.wake_all(impl_.get());  // it may be put into one of them
   impl_->body_by_name.emplace(body.name, id);
-  impl_->note_edit();
-  impl_->topology_edited = true;
+  impl_->edits.note_topology();
   return id;
 }
 
@@ -108,9 +107,8 @@ void World::set_body(BodyId id, const Body& body) {
     impl_->joint_states[j].radius =
         std::max(impl_->masses[a].radius_of_gyration(), impl_->masses[b].radius_of_gyration());
   }
-  if (!impl_->is_movable(i)) return impl_->edit_all();
-  impl_->edit_island_of(id);
-  impl_->relinked_bodies.push_back(id);
+  if (!impl_->is_movable(i)) return impl_->edits.note_all();
+  impl_->edits.note_laws_of(*impl_, id);
 }
 
 void World::set_state(BodyId id, const BodyState& state) {
@@ -134,9 +132,9 @@ void World::set_state(BodyId id, const BodyState& state) {
   if (!stays)
     for (const std::size_t j : impl_->joints_on(i)) open_joint(*impl_, j, time(), impl_.get());
   if (impl_->is_movable(i))
-    impl_->edit_island_of(id);
+    impl_->edits.note_island_of(*impl_, id);
   else
-    impl_->edit_all();
+    impl_->edits.note_all();
 }
 
 }  // namespace constraint_sim::engine

@@ -16,14 +16,14 @@ namespace constraint_sim::engine {
 void World::Impl::replace_joint(std::size_t j, const Joint& joint,
                                 const std::array<LawChange, kMaxCoordinates>& changes) {
   wake_ends(joint);
-  topology_edited |= is_always_rigid(joint) != is_always_rigid(joints[j]);  // loops
+  if (is_always_rigid(joint) != is_always_rigid(joints[j])) edits.note_topology();  // loops
   const Joint before = std::exchange(joints[j], joint);
   bool begins = false;
   for (std::size_t i = 0; i < changes.size(); ++i)
     if (changes[i].law)
       begins = follow_law(j, i, before.coordinates[i], changes[i].motor) || begins;
   if (begins) open_joint(*this, j, time(), this);
-  edit_laws(joint);
+  edits.note_laws_of(*this, joint);
 }
 
 // the state of a coordinate whose law is another; true where that has to be closed
@@ -179,9 +179,8 @@ void World::Impl::restart_joint(std::size_t j) {
   self_stress[j] = SelfStress{};
   wake_ends(joint);
   open_joint(*this, j, time(), this);
-  topology_edited = true;
-  edit_island_of(joint.body_a);
-  edit_island_of(joint.body_b);
+  edits.note_topology();
+  edits.note_islands_of(*this, joint);
 }
 
 // motors by velocity of a joint that has just been measured

@@ -83,8 +83,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   joint_ids.push_back(id);
   joint_by_name.emplace(joint.name, id);
   joints_of_bodies = {};
-  note_edit();
-  topology_edited = true;
+  edits.note_topology();
   return id;
 }
 
@@ -228,8 +227,7 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
     state.coordinates[i].position = saved.coordinates[i].position;  // to the bit
   joint_starts[j].state = state;
   joint_starts[j].time = time();
-  edit_island_of(joints[j].body_a);
-  edit_island_of(joints[j].body_b);
+  edits.note_islands_of(*this, joints[j]);
 }
 
 // whether a joint added now, as this one is, would begin with the same state
@@ -335,12 +333,12 @@ void World::set_motor(JointId id, const Motor& motor) {
   if (motor.timeout == 0.0 && are_same(motor, impl_->joints[j].motor)) return;
 
   impl_->wake_ends(joint);
-  impl_->topology_edited |= is_always_rigid(joint) != is_always_rigid(impl_->joints[j]);  // loops
+  if (is_always_rigid(joint) != is_always_rigid(impl_->joints[j]))
+    impl_->edits.note_topology();  // loops
   const bool was_one_sided = has_one_sided_law(std::exchange(impl_->joints[j], joint));
   impl_->joint_states[j].expires_at = impl_->end_of(motor);
-  if (was_one_sided || has_one_sided_law(joint)) return impl_->edit_laws(joint);
-  impl_->edit_island_of(joint.body_a);
-  impl_->edit_island_of(joint.body_b);
+  if (was_one_sided || has_one_sided_law(joint)) return impl_->edits.note_laws_of(*impl_, joint);
+  impl_->edits.note_islands_of(*impl_, joint);
 }
 
 void World::set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor) {
@@ -375,14 +373,6 @@ void World::Impl::shift_couplings(std::size_t j, int coordinate, double change) 
         joint_states[coupling].coupling.value += term.ratio * change;
         joint_states[coupling].coupling.constant += term.ratio * change;
       }
-}
-
-// also what is compiled of them
-void World::Impl::edit_laws(const Joint& joint) {
-  for (const BodyId id : {joint.body_a, joint.body_b}) {
-    edit_island_of(id);
-    if (is_movable(index(id))) relinked_bodies.push_back(id);
-  }
 }
 
 void World::set_broken(JointId id, bool broken) {

@@ -11,7 +11,7 @@ List<World::Impl::NextIsland> World::Impl::next_islands() const {
   List<NextIsland> next;
   List<JointEnds> ends;
   for (const Joint& joint : joints) ends.push_back(ends_of(*this, joint));
-  if (topology_edited)
+  if (edits.any_topology())
     for (IslandMembers& members : group_bodies(*this, joint_states, ends))
       next.push_back(next_island(std::move(members)));
   else
@@ -22,9 +22,9 @@ List<World::Impl::NextIsland> World::Impl::next_islands() const {
   for (std::size_t i = 0; i < next.size(); ++i)
     for (const int body : next[i].members.bodies) next_of[body] = static_cast<int>(i);
 
-  if (all_edited && !topology_edited)
+  if (edits.all() && !edits.any_topology())
     for (NextIsland& island : next) island.memory = island.memory.after_edit();
-  for (const BodyId id : edited_bodies) {
+  for (const BodyId id : edits.bodies()) {
     if (body_index[id.value] < 0) continue;
     NextIsland& island = next[next_of[body_index[id.value]]];
     if (!island.is_fresh) island.memory = island.memory.after_edit();
@@ -37,7 +37,7 @@ List<World::Impl::NextIsland> World::Impl::next_islands() const {
 // as it was before, where it has the same bodies and joints
 World::Impl::NextIsland World::Impl::next_island(IslandMembers members) const {
   const std::size_t first = to_index(members.bodies.front());
-  const int old = !all_edited && topology.knows(first) ? topology.island_of(first) : -1;
+  const int old = !edits.all() && topology.knows(first) ? topology.island_of(first) : -1;
   if (old >= 0 && island_parts[old].members == members) {
     const IslandParts& parts = island_parts[old];
     return {std::move(members), islands[old], parts, parts.is_fresh};

@@ -131,8 +131,8 @@ void World::Impl::erase_joints(const List<bool>& is_removed) {
   compact_list(is_removed, &joint_ids, &joint_index);
   joints_of_bodies = {};
   events.clear();
-  topology_edited = true;
-  edit_all();  // indices are others now
+  edits.note_topology();
+  edits.note_all();  // indices are others now
 }
 
 void World::Impl::erase_bodies(const List<bool>& is_removed) {
@@ -157,8 +157,8 @@ void World::Impl::erase_bodies(const List<bool>& is_removed) {
   integration.forget_loads();  // the last step's, by indices of bodies; all islands begin anew
   contacts.clear();
   events.clear();
-  topology_edited = true;
-  edit_all();  // indices are others now
+  edits.note_topology();
+  edits.note_all();  // indices are others now
 }
 
 }  // namespace constraint_sim::engine

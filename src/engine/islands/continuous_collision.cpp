@@ -241,6 +241,23 @@ bool has_outrun(const Model& model, const State& state, const List<Broadphase::P
   return false;
 }
 
+/// Time for which a group without joints can go on until the next hit [s], but at least kInstant.
+double time_without_hit(const StepContext& step, const State& state, const IslandLists& lists,
+                        const List<int>& bodies, const List<Broadphase::Pair>& near, double left) {
+  const Model& model = step.model;
+  double duration = left;
+  for (const int body : bodies)
+    if (reach_of(model.bodies[body]) > 0.0)
+      duration = std::min(duration, kMostTurn / state.states[body].angular_velocity.norm());
+  for (const TouchingPair& pair : state.touching)
+    duration = std::min(duration, time_to_watch(step, state, lists, pair));
+  for (const Broadphase::Pair& pair : near)
+    if (is_fast(model, state, pair, duration) && find(state.touching, pair) == nullptr)
+      duration = std::max(kInstant * model.options.time_step,
+                          time_of_hit(step, state, pair, duration).value_or(duration));
+  return duration;
+}
+
 /// Finds the contacts of the group, and the contacts about to touch. True where one of them is a
 /// hit.
 bool collide_group(const Model& model, const List<Broadphase::Pair>& near, double left,
@@ -555,15 +572,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
       ++report.hits;
       duration = std::min(left, kInstant * h);
     } else {
-      for (const int body : group_.bodies)
-        if (reach_of(model.bodies[body]) > 0.0)
-          duration = std::min(duration, kMostTurn / state->states[body].angular_velocity.norm());
-      for (const TouchingPair& pair : state->touching)
-        duration = std::min(duration, time_to_watch(step, *state, lists, pair));
-      for (const Broadphase::Pair& pair : near)
-        if (is_fast(model, *state, pair, duration) && find(state->touching, pair) == nullptr)
-          duration =
-              std::max(kInstant * h, time_of_hit(step, *state, pair, duration).value_or(duration));
+      duration = time_without_hit(step, *state, lists, group_.bodies, near, left);
     }
     const bool is_last = duration >= left;
     advance_group(step, awake, wrenches, done, is_last ? left : duration, method, &report.impulses,

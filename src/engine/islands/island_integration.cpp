@@ -125,6 +125,39 @@ void take_back(const IntegrationStep& in, std::size_t i) {
   report_switch(in, EventKind::kTakenBack, i);
 }
 
+/// Chooses the method of an island, and reports where its contacts change between methods.
+MethodChoice choose_method(const IntegrationStep& in, std::size_t i, bool in_contact,
+                           const ContactReach& reach, const ContactGroups& groups) {
+  IslandParts& parts = in.lists->island_parts[i];
+  const WorldOptions& options = in.step.model.options;
+  const bool was_in_group = in.lists->islands[i].why == MethodReason::kFewContacts;
+  MethodChoice choice = choose(parts.nature, in_contact, parts, in.state->step_count, options);
+  if (groups.contains(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
+  if (groups.contains(i)) take_back(in, i);
+  if (choice.why == MethodReason::kContact) choice.why = groups.why_left(reach, i);
+  if (was_in_group && !parts.is_fresh && groups.is_left_in_contact(in.step.topology, reach, i)) {
+    choice = {Method::kSequentialImpulses, groups.why_left(reach, i)};
+    hand_over(in, i, choice.why);
+  }
+  remember_choice(choice, in_contact, in.state->step_count, &parts);
+  return choice;
+}
+
+/// Clears the results of the step before.
+void begin_islands(const List<int>& smooth, const List<JointState>& joint_states,
+                   IslandLists* lists) {
+  for (const int i : smooth) {
+    Island& island = lists->islands[i];
+    island.local_error = 0.0;
+    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
+    IslandParts& parts = lists->island_parts[i];
+    parts.projected_energy = parts.correction_work = 0.0;
+    parts.changes = 0;
+    parts.needs_method_choice = parts.has_failed = false;
+    if (parts.motion >= 0) lists->motions[parts.motion].begin_step(joint_states);
+  }
+}
+
 }  // namespace
 
 void open_joint(const Model& model, std::size_t j, double t, State* state) {
@@ -209,16 +242,7 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     IslandParts& parts = lists->island_parts[i];
     const bool has_woken = island.why == MethodReason::kAtRest;
     const bool was_in_group = island.why == MethodReason::kFewContacts;
-    MethodChoice choice =
-        choose(parts.nature, in_contact_[i], parts, state->step_count, model.options);
-    if (groups->contains(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
-    if (groups->contains(i)) take_back(in, i);
-    if (choice.why == MethodReason::kContact) choice.why = groups->why_left(reach, i);
-    if (was_in_group && !parts.is_fresh && groups->is_left_in_contact(topology, reach, i)) {
-      choice = {Method::kSequentialImpulses, groups->why_left(reach, i)};
-      hand_over(in, i, choice.why);
-    }
-    remember_choice(choice, in_contact_[i], state->step_count, &parts);
+    const MethodChoice choice = choose_method(in, i, in_contact_[i], reach, *groups);
     any_refused_ = any_refused_ || choice.why == MethodReason::kRefused ||
                    state->step_count < parts.contacts_refused_until;
     any_stiff_ = any_stiff_ || choice.why == MethodReason::kInconsistent ||
@@ -298,16 +322,7 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
   const StageTimer timer(in.step.clock, Stage::kIntegration, &report.stage_times);
   if (!entering_.empty()) begin_entering(in);
   if (is_partition_new_) list_time_varying_joints(model, *state, *lists);
-  for (const int i : smooth) {
-    Island& island = lists->islands[i];
-    island.local_error = 0.0;
-    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
-    IslandParts& parts = lists->island_parts[i];
-    parts.projected_energy = parts.correction_work = 0.0;
-    parts.changes = 0;
-    parts.needs_method_choice = parts.has_failed = false;
-    if (parts.motion >= 0) lists->motions[parts.motion].begin_step(state->joint_states);
-  }
+  begin_islands(smooth, state->joint_states, lists);
   // a thread takes tens of microseconds to wake up, which some hundreds of bodies are worth
   constexpr std::size_t kBodiesWorthIt = 500;
   const int threads =

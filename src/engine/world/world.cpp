@@ -63,8 +63,8 @@ void World::Impl::fail_by(const CustomFailure& failed) {
 void World::Impl::abandon_step() {
   if (rollback.is_saved()) restore_state();
   forget_contacts();
-  topology_edited = true;
-  edit_all();
+  edits.note_topology();
+  edits.note_all();
   report = StepReport{};
   report.failed = true;
   report.step = step_count;
@@ -73,7 +73,7 @@ void World::Impl::abandon_step() {
 
 StepContext World::Impl::begin_step() {
   rollback.begin_step();
-  if (edited)
+  if (edits.any())
     rebuild_topology();
   else if (sleep.is_stale())
     spread_waking();
@@ -320,9 +320,8 @@ void World::Impl::give_up(std::size_t j) {
     joint_states[coupling].closing = false;
     tell_broken(coupling);
   }
-  topology_edited = true;
-  edit_island_of(joints[j].body_a);
-  edit_island_of(joints[j].body_b);
+  edits.note_topology();
+  edits.note_islands_of(*this, joints[j]);
   ++report.torn_joints;
 }
 

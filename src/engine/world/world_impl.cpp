@@ -1,7 +1,6 @@
 #include "engine/world/world_impl.h"
 
 #include <algorithm>
-#include <memory>
 
 #include "engine/islands/contact_group_reports.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
@@ -21,9 +20,7 @@ void release(JointState* state) {
 // Rebuilds everything that follows from bodies, joints and options: once after an edit, before the
 // first stage of a step.
 void World::Impl::rebuild_topology() {
-  edited = false;
-  seen.reset();
-  model_mark = std::make_shared<const char>();
+  edits.begin_compiling();
 
   topology.link_joints(*this, joint_states);
   for (std::size_t j = 0; j < joints.size(); ++j)
@@ -40,18 +37,18 @@ void World::Impl::rebuild_topology() {
 
   integration.begin();
 
-  if (all_edited)
+  if (edits.all())
     for (IslandParts& parts : island_parts) static_cast<IslandMemory&>(parts) = parts.after_edit();
-  if (topology_edited) {
-    topology_edited = false;
-    integration.set_bodies(bodies.size(), all_edited);
+  if (edits.any_topology()) {
+    edits.end_topology();
+    integration.set_bodies(bodies.size(), edits.all());
     regroup(*this, group_bodies(*this, joint_states, topology.joint_ends()), [&](std::size_t body) {
-      return !all_edited && topology.knows(body) ? topology.island_of(body) : -1;
+      return !edits.all() && topology.knows(body) ? topology.island_of(body) : -1;
     });
     topology.set_islands(bodies.size(), island_parts);
     topology.find_loops(*this, joint_states, island_parts);
   }
-  take_over_edits();
+  edits.mark_islands(*this, topology, this);
   compile_islands(*this, *this, topology, this);
   spread_waking();
 
@@ -68,26 +65,6 @@ void World::Impl::list_resting(const RestingSets& resting_sets) {
   continuous.set_shapes(*this);
   monitors.set_resting(*this, *this, resting_sets, *this);
   set_resting_contacts(resting, options.time_step);
-}
-
-// Marks the islands of edited bodies, once it is known which islands there are.
-void World::Impl::take_over_edits() {
-  for (const BodyId id : edited_bodies) {
-    if (body_index[id.value] < 0) continue;
-    IslandParts& parts = island_parts[topology.island_of(body_index[id.value])];
-    if (!parts.is_fresh) static_cast<IslandMemory&>(parts) = parts.after_edit();
-    parts.is_fresh = true;
-  }
-  edited_bodies.clear();
-  for (const BodyId id : relinked_bodies)
-    if (body_index[id.value] >= 0)
-      island_parts[topology.island_of(body_index[id.value])].is_stale = true;
-  relinked_bodies.clear();
-  if (all_edited)
-    restart_all();
-  else
-    list_fresh();
-  all_edited = false;
 }
 
 // Stage 1: pairs of shapes that may touch within the step.

@@ -34,29 +34,17 @@
 #include "engine/support/stage_timer.h"
 #include "engine/support/storage.h"
 #include "engine/world/monitors.h"
+#include "engine/world/pending_edits.h"
 
 namespace constraint_sim::engine {
 
 struct CustomFailure;
 
-/// What a snapshot answers where a world goes by what a snapshot does not have.
-struct Seen {
-  bool is_edited = false;  ///< since the last step
-  std::vector<Island> islands;
-  std::vector<BodyId> unresolved_bodies;
-};
-
 /// What stands behind a World.
 struct World::Impl : Model, State, IslandLists, StepOutput {
-  // ---- follows from the above; made anew by the first step after an edit
-  bool edited = true;                      // anything
-  bool topology_edited = true;             // also who is joined to whom
-  bool all_edited = true;                  // all islands begin anew
-  std::shared_ptr<const char> model_mark;  // worlds that have the same have the same model
-  std::optional<Seen> seen;                // of snapshots, which count as edited
-  Storage<List<List<std::size_t>>> joints_of_bodies;  // made when asked for
-  std::vector<BodyId> edited_bodies;                  // whose islands begin anew
-  std::vector<BodyId> relinked_bodies;                // whose islands are compiled anew
+  // ---- follows from model and state; rebuilt by the first step after an edit
+  PendingEdits edits;
+  Storage<List<List<std::size_t>>> joints_of_bodies;  // made by joints_on()
   Topology topology;
   List<FreeRotation> rotations;  // of bodies
 
@@ -125,11 +113,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   std::uint64_t hash() const;
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit);
-  bool is_edited() const { return seen ? seen->is_edited : edited; }
-  void note_edit();
-  void edit_all();
-  void edit_island_of(BodyId id);
-  void edit_laws(const Joint& joint);
   void shift_couplings(std::size_t j, int coordinate, double change);
   void check_coordinate(const char* field, const Joint& joint, int coordinate) const;
   void set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set);
@@ -159,7 +142,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void save_state();
   void restore_state();
   void rebuild_topology();
-  void take_over_edits();
   void find_pairs(const StepContext& step);
   void find_contacts(const StepContext& step);
   void find_hits(const StepContext& step);

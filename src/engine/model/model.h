@@ -49,6 +49,10 @@ struct Model {
   std::size_t index(JointId id) const;
   /// What a joint of a kind that couples joins.
   CoupledTerms terms_of(std::size_t joint) const;
+  /// Joints that couple a joint with another.
+  List<std::size_t> couplings_of(std::size_t joint) const;
+  /// The bodies of a joint, or of both joints that it couples; a body may be there twice.
+  std::array<BodyId, 4> holders(std::size_t joint) const;
 };
 
 }  // namespace constraint_sim::engine

@@ -17,6 +17,79 @@ namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
 
+namespace {
+
+/// Checks that the states of bodies are finite and in range: one sum over all bodies, two numbers
+/// at a time; only where the sum is too large, body by body.
+Failure failure_of_motion(const Model& model, const State& state, const List<int>& awake_bodies,
+                          std::optional<BodyId>* failed_body) {
+  Eigen::Array2d squares(0.0, 0.0);
+  double others = 0.0;
+  for (const int i : awake_bodies) {
+    const BodyState& body = state.states[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d& x = body.position;
+    const Eigen::Vector3d& v = body.linear_velocity;
+    const Eigen::Vector3d& w = body.angular_velocity;
+    const Eigen::Vector4d& q = body.orientation.coeffs();
+    squares += x.head<2>().array().square() + v.head<2>().array().square() +
+               w.head<2>().array().square() + q.head<2>().array().square() +
+               q.tail<2>().array().square();
+    others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
+  }
+  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
+  for (const int i : awake_bodies) {
+    const BodyState& body = state.states[static_cast<std::size_t>(i)];
+    Eigen::Matrix<double, 13, 1> numbers;
+    numbers << body.position, body.linear_velocity, body.angular_velocity,
+        body.orientation.coeffs();
+    const bool is_finite = numbers.allFinite();
+    if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
+    *failed_body = model.body_ids[static_cast<std::size_t>(i)];
+    return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;
+  }
+  return Failure::kNone;
+}
+
+/// Whether all numbers of this step that are reported or saved are finite, beside the states of the
+/// bodies: a single NaN or infinity makes the sum not finite. Energies follow from these numbers,
+/// which kMostMagnitude bounds as it bounds positions and velocities.
+bool are_finite(const Model& model, const State& state, const AwakeSets& awake,
+                const StepOutput& output) {
+  const StepReport& report = output.report;
+  if (awake.bodies.empty() && awake.joints.empty()) return true;  // nothing is new in this step
+  double sum = report.local_error + report.projected_energy + report.correction_work +
+               report.driven_work + report.solver_residual + report.max_penetration;
+  for (const int j : awake.joints) {
+    const auto i = static_cast<std::size_t>(j);
+    const JointState& joint = state.joint_states[i];
+    sum += joint.error + joint.error_rate + joint.angle_error + joint.force + joint.bias +
+           joint.reached_rate + joint.travel + joint.initial_error + joint.impulse.sum();
+    for (int k = 0; k < info(model.joints[i].kind).coordinates; ++k) {
+      const CoordinateState& coordinate = joint.coordinates[static_cast<std::size_t>(k)];
+      sum += coordinate.position + coordinate.velocity + coordinate.effort + coordinate.bias +
+             coordinate.held + coordinate.braking;
+    }
+    if (joint.closing)
+      sum += joint.closing_offset.sum() + joint.closing_shift.sum() + joint.closing_turn.sum() +
+             joint.closing_share + joint.coupling.offset;
+    if (couples(model.joints[i].kind))
+      sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort +
+             joint.coupling.impulse;
+  }
+  for (std::size_t i = output.resting_contacts; i < output.contacts.size(); ++i)
+    sum += output.contacts[i].position.sum() + output.contacts[i].normal.sum() +
+           output.contacts[i].depth + output.contacts[i].normal_force +
+           output.contacts[i].force.sum();
+  if (!std::isfinite(sum)) return false;
+  if (!state.any_corrections) return true;
+  double squares = 0.0;
+  for (const int i : awake.bodies)
+    squares += state.corrections[static_cast<std::size_t>(i)].squaredNorm();
+  return squares <= kMostMagnitude * kMostMagnitude;
+}
+
+}  // namespace
+
 // a whole physics engine in six steps, as the tutorial has it
 const StepReport& World::step() {
   Impl& world = *impl_;
@@ -198,7 +271,8 @@ void World::Impl::finish_step(const StepContext& step) {
     report.stopped = true;
     return;
   }
-  const Failure failure = failure_of_motion();
+  const Failure failure =
+      failure_of_motion(*this, *this, sleep.awake().bodies, &report.failed_body);
   if (failure != Failure::kNone) throw StepFailed{failure};
   finish_impulses(step);
   if (!motions.empty() && !integration.partition().smooth.empty())
@@ -206,7 +280,7 @@ void World::Impl::finish_step(const StepContext& step) {
   if (!groups.is_empty())
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
   if (!touching.empty() || !contacts.empty()) set_contacts(touching, options.time_step);
-  if (!tells_finite_numbers()) throw StepFailed{Failure::kNotFinite};
+  if (!are_finite(*this, *this, sleep.awake(), *this)) throw StepFailed{Failure::kNotFinite};
   leave_out_estimates();
   if (events.size() > 1) sort_events();
   ++step_count;
@@ -237,72 +311,6 @@ void World::Impl::keep_state_before(Failure why) {
   report.failure = why;
   report.step = step_count;
   report.time = time();
-}
-
-// One sum tells that all is well, two numbers at a time; only where it does not are bodies looked
-// at one by one.
-Failure World::Impl::failure_of_motion() {
-  Eigen::Array2d squares(0.0, 0.0);
-  double others = 0.0;
-  for (const int i : sleep.awake().bodies) {
-    const BodyState& state = states[static_cast<std::size_t>(i)];
-    const Eigen::Vector3d& x = state.position;
-    const Eigen::Vector3d& v = state.linear_velocity;
-    const Eigen::Vector3d& w = state.angular_velocity;
-    const Eigen::Vector4d& q = state.orientation.coeffs();
-    squares += x.head<2>().array().square() + v.head<2>().array().square() +
-               w.head<2>().array().square() + q.head<2>().array().square() +
-               q.tail<2>().array().square();
-    others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
-  }
-  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
-  for (const int i : sleep.awake().bodies) {
-    const BodyState& state = states[static_cast<std::size_t>(i)];
-    Eigen::Matrix<double, 13, 1> numbers;
-    numbers << state.position, state.linear_velocity, state.angular_velocity,
-        state.orientation.coeffs();
-    const bool is_finite = numbers.allFinite();
-    if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
-    report.failed_body = body_ids[static_cast<std::size_t>(i)];
-    return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;
-  }
-  return Failure::kNone;
-}
-
-// Whether all numbers of this step that are reported or saved are finite, beside the states of the
-// bodies. A single NaN or infinity makes the sum none. Energies follow from these numbers, which
-// kMostMagnitude bounds as it bounds positions and velocities.
-bool World::Impl::tells_finite_numbers() const {
-  if (sleep.awake().bodies.empty() && sleep.awake().joints.empty())
-    return true;  // nothing is new in this step
-  double sum = report.local_error + report.projected_energy + report.correction_work +
-               report.driven_work + report.solver_residual + report.max_penetration;
-  for (const int j : sleep.awake().joints) {
-    const auto i = static_cast<std::size_t>(j);
-    const JointState& state = joint_states[i];
-    sum += state.error + state.error_rate + state.angle_error + state.force + state.bias +
-           state.reached_rate + state.travel + state.initial_error + state.impulse.sum();
-    for (int k = 0; k < info(joints[i].kind).coordinates; ++k) {
-      const CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(k)];
-      sum += coordinate.position + coordinate.velocity + coordinate.effort + coordinate.bias +
-             coordinate.held + coordinate.braking;
-    }
-    if (state.closing)
-      sum += state.closing_offset.sum() + state.closing_shift.sum() + state.closing_turn.sum() +
-             state.closing_share + state.coupling.offset;
-    if (couples(joints[i].kind))
-      sum += state.coupling.value + state.coupling.rate + state.coupling.effort +
-             state.coupling.impulse;
-  }
-  for (std::size_t i = resting_contacts; i < contacts.size(); ++i)
-    sum += contacts[i].position.sum() + contacts[i].normal.sum() + contacts[i].depth +
-           contacts[i].normal_force + contacts[i].force.sum();
-  if (!std::isfinite(sum)) return false;
-  if (!any_corrections) return true;
-  double squares = 0.0;
-  for (const int i : sleep.awake().bodies)
-    squares += corrections[static_cast<std::size_t>(i)].squaredNorm();
-  return squares <= kMostMagnitude * kMostMagnitude;
 }
 
 void World::Impl::note_if_broken(std::size_t j) {

@@ -69,25 +69,11 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   ContactGroups groups;
 
   // ---- editing (edits/)
-  void check_ends(const Joint& joint) const;
-  void check_coupling(const Joint& joint, bool broken) const;
-  void check_coupled_act(std::size_t j, bool enabled) const;
-  BodyId movable_end(JointId id) const;
-  List<std::size_t> couplings_of(std::size_t joint) const;
-  std::array<BodyId, 4> holders(std::size_t joint) const;
   const List<std::size_t>& joints_on(std::size_t body);
   JointId add_joint(const Joint& joint, bool broken);
-  void fill_in(Joint& joint) const;
-  void fill_in_frames(Joint& joint) const;
-  double inverse_effective_mass(const Jacobian& J, std::size_t a, std::size_t b) const;
-  double inverse_effective_mass(const Joint& joint, int coordinate) const;
-  void set_zeros(Joint& joint) const;
-  void fill_in_laws(Joint& joint) const;
   void start_joint(std::size_t j);
   void continue_joint(std::size_t j, const JointState& saved);
   void continue_correction(std::size_t i, const Twist& correction);
-  double end_of(const Motor& motor) const;
-  void set_ends(const Joint& joint, JointState* state) const;
   void wake_ends(const Joint& joint);
   void restart_joint(std::size_t j);
   void hold_from_here(std::size_t j);
@@ -114,7 +100,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit);
   void shift_couplings(std::size_t j, int coordinate, double change);
-  void check_coordinate(const char* field, const Joint& joint, int coordinate) const;
   void set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set);
   struct LawChange {
     bool law = false, motor = false;  ///< whose timeout begins now
@@ -122,9 +107,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void replace_joint(std::size_t j, const Joint& joint,
                      const std::array<LawChange, kMaxCoordinates>& changes);
   bool follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before, bool is_motor_set);
-  void mark_removed(const std::vector<JointId>& ids, List<bool>* is_removed) const;
-  std::vector<std::string> mark_removed(const std::vector<BodyId>& ids, List<bool>* is_body_removed,
-                                        List<bool>* is_joint_removed) const;
   void erase(const List<bool>& is_joint_removed, const List<bool>& is_body_removed);
   void erase_joints(const List<bool>& is_removed);
   void erase_bodies(const List<bool>& is_removed);
@@ -169,8 +151,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void note_coupling(std::size_t j, double h, double impulse);
   void drop_spent_wrenches(double now);
   void keep_state_before(Failure why);
-  Failure failure_of_motion();
-  bool tells_finite_numbers() const;
 
   // ---- asking
   void list_unresolved(std::size_t island, List<std::size_t>* found) const;

@@ -90,7 +90,7 @@ bool are_finite(const Model& model, const State& state, const AwakeSets& awake,
 
 }  // namespace
 
-// a whole physics engine in six steps, as the tutorial has it
+// A whole physics engine in six steps, as the tutorial has it.
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {

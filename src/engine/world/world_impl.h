@@ -9,9 +9,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
-#include "engine/collision/broadphase.h"
 #include "engine/constraints/joint.h"
-#include "engine/constraints/one_sided_law.h"
 #include "engine/islands/compile.h"
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/contact_pipeline.h"
@@ -20,14 +18,12 @@
 #include "engine/islands/island_integration.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/island_traits.h"
-#include "engine/islands/method_partition.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/sleep.h"
 #include "engine/islands/step.h"
 #include "engine/islands/step_output.h"
 #include "engine/islands/topology.h"
 #include "engine/math/list.h"
-#include "engine/methods/runge_kutta/runge_kutta.h"
 #include "engine/methods/sequential_impulses/sequential_impulses.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
@@ -40,33 +36,30 @@ namespace constraint_sim::engine {
 
 struct CustomFailure;
 
-/// What stands behind a World.
+/// The wiring of a world: model and state, and the owners of everything that follows from them. The
+/// signatures of the owners say what they read and write.
 struct World::Impl : Model, State, IslandLists, StepOutput {
   // ---- follows from model and state; rebuilt by the first step after an edit
   PendingEdits edits;
   Storage<List<List<std::size_t>>> joints_of_bodies;  // made by joints_on()
   Topology topology;
-  List<FreeRotation> rotations;  // of bodies
 
-  // ---- awake sets, and the report of the rest; rebuilt when an island wakes or falls asleep
+  // ---- awake sets; rebuilt when an island wakes or falls asleep
   Sleep sleep;
 
   // ---- the stages of a step, in their order
-  ContactPipeline pipeline;
-  ContinuousCollision continuous;
-  List<ActingWrench> acting_wrenches;  // on bodies that impulses carry
-  IslandIntegration integration;
-  SequentialImpulses sequential_impulses;
   Rollback rollback;
-
-  // ---- what a step tells
-  Monitors monitors;
-  Clock clock = nullptr;
-  StopFlag stop = nullptr;
-
-  // ---- event-driven contacts
+  ContactPipeline pipeline;
   ContactReach reach;
   ContactGroups groups;
+  IslandIntegration integration;
+  ContinuousCollision continuous;
+  List<ActingWrench> acting_wrenches;  // on bodies that impulses advance
+  SequentialImpulses sequential_impulses;
+  Monitors monitors;
+
+  Clock clock = nullptr;
+  StopFlag stop = nullptr;
 
   // ---- editing (edits/)
   const List<std::size_t>& joints_on(std::size_t body);
@@ -85,8 +78,8 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   struct NextIsland {
     IslandMembers members;
     Island island;
-    IslandMemory memory;  // that the step begins with
-    bool is_fresh;        // edited
+    IslandMemory memory;  // at the start of the step
+    bool is_fresh;        // edited since the last step
   };
   List<NextIsland> next_islands() const;
   NextIsland next_island(IslandMembers members) const;
@@ -102,7 +95,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void shift_couplings(std::size_t j, int coordinate, double change);
   void set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set);
   struct LawChange {
-    bool law = false, motor = false;  ///< whose timeout begins now
+    bool law = false, motor = false;  ///< the timeout of a changed motor begins now
   };
   void replace_joint(std::size_t j, const Joint& joint,
                      const std::array<LawChange, kMaxCoordinates>& changes);
@@ -136,9 +129,8 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void find_acting_wrenches(const StepContext& step);
   void find_custom_forces(const StepContext& step);
 
-  void report_contact_groups(const JointStep& step);
-
   // ---- the end of a step
+  void report_contact_groups(const JointStep& step);
   void advance_kinematic_bodies();
   void finish_step(const StepContext& step);
   void read_smooth_joints(JointStep step);
@@ -157,7 +149,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   double time() const;
 };
 
-/// The way in for what saves and loads.
+/// Access for code that saves and loads worlds.
 struct Insides {
   static World::Impl& of(World& world) { return *world.impl_; }
   static const World::Impl& of(const World& world) { return *world.impl_; }

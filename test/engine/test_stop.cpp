@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "engine/world/workers.h"
+#include "engine/support/workers.h"
 #include "problems.h"
 #include "support.h"
 

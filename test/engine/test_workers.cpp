@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include "engine/world/workers.h"
+#include "engine/support/workers.h"
 #include "problems.h"
 #include "support.h"
 

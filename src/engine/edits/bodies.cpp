@@ -41,10 +41,10 @@ BodyId World::add_body(const Body& body) {
   impl_->body_ids.push_back(id);
   impl_->corrections.push_back(Twist::Zero());
   impl_->asleep.push_back(false);
-  if (body.type != BodyType::kDynamic) impl_->wake_all();  // it may be put into one of them
+  if (body.type != BodyType::kDynamic)
+    impl_->sleep.wake_all(impl_.get());  // it may be put into one of them
   impl_->body_by_name.emplace(body.name, id);
-  impl_->note_edit();
-  impl_->topology_edited = true;
+  impl_->edits.note_topology();
   return id;
 }
 
@@ -97,19 +97,18 @@ void World::set_body(BodyId id, const Body& body) {
   if (mass.can_turn() != impl_->masses[i].can_turn())
     refuse("inertia", "cannot be given to a point mass, or taken from a body that turns");
 
-  impl_->wake(i);
-  impl_->wake_around(id);
+  impl_->sleep.wake(i, impl_.get());
+  impl_->sleep.wake_around(*impl_, id, impl_.get());
   impl_->bodies[i] = changed;
   impl_->masses[i] = mass;
   for (const std::size_t j : impl_->joints_on(i)) {
     if (couples_joints(impl_->joints[j].kind)) continue;
-    const auto [a, b] = impl_->ends_of(impl_->joints[j]);
+    const auto [a, b] = ends_of(*impl_, impl_->joints[j]);
     impl_->joint_states[j].radius =
         std::max(impl_->masses[a].radius_of_gyration(), impl_->masses[b].radius_of_gyration());
   }
-  if (!impl_->is_movable(i)) return impl_->edit_all();
-  impl_->edit_island_of(id);
-  impl_->relinked_bodies.push_back(id);
+  if (!impl_->is_movable(i)) return impl_->edits.note_all();
+  impl_->edits.note_laws_of(*impl_, id);
 }
 
 void World::set_state(BodyId id, const BodyState& state) {
@@ -122,20 +121,20 @@ void World::set_state(BodyId id, const BodyState& state) {
   make_unit(&placed.orientation);
 
   if (impl_->is_movable(i))
-    impl_->wake(i);
+    impl_->sleep.wake(i, impl_.get());
   else
-    impl_->wake_all();
+    impl_->sleep.wake_all(impl_.get());
   // of a body that only moves on at another twist, what joints are closing they go on to close
   const bool stays = !impl_->is_movable(i) && impl_->states[i].position == placed.position &&
                      impl_->states[i].orientation.coeffs() == placed.orientation.coeffs();
   impl_->states[i] = placed;
   impl_->corrections[i].setZero();
   if (!stays)
-    for (const std::size_t j : impl_->joints_on(i)) impl_->open_joint(j, time());
+    for (const std::size_t j : impl_->joints_on(i)) open_joint(*impl_, j, time(), impl_.get());
   if (impl_->is_movable(i))
-    impl_->edit_island_of(id);
+    impl_->edits.note_island_of(*impl_, id);
   else
-    impl_->edit_all();
+    impl_->edits.note_all();
 }
 
 }  // namespace constraint_sim::engine

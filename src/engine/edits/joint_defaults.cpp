@@ -1,5 +1,4 @@
-// What a joint that is added leaves out: lengths, frames, zeros of coordinates, and the constants
-// of springs by the mass that they move.
+#include "engine/edits/joint_defaults.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,7 +13,6 @@
 #include "engine/math/least_norm_solver.h"
 #include "engine/math/numbers.h"
 #include "engine/model/validate.h"
-#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -33,119 +31,24 @@ void check_apart(const Eigen::Quaterniond& frame_a, const Eigen::Quaterniond& fr
                shown(axis_b));
 }
 
-}  // namespace
-
-// the length as it is, the ball joint that a length of zero asks for, and a spring's constants
-void World::Impl::fill_in(Joint& joint) const {
-  auto* distance = if_distance(joint);
-  if (distance == nullptr) {
-    fill_in_frames(joint);
-    set_zeros(joint);
-    fill_in_laws(joint);
-    return;
-  }
-  joint.frame_a.setIdentity();
-  joint.frame_b.reset();
-  const std::size_t a = index(joint.body_a);
-  const std::size_t b = index(joint.body_b);
-  const AnchorPair anchors(joint, states[a], states[b]);
-
-  if (!is_between_limits(*distance) && !distance->length) {
-    const double size = std::max({anchors.p_A.norm(), anchors.r_A.norm(), anchors.r_B.norm()});
-    const double present = anchors.d.norm();
-    distance->length = present <= kCoincident * size ? 0.0 : present;
-  }
-  if (distance->length == 0.0 && !distance->is_soft()) {
-    joint.kind = kKindOfLengthZero;
-    joint.distance = DistanceJoint{};
-  } else if (distance->frequency > 0.0) {
-    const Jacobian J = anchors.along(direction(anchors));
-    const double constraint_mass = inverse_effective_mass(J, a, b);
-    const double omega = 2.0 * kPi * distance->frequency;
-    distance->stiffness = omega * omega / constraint_mass;
-    distance->damping = 2.0 * distance->damping_ratio * omega / constraint_mass;
-    distance->frequency = distance->damping_ratio = 0.0;
-  }
-  validate(joint);  // a ball joint has no motor, and what followed from the rest may be too large
+/// J M⁻¹ Jᵀ of a row between two bodies.
+double inverse_effective_mass(const Model& model, const State& state, const Jacobian& J,
+                              std::size_t a, std::size_t b) {
+  const auto turning = [&](std::size_t i, const Vector3d& j) {
+    const Vector3d j_B = state.states[i].orientation.conjugate() * j;
+    return j_B.dot(model.masses[i].inverse_inertia.cwiseProduct(j_B));
+  };
+  return model.masses[a].inverse_mass * J.j1.squaredNorm() + turning(a, J.j2) +
+         model.masses[b].inverse_mass * J.j3.squaredNorm() + turning(b, J.j4);
 }
 
-// frame B where it is left out, from how the bodies lie
-void World::Impl::fill_in_frames(Joint& joint) const {
-  joint.distance = DistanceJoint{};
+/// Inverse effective mass along a coordinate, with the rows of the joint held: g W gᵀ with
+/// W = M⁻¹ − M⁻¹Gᵀ(G M⁻¹ Gᵀ)⁻¹G M⁻¹.
+double inverse_effective_mass(const Model& model, const State& state, const Joint& joint,
+                              int coordinate) {
+  const std::size_t a = model.index(joint.body_a), b = model.index(joint.body_b);
   const JointKindInfo& kind = info(joint.kind);
-  if (!kind.has_frames) {
-    joint.frame_a.setIdentity();
-    joint.frame_b.reset();
-    return;
-  }
-  const BodyState& a = states[index(joint.body_a)];
-  const BodyState& b = states[index(joint.body_b)];
-  make_unit(&joint.frame_a);
-  if (!joint.frame_b) {
-    joint.frame_b =
-        b.orientation.conjugate() * a.orientation * joint.frame_a * home(kind.alignment);
-    if (joint.axis_b) {
-      const Vector3d& axis = *joint.axis_b;
-      const Eigen::Quaterniond along = frame_along(
-          joint.frame_b->conjugate() * (axis / math::hypot(axis.x(), axis.y(), axis.z())));
-      joint.frame_b = *joint.frame_b * along;
-    }
-  }
-  make_unit(&*joint.frame_b);
-  if (joint.axis_b && kind.alignment == Alignment::kPerpendicularZ)
-    check_apart(a.orientation * joint.frame_a, b.orientation * *joint.frame_b, *joint.axis_b);
-  joint.axis_b.reset();
-}
-
-// from what the coordinates are to read now
-void World::Impl::set_zeros(Joint& joint) const {
-  const JointKindInfo& kind = info(joint.kind);
-  const std::size_t a = index(joint.body_a), b = index(joint.body_b);
-  const double radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
-  const JointVectors vectors(joint, states[a], states[b],
-                             frame_where_met(joint, states[a], states[b], radius));
-  for (std::size_t i = 0; i < static_cast<std::size_t>(kind.coordinates); ++i) {
-    CoordinateLaw& law = joint.coordinates[i];
-    if (law.position) law.zero = *law.position - value(kind.coordinate[i], vectors);
-    law.position.reset();
-  }
-}
-
-// springs by frequency, servos and their constants
-void World::Impl::fill_in_laws(Joint& joint) const {
-  for (int i = 0; i < coordinates(joint.kind); ++i) {
-    CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
-    const bool is_servo = law.motor && law.motor->servo_frequency > 0.0;
-    if (law.frequency == 0.0 && !is_servo) continue;
-    const double inverse_mass = inverse_effective_mass(joint, i);
-    if (!(inverse_mass > 0.0))
-      refuse(law.frequency > 0.0 ? "frequency" : "servo_frequency",
-             "nothing can move along this coordinate of " + in_quotes(std::as_const(joint.name)));
-    const auto set = [&](double frequency, double ratio, double* stiffness, double* damping) {
-      const double omega = 2.0 * kPi * frequency;
-      *stiffness = omega * omega / inverse_mass;
-      *damping = 2.0 * ratio * omega / inverse_mass;
-    };
-    if (is_servo) {
-      CoordinateMotor& motor = *law.motor;
-      set(motor.servo_frequency, motor.servo_damping_ratio, &motor.servo_stiffness,
-          &motor.servo_damping);
-      motor.servo_frequency = 0.0;
-      motor.servo_damping_ratio = 1.0;
-    }
-    if (law.frequency == 0.0) continue;
-    set(law.frequency, law.damping_ratio, &law.stiffness, &law.damping);
-    law.frequency = law.damping_ratio = 0.0;
-  }
-  validate(joint);  // what followed from the rest may be too large
-}
-
-// The same along a coordinate, with the joint's own rows held: g W gᵀ with
-// W = M⁻¹ − M⁻¹Gᵀ(G M⁻¹ Gᵀ)⁻¹G M⁻¹.
-double World::Impl::inverse_effective_mass(const Joint& joint, int coordinate) const {
-  const std::size_t a = index(joint.body_a), b = index(joint.body_b);
-  const JointKindInfo& kind = info(joint.kind);
-  const JointVectors vectors(joint, states[a], states[b]);
+  const JointVectors vectors(joint, state.states[a], state.states[b]);
   using Row = Eigen::Matrix<double, 1, 12>;
   const int rows = kind.rows + (has_pitch(joint.kind) ? 1 : 0);
   Eigen::Matrix<double, Eigen::Dynamic, 12> G(rows + 1, 12);  // times the root of M⁻¹
@@ -156,12 +59,12 @@ double World::Impl::inverse_effective_mass(const Joint& joint, int coordinate) c
       J = combined(1.0, jacobian(kind.coordinate[0], vectors), -lead(joint),
                    jacobian(kind.coordinate[1], vectors));
     const auto turned = [&](std::size_t i, const Vector3d& j) -> Vector3d {
-      return (states[i].orientation.conjugate() * j)
-          .cwiseProduct(masses[i].inverse_inertia.cwiseSqrt());
+      return (state.states[i].orientation.conjugate() * j)
+          .cwiseProduct(model.masses[i].inverse_inertia.cwiseSqrt());
     };
     Row row;
-    row << std::sqrt(masses[a].inverse_mass) * J.j1.transpose(), turned(a, J.j2).transpose(),
-        std::sqrt(masses[b].inverse_mass) * J.j3.transpose(), turned(b, J.j4).transpose();
+    row << std::sqrt(model.masses[a].inverse_mass) * J.j1.transpose(), turned(a, J.j2).transpose(),
+        std::sqrt(model.masses[b].inverse_mass) * J.j3.transpose(), turned(b, J.j4).transpose();
     G.row(k) = row;
   }
   const Row g = G.row(rows);
@@ -179,14 +82,109 @@ double World::Impl::inverse_effective_mass(const Joint& joint, int coordinate) c
   return left > 1e-20 * g.squaredNorm() ? left : 0.0;
 }
 
-// J M⁻¹ Jᵀ of one row between two bodies
-double World::Impl::inverse_effective_mass(const Jacobian& J, std::size_t a, std::size_t b) const {
-  const auto turning = [&](std::size_t i, const Vector3d& j) {
-    const Vector3d j_B = states[i].orientation.conjugate() * j;
-    return j_B.dot(masses[i].inverse_inertia.cwiseProduct(j_B));
-  };
-  return masses[a].inverse_mass * J.j1.squaredNorm() + turning(a, J.j2) +
-         masses[b].inverse_mass * J.j3.squaredNorm() + turning(b, J.j4);
+/// Fills in frame B where it is left out, from how the bodies lie.
+void fill_in_frames(const Model& model, const State& state, Joint* joint) {
+  joint->distance = DistanceJoint{};
+  const JointKindInfo& kind = info(joint->kind);
+  if (!kind.has_frames) {
+    joint->frame_a.setIdentity();
+    joint->frame_b.reset();
+    return;
+  }
+  const BodyState& a = state.states[model.index(joint->body_a)];
+  const BodyState& b = state.states[model.index(joint->body_b)];
+  make_unit(&joint->frame_a);
+  if (!joint->frame_b) {
+    joint->frame_b =
+        b.orientation.conjugate() * a.orientation * joint->frame_a * home(kind.alignment);
+    if (joint->axis_b) {
+      const Vector3d& axis = *joint->axis_b;
+      const Eigen::Quaterniond along = frame_along(
+          joint->frame_b->conjugate() * (axis / math::hypot(axis.x(), axis.y(), axis.z())));
+      joint->frame_b = *joint->frame_b * along;
+    }
+  }
+  make_unit(&*joint->frame_b);
+  if (joint->axis_b && kind.alignment == Alignment::kPerpendicularZ)
+    check_apart(a.orientation * joint->frame_a, b.orientation * *joint->frame_b, *joint->axis_b);
+  joint->axis_b.reset();
+}
+
+}  // namespace
+
+void fill_in(const Model& model, const State& state, Joint* joint) {
+  auto* distance = if_distance(*joint);
+  if (distance == nullptr) {
+    fill_in_frames(model, state, joint);
+    set_zeros(model, state, joint);
+    fill_in_laws(model, state, joint);
+    return;
+  }
+  joint->frame_a.setIdentity();
+  joint->frame_b.reset();
+  const std::size_t a = model.index(joint->body_a);
+  const std::size_t b = model.index(joint->body_b);
+  const AnchorPair anchors(*joint, state.states[a], state.states[b]);
+
+  if (!is_between_limits(*distance) && !distance->length) {
+    const double size = std::max({anchors.p_A.norm(), anchors.r_A.norm(), anchors.r_B.norm()});
+    const double present = anchors.d.norm();
+    distance->length = present <= kCoincident * size ? 0.0 : present;
+  }
+  if (distance->length == 0.0 && !distance->is_soft()) {
+    joint->kind = kKindOfLengthZero;
+    joint->distance = DistanceJoint{};
+  } else if (distance->frequency > 0.0) {
+    const Jacobian J = anchors.along(direction(anchors));
+    const double constraint_mass = inverse_effective_mass(model, state, J, a, b);
+    const double omega = 2.0 * kPi * distance->frequency;
+    distance->stiffness = omega * omega / constraint_mass;
+    distance->damping = 2.0 * distance->damping_ratio * omega / constraint_mass;
+    distance->frequency = distance->damping_ratio = 0.0;
+  }
+  validate(*joint);  // a ball joint has no motor, and constants may be too large
+}
+
+void set_zeros(const Model& model, const State& state, Joint* joint) {
+  const JointKindInfo& kind = info(joint->kind);
+  const std::size_t a = model.index(joint->body_a), b = model.index(joint->body_b);
+  const double radius =
+      std::max(model.masses[a].radius_of_gyration(), model.masses[b].radius_of_gyration());
+  const JointVectors vectors(*joint, state.states[a], state.states[b],
+                             frame_where_met(*joint, state.states[a], state.states[b], radius));
+  for (std::size_t i = 0; i < static_cast<std::size_t>(kind.coordinates); ++i) {
+    CoordinateLaw& law = joint->coordinates[i];
+    if (law.position) law.zero = *law.position - value(kind.coordinate[i], vectors);
+    law.position.reset();
+  }
+}
+
+void fill_in_laws(const Model& model, const State& state, Joint* joint) {
+  for (int i = 0; i < coordinates(joint->kind); ++i) {
+    CoordinateLaw& law = joint->coordinates[static_cast<std::size_t>(i)];
+    const bool is_servo = law.motor && law.motor->servo_frequency > 0.0;
+    if (law.frequency == 0.0 && !is_servo) continue;
+    const double inverse_mass = inverse_effective_mass(model, state, *joint, i);
+    if (!(inverse_mass > 0.0))
+      refuse(law.frequency > 0.0 ? "frequency" : "servo_frequency",
+             "nothing can move along this coordinate of " + in_quotes(joint->name));
+    const auto set = [&](double frequency, double ratio, double* stiffness, double* damping) {
+      const double omega = 2.0 * kPi * frequency;
+      *stiffness = omega * omega / inverse_mass;
+      *damping = 2.0 * ratio * omega / inverse_mass;
+    };
+    if (is_servo) {
+      CoordinateMotor& motor = *law.motor;
+      set(motor.servo_frequency, motor.servo_damping_ratio, &motor.servo_stiffness,
+          &motor.servo_damping);
+      motor.servo_frequency = 0.0;
+      motor.servo_damping_ratio = 1.0;
+    }
+    if (law.frequency == 0.0) continue;
+    set(law.frequency, law.damping_ratio, &law.stiffness, &law.damping);
+    law.frequency = law.damping_ratio = 0.0;
+  }
+  validate(*joint);  // constants may be too large
 }
 
 }  // namespace constraint_sim::engine

@@ -6,6 +6,8 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/edits/coupling_loops.h"
+#include "engine/edits/joint_defaults.h"
+#include "engine/edits/motor_ends.h"
 #include "engine/edits/same_laws.h"
 #include "engine/math/numbers.h"
 #include "engine/model/validate.h"
@@ -16,14 +18,14 @@ namespace constraint_sim::engine {
 void World::Impl::replace_joint(std::size_t j, const Joint& joint,
                                 const std::array<LawChange, kMaxCoordinates>& changes) {
   wake_ends(joint);
-  topology_edited |= is_always_rigid(joint) != is_always_rigid(joints[j]);  // loops
+  if (is_always_rigid(joint) != is_always_rigid(joints[j])) edits.note_topology();  // loops
   const Joint before = std::exchange(joints[j], joint);
   bool begins = false;
   for (std::size_t i = 0; i < changes.size(); ++i)
     if (changes[i].law)
       begins = follow_law(j, i, before.coordinates[i], changes[i].motor) || begins;
-  if (begins) open_joint(j, time());
-  edit_laws(joint);
+  if (begins) open_joint(*this, j, time(), this);
+  edits.note_laws_of(*this, joint);
 }
 
 // the state of a coordinate whose law is another; true where that has to be closed
@@ -34,7 +36,7 @@ bool World::Impl::follow_law(std::size_t j, std::size_t i, const CoordinateLaw& 
   coordinate.position += law.zero - before.zero;
   coordinate.held += law.zero - before.zero;
   shift_couplings(j, static_cast<int>(i), law.zero - before.zero);
-  if (is_motor_set) coordinate.expires_at = law.motor ? end_of(*law.motor) : kInfinity;
+  if (is_motor_set) coordinate.expires_at = law.motor ? end_of(*law.motor, time()) : kInfinity;
   if (!(before.motor && before.motor->is_rigid() && !before.motor->position))
     coordinate.held = coordinate.position;
   coordinate.braking = 0.0;
@@ -88,6 +90,20 @@ void check_same_place(const Joint& joint, const Joint& before) {
   check("pitch", joint.pitch == before.pitch);
 }
 
+/// Joints that a coupling couples act as long as the coupling does.
+void check_coupled_act(const Model& model, std::size_t j, bool enabled) {
+  if (enabled && couples_joints(model.joints[j].kind))
+    for (const JointId id : {model.joints[j].coupling.first, model.joints[j].coupling.second})
+      if (!model.joints[model.index(id)].enabled)
+        refuse("enabled",
+               in_quotes(model.joints[model.index(id)].name) + ", which it couples, is disabled");
+  if (enabled) return;
+  for (const std::size_t coupling : model.couplings_of(j))
+    if (model.joints[coupling].enabled)
+      refuse("enabled",
+             "it is coupled by " + in_quotes(model.joints[coupling].name) + ", disable that first");
+}
+
 }  // namespace
 
 // `is_motor_set`: its timeout begins now.
@@ -97,15 +113,15 @@ void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, 
   const auto i = static_cast<std::size_t>(coordinate);
   joint.coordinates[i] = law;
   validate(joint);
-  set_zeros(joint);
-  fill_in_laws(joint);
+  set_zeros(*this, *this, &joint);
+  fill_in_laws(*this, *this, &joint);
   // A repeated target changes nothing: a motor that began anew each time would never reach it.
   if (are_same(joint.coordinates[i], joints[j].coordinates[i])) {
     const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
     const bool has_timeout = is_motor_set && motor && motor->timeout > 0.0;
     if (!has_timeout) return;
     if (motor->position) {
-      joint_states[j].coordinates[i].expires_at = end_of(*motor);
+      joint_states[j].coordinates[i].expires_at = end_of(*motor, time());
       return;
     }
   }
@@ -129,39 +145,26 @@ void World::set_joint(JointId id, const Joint& joint) {
     if (law.motor) replace_servo(before.coordinates[i].motor, &*law.motor);
   }
   validate(changed);
-  if (changed.enabled != before.enabled) impl_->check_coupled_act(j, changed.enabled);
+  if (changed.enabled != before.enabled) check_coupled_act(*impl_, j, changed.enabled);
   if (changed.enabled && !before.enabled && couples_joints(joint.kind))
     check_coupling_loop(*impl_, *impl_, changed);
   const bool is_distance = has_length(joint.kind);
   if (is_distance) {
-    impl_->fill_in(changed);
+    fill_in(*impl_, *impl_, &changed);
     if (changed.kind != joint.kind)
       refuse("length", "a rod does not become a ball joint; remove it and add another, got 0");
   } else {
-    impl_->set_zeros(changed);
-    impl_->fill_in_laws(changed);
+    set_zeros(*impl_, *impl_, &changed);
+    fill_in_laws(*impl_, *impl_, &changed);
   }
 
   impl_->replace_joint(j, changed, changes);
   JointState& state = impl_->joint_states[j];
-  if (!are_same(changed.motor, before.motor)) state.expires_at = impl_->end_of(changed.motor);
+  if (!are_same(changed.motor, before.motor)) state.expires_at = end_of(changed.motor, time());
   const bool is_resized = is_distance && !have_same_length(changed.distance, before.distance);
   if (is_resized) state.travel = 0.0;
   if (is_resized || changed.enabled != before.enabled) impl_->restart_joint(j);
   if (changed.enabled && !before.enabled) impl_->hold_from_here(j);
-}
-
-// what a coupling couples acts as long as the coupling does
-void World::Impl::check_coupled_act(std::size_t j, bool enabled) const {
-  if (enabled && couples_joints(joints[j].kind))
-    for (const JointId id : {joints[j].coupling.first, joints[j].coupling.second})
-      if (!joints[index(id)].enabled)
-        refuse("enabled", in_quotes(joints[index(id)].name) + ", which it couples, is disabled");
-  if (enabled) return;
-  for (const std::size_t coupling : couplings_of(j))
-    if (joints[coupling].enabled)
-      refuse("enabled",
-             "it is coupled by " + in_quotes(joints[coupling].name) + ", disable that first");
 }
 
 void World::set_enabled(JointId id, bool enabled) {
@@ -178,10 +181,9 @@ void World::Impl::restart_joint(std::size_t j) {
   forget_impulses(&state);
   self_stress[j] = SelfStress{};
   wake_ends(joint);
-  open_joint(j, time());
-  topology_edited = true;
-  edit_island_of(joint.body_a);
-  edit_island_of(joint.body_b);
+  open_joint(*this, j, time(), this);
+  edits.note_topology();
+  edits.note_islands_of(*this, joint);
 }
 
 // motors by velocity of a joint that has just been measured
@@ -195,7 +197,7 @@ void World::Impl::hold_from_here(std::size_t j) {
     state.coordinates[i].held = state.coordinates[i].position;
     is_held = true;
   }
-  if (is_held) open_joint(j, time());
+  if (is_held) open_joint(*this, j, time(), this);
 }
 
 }  // namespace constraint_sim::engine

@@ -12,6 +12,8 @@
 #include "engine/constraints/one_sided_law.h"
 #include "engine/edits/coupling_loops.h"
 #include "engine/edits/find_named.h"
+#include "engine/edits/joint_defaults.h"
+#include "engine/edits/motor_ends.h"
 #include "engine/edits/same_laws.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -27,6 +29,69 @@ namespace {
 // apart, or each index() would make room for the text
 [[noreturn, gnu::noinline]] void refuse_unknown(JointId id) {
   refuse("constraint", "there is none with id " + std::to_string(id.value));
+}
+
+void check_ends(const Model& model, const Joint& joint) {
+  const std::size_t a = model.index(joint.body_a);
+  const std::size_t b = model.index(joint.body_b);
+  const std::string names =
+      in_quotes(model.bodies[a].name) + " and " + in_quotes(model.bodies[b].name);
+  if (a == b) refuse("body_b", "must be another body than body_a, got " + names);
+  if (!model.is_movable(a) && !model.is_movable(b))
+    refuse("body_b", "one of the two bodies must be dynamic, got " + names);
+  const auto check_anchor = [&](const char* field, std::size_t i, const Vector3d& anchor) {
+    const bool cannot_turn = model.is_movable(i) && model.masses[i].inertia.isZero(0.0);
+    if (cannot_turn && !anchor.isZero(0.0))
+      refuse(field, in_quotes(model.bodies[i].name) +
+                        " is a point mass without inertia, its anchor must be (0, 0, 0), got " +
+                        shown(anchor));
+  };
+  check_anchor("anchor_a", a, joint.anchor_a);
+  check_anchor("anchor_b", b, joint.anchor_b);
+  const JointKindInfo& kind = info(joint.kind);
+  const auto check_axes = [&](const char* field, std::size_t i, bool has_axes) {
+    if (has_axes && model.is_movable(i) && !model.masses[i].can_turn())
+      refuse(field, in_quotes(model.bodies[i].name) +
+                        " is a point mass without inertia and has no axes, " +
+                        "which a joint of type " + kind.name + " needs");
+  };
+  check_axes("body_a", a, kind.has_frames);
+  check_axes("body_b", b, turns_b(kind));
+}
+
+/// Checks the joints that a joint couples: their first coordinates have to exist.
+void check_coupling(const Model& model, const State& state, const Joint& joint, bool broken) {
+  const Coupling& coupling = joint.coupling;
+  const auto check = [&](JointId id) {
+    const Joint& of = model.joints[model.index(id)];
+    const bool fits =
+        couples_lengths(joint.kind) ? is_free_length(of.kind) : coordinates(of.kind) > 0;
+    if (!fits)
+      refuse("joints", in_quotes(of.name) + " is of type " + name(of.kind) + ", a " +
+                           name(joint.kind) +
+                           (couples_lengths(joint.kind)
+                                ? " joins distance constraints with free: true"
+                                : " joins constraints with a free coordinate, such as hinges"));
+    if (!broken && state.joint_states[model.index(id)].broken)
+      refuse("joints", in_quotes(of.name) + " is broken");
+    if (joint.enabled && !of.enabled) refuse("joints", in_quotes(of.name) + " is disabled");
+  };
+  check(coupling.first);
+  check(coupling.second);
+  if (coupling.first == coupling.second)
+    refuse("joints", "must be two constraints, got " +
+                         in_quotes(model.joints[model.index(coupling.first)].name) + " twice");
+}
+
+BodyId movable_end(const Model& model, JointId id) {
+  const Joint& joint = model.joints[model.index(id)];
+  return model.is_movable(model.index(joint.body_b)) ? joint.body_b : joint.body_a;
+}
+
+void check_coordinate(const char* field, const Joint& joint, int coordinate) {
+  if (coordinate >= 0 && coordinate < coordinates(joint.kind)) return;
+  refuse(field, "a " + std::string(name(joint.kind)) + " joint has no coordinate " +
+                    std::to_string(coordinate) + " with a law");
 }
 
 }  // namespace
@@ -57,15 +122,15 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
     refuse("name", "there is already a constraint named " + in_quotes(joint.name));
   Joint filled = joint;
   if (couples_joints(joint.kind)) {
-    check_coupling(joint, broken);
-    filled.body_a = movable_end(joint.coupling.first);
-    filled.body_b = movable_end(joint.coupling.second);
+    check_coupling(*this, *this, joint, broken);
+    filled.body_a = movable_end(*this, joint.coupling.first);
+    filled.body_b = movable_end(*this, joint.coupling.second);
     filled.anchor_a.setZero();
     filled.anchor_b.setZero();
   } else {
-    check_ends(joint);
+    check_ends(*this, joint);
   }
-  fill_in(filled);
+  fill_in(*this, *this, &filled);
   if (is_custom(filled.kind)) {
     make_custom_code(&filled);
     filled.custom.code->check(
@@ -83,69 +148,11 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   joint_ids.push_back(id);
   joint_by_name.emplace(joint.name, id);
   joints_of_bodies = {};
-  note_edit();
-  topology_edited = true;
+  edits.note_topology();
   return id;
 }
 
-void World::Impl::check_ends(const Joint& joint) const {
-  const std::size_t a = index(joint.body_a);
-  const std::size_t b = index(joint.body_b);
-  const std::string names = in_quotes(bodies[a].name) + " and " + in_quotes(bodies[b].name);
-  if (a == b) refuse("body_b", "must be another body than body_a, got " + names);
-  if (!is_movable(a) && !is_movable(b))
-    refuse("body_b", "one of the two bodies must be dynamic, got " + names);
-  const auto check_anchor = [&](const char* field, std::size_t i, const Vector3d& anchor) {
-    const bool cannot_turn = is_movable(i) && masses[i].inertia.isZero(0.0);
-    if (cannot_turn && !anchor.isZero(0.0))
-      refuse(field, in_quotes(bodies[i].name) +
-                        " is a point mass without inertia, its anchor must be (0, 0, 0), got " +
-                        shown(anchor));
-  };
-  check_anchor("anchor_a", a, joint.anchor_a);
-  check_anchor("anchor_b", b, joint.anchor_b);
-  const JointKindInfo& kind = info(joint.kind);
-  const auto check_axes = [&](const char* field, std::size_t i, bool has_axes) {
-    if (has_axes && is_movable(i) && !masses[i].can_turn())
-      refuse(field, in_quotes(bodies[i].name) +
-                        " is a point mass without inertia and has no axes, " +
-                        "which a joint of type " + kind.name + " needs");
-  };
-  check_axes("body_a", a, kind.has_frames);
-  check_axes("body_b", b, turns_b(kind));
-}
-
-// the joints that it couples, whose first coordinates have to be there
-void World::Impl::check_coupling(const Joint& joint, bool broken) const {
-  const Coupling& coupling = joint.coupling;
-  const auto check = [&](JointId id) {
-    const Joint& of = joints[index(id)];
-    const bool fits =
-        couples_lengths(joint.kind) ? is_free_length(of.kind) : coordinates(of.kind) > 0;
-    if (!fits)
-      refuse("joints", in_quotes(of.name) + " is of type " + name(of.kind) + ", a " +
-                           name(joint.kind) +
-                           (couples_lengths(joint.kind)
-                                ? " joins distance constraints with free: true"
-                                : " joins constraints with a free coordinate, such as hinges"));
-    if (!broken && joint_states[index(id)].broken)
-      refuse("joints", in_quotes(of.name) + " is broken");
-    if (joint.enabled && !of.enabled) refuse("joints", in_quotes(of.name) + " is disabled");
-  };
-  check(coupling.first);
-  check(coupling.second);
-  if (coupling.first == coupling.second)
-    refuse("joints", "must be two constraints, got " +
-                         in_quotes(joints[index(coupling.first)].name) + " twice");
-}
-
-BodyId World::Impl::movable_end(JointId id) const {
-  const Joint& joint = joints[index(id)];
-  return is_movable(index(joint.body_b)) ? joint.body_b : joint.body_a;
-}
-
-// joints that couple this one with another
-List<std::size_t> World::Impl::couplings_of(std::size_t joint) const {
+List<std::size_t> Model::couplings_of(std::size_t joint) const {
   List<std::size_t> found;
   for (std::size_t j = joint + 1; j < joints.size(); ++j) {
     if (!couples_joints(joints[j].kind)) continue;
@@ -156,8 +163,7 @@ List<std::size_t> World::Impl::couplings_of(std::size_t joint) const {
   return found;
 }
 
-// The bodies of a joint, or of both joints that it couples; some may be there twice.
-std::array<BodyId, 4> World::Impl::holders(std::size_t joint) const {
+std::array<BodyId, 4> Model::holders(std::size_t joint) const {
   const Joint* first = &joints[joint];
   const Joint* second = first;
   if (couples_joints(first->kind)) {
@@ -182,20 +188,12 @@ const List<std::size_t>& World::Impl::joints_on(std::size_t body) {
   return body < joints_of_bodies->size() ? (*joints_of_bodies.get())[body] : kNone;
 }
 
-// Measures a joint whose bodies were moved, or that was edited; what it is off by is then closed.
-void World::Impl::open_joint(std::size_t j, double t) {
-  if (couples_joints(joints[j].kind))
-    read_coupling(terms_of(j), joint_states, &joint_states[j].coupling);
-  const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
-  begin_joint(joints[j], states[a], states[b], t, joint_states[j], masses[b].can_turn());
-}
-
 // the state of a joint just added
 void World::Impl::start_joint(std::size_t j) {
   JointState& state = joint_states[j] = JointState{};
   state.broken = joint_starts[j].broken;
   self_stress[j] = SelfStress{};
-  set_ends(joints[j], &state);
+  set_ends(joints[j], time(), &state);
   const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
   state.radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
   if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &state.coupling);
@@ -218,7 +216,7 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   state.impulse = saved.impulse;
   state.coupling.constant = saved.coupling.constant;
   state.coupling.impulse = saved.coupling.impulse;
-  open_joint(j, time());  // measures it with this travel
+  open_joint(*this, j, time(), this);  // measures it with this travel
   state.closing = saved.closing && is_rigid(joints[j]) && acts(joints[j], state);
   if (state.closing) {
     state.closing_since = saved.closing_since;
@@ -231,13 +229,12 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   }
   state.coordinates = saved.coordinates;  // read by the frame that is being closed, or by none
   measure_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)],
-                span_from(time(), options.time_step), state);
+                joint_step(options, time(), options.time_step), state);
   for (std::size_t i = 0; i < kMaxCoordinates; ++i)
     state.coordinates[i].position = saved.coordinates[i].position;  // to the bit
   joint_starts[j].state = state;
   joint_starts[j].time = time();
-  edit_island_of(joints[j].body_a);
-  edit_island_of(joints[j].body_b);
+  edits.note_islands_of(*this, joints[j]);
 }
 
 // whether a joint added now, as this one is, would begin with the same state
@@ -249,7 +246,7 @@ bool World::Impl::is_as_added(JointId id) const {
     joint.coupling.value = state.coupling.constant;  // which is saved with it
   JointState added;
   added.broken = state.broken;
-  set_ends(joint, &added);
+  set_ends(joint, time(), &added);
   added.radius = state.radius;
   const BodyState &a = states[index(joint.body_a)], &b = states[index(joint.body_b)];
   added.coupling.value = state.coupling.value;
@@ -274,19 +271,9 @@ bool World::Impl::is_as_added(JointId id) const {
          self_stress[j].is_none();
 }
 
-// when a motor set now loses its bias
-double World::Impl::end_of(const Motor& motor) const {
-  return motor.timeout > 0.0 ? time() + motor.timeout : kInfinity;
-}
-
-// of motors that are all set now
-void World::Impl::set_ends(const Joint& joint, JointState* state) const {
-  visit_motors(joint, *state, [&](const Motor& motor, double& end) { end = end_of(motor); });
-}
-
 void World::Impl::wake_ends(const Joint& joint) {
-  wake(index(joint.body_a));
-  wake(index(joint.body_b));
+  sleep.wake(index(joint.body_a), this);
+  sleep.wake(index(joint.body_b), this);
 }
 
 bool World::has_joint(std::string_view name) const {
@@ -343,33 +330,27 @@ void World::set_motor(JointId id, const Motor& motor) {
   if (motor.timeout == 0.0 && are_same(motor, impl_->joints[j].motor)) return;
 
   impl_->wake_ends(joint);
-  impl_->topology_edited |= is_always_rigid(joint) != is_always_rigid(impl_->joints[j]);  // loops
+  if (is_always_rigid(joint) != is_always_rigid(impl_->joints[j]))
+    impl_->edits.note_topology();  // loops
   const bool was_one_sided = has_one_sided_law(std::exchange(impl_->joints[j], joint));
-  impl_->joint_states[j].expires_at = impl_->end_of(motor);
-  if (was_one_sided || has_one_sided_law(joint)) return impl_->edit_laws(joint);
-  impl_->edit_island_of(joint.body_a);
-  impl_->edit_island_of(joint.body_b);
+  impl_->joint_states[j].expires_at = end_of(motor, time());
+  if (was_one_sided || has_one_sided_law(joint)) return impl_->edits.note_laws_of(*impl_, joint);
+  impl_->edits.note_islands_of(*impl_, joint);
 }
 
 void World::set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor) {
-  impl_->check_coordinate("motor", joint(id), coordinate);
+  check_coordinate("motor", joint(id), coordinate);
   CoordinateLaw law = joint(id).coordinates[static_cast<std::size_t>(coordinate)];
   law.motor = motor;
   impl_->set_law(id, coordinate, law, true);
 }
 
 void World::set_law(JointId id, int coordinate, const CoordinateLaw& law) {
-  impl_->check_coordinate("coordinate", joint(id), coordinate);
+  check_coordinate("coordinate", joint(id), coordinate);
   CoordinateLaw changed = law;
   const CoordinateLaw& before = joint(id).coordinates[static_cast<std::size_t>(coordinate)];
   if (!law.position) changed.zero = before.zero;
   impl_->set_law(id, coordinate, changed, law.motor.has_value() != before.motor.has_value());
-}
-
-void World::Impl::check_coordinate(const char* field, const Joint& joint, int coordinate) const {
-  if (coordinate >= 0 && coordinate < coordinates(joint.kind)) return;
-  refuse(field, "a " + std::string(name(joint.kind)) + " joint has no coordinate " +
-                    std::to_string(coordinate) + " with a law");
 }
 
 // a coordinate reads otherwise than it did, and so do the couplings that have it
@@ -383,14 +364,6 @@ void World::Impl::shift_couplings(std::size_t j, int coordinate, double change) 
         joint_states[coupling].coupling.value += term.ratio * change;
         joint_states[coupling].coupling.constant += term.ratio * change;
       }
-}
-
-// also what is compiled of them
-void World::Impl::edit_laws(const Joint& joint) {
-  for (const BodyId id : {joint.body_a, joint.body_b}) {
-    edit_island_of(id);
-    if (is_movable(index(id))) relinked_bodies.push_back(id);
-  }
 }
 
 void World::set_broken(JointId id, bool broken) {

@@ -49,59 +49,59 @@ void compact_list(const List<bool>& is_removed, std::vector<Id>* ids, List<int>*
   for (std::size_t i = 0; i < ids->size(); ++i) (*index)[(*ids)[i].value] = static_cast<int>(i);
 }
 
-}  // namespace
-
-// Sets which joints are removed. A joint that is coupled stays, unless its couplings go before it.
-void World::Impl::mark_removed(const std::vector<JointId>& ids, List<bool>* is_removed) const {
-  const CouplingsOfJoints couplings = couplings_by_joint(*this);
+/// Sets which joints are removed. A joint that is coupled stays, unless its couplings go before it.
+void mark_removed(const Model& model, const std::vector<JointId>& ids, List<bool>* is_removed) {
+  const CouplingsOfJoints couplings = couplings_by_joint(model);
   for (const JointId id : ids) {
-    const std::size_t j = index(id);
-    if ((*is_removed)[j]) refuse("name", in_quotes(joints[j].name) + " is there twice");
+    const std::size_t j = model.index(id);
+    if ((*is_removed)[j]) refuse("name", in_quotes(model.joints[j].name) + " is there twice");
     for (auto coupling =
              std::lower_bound(couplings.begin(), couplings.end(), std::pair(j, std::size_t{0}));
          coupling != couplings.end() && coupling->first == j; ++coupling)
       if (!(*is_removed)[coupling->second])
-        refuse("name", in_quotes(joints[j].name) + " is coupled by " +
-                           in_quotes(joints[coupling->second].name) + ", remove that first");
+        refuse("name", in_quotes(model.joints[j].name) + " is coupled by " +
+                           in_quotes(model.joints[coupling->second].name) + ", remove that first");
     (*is_removed)[j] = true;
   }
 }
 
-// Sets which bodies are removed, and which joints with them; returns the names of these joints in
-// the order of the bodies.
-std::vector<std::string> World::Impl::mark_removed(const std::vector<BodyId>& ids,
-                                                   List<bool>* is_body_removed,
-                                                   List<bool>* is_joint_removed) const {
+/// Sets which bodies are removed, and which joints with them; returns the names of these joints in
+/// the order of the bodies.
+std::vector<std::string> mark_removed(const Model& model, const std::vector<BodyId>& ids,
+                                      List<bool>* is_body_removed, List<bool>* is_joint_removed) {
   constexpr std::size_t kStays = std::numeric_limits<std::size_t>::max();
-  List<std::size_t> order(bodies.size(), kStays);  // place in the request
+  List<std::size_t> order(model.bodies.size(), kStays);  // place in the request
   for (std::size_t k = 0; k < ids.size(); ++k) {
-    const std::size_t i = index(ids[k]);
+    const std::size_t i = model.index(ids[k]);
     if (ids[k] == kWorldBody) refuse("name", "'world' cannot be removed");
-    if (order[i] != kStays) refuse("name", in_quotes(bodies[i].name) + " is there twice");
+    if (order[i] != kStays) refuse("name", in_quotes(model.bodies[i].name) + " is there twice");
     order[i] = k;
     (*is_body_removed)[i] = true;
   }
   List<std::pair<std::size_t, std::size_t>> held;  // by the first body that goes, and index
-  for (std::size_t j = 0; j < joints.size(); ++j) {
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
     if ((*is_joint_removed)[j]) continue;
     std::size_t first = kStays;
-    for (const BodyId id : holders(j)) first = std::min(first, order[index(id)]);
+    for (const BodyId id : model.holders(j)) first = std::min(first, order[model.index(id)]);
     if (first != kStays) held.emplace_back(first, j);
   }
   std::sort(held.begin(), held.end());
   std::vector<std::string> names;
   for (const auto& [body, j] : held) {
     (*is_joint_removed)[j] = true;
-    names.push_back(joints[j].name);
+    names.push_back(model.joints[j].name);
   }
   return names;
 }
 
+}  // namespace
+
 std::vector<std::string> World::remove(const std::vector<JointId>& joints,
                                        const std::vector<BodyId>& bodies) {
   List<bool> is_joint_removed(impl_->joints.size()), is_body_removed(impl_->bodies.size());
-  impl_->mark_removed(joints, &is_joint_removed);
-  std::vector<std::string> names = impl_->mark_removed(bodies, &is_body_removed, &is_joint_removed);
+  mark_removed(*impl_, joints, &is_joint_removed);
+  std::vector<std::string> names =
+      mark_removed(*impl_, bodies, &is_body_removed, &is_joint_removed);
   impl_->erase(is_joint_removed, is_body_removed);
   return names;
 }
@@ -131,20 +131,20 @@ void World::Impl::erase_joints(const List<bool>& is_removed) {
   compact_list(is_removed, &joint_ids, &joint_index);
   joints_of_bodies = {};
   events.clear();
-  topology_edited = true;
-  edit_all();  // indices are others now
+  edits.note_topology();
+  edits.note_all();  // indices are others now
 }
 
 void World::Impl::erase_bodies(const List<bool>& is_removed) {
   const auto goes = [&](BodyId id) { return is_removed[index(id)]; };
   for (const TouchingPair& pair : resting) {
     if (!is_known(pair)) continue;
-    if (goes(pair.id_a)) wake(index(pair.id_b));
-    if (goes(pair.id_b)) wake(index(pair.id_a));
+    if (goes(pair.id_a)) sleep.wake(index(pair.id_b), this);
+    if (goes(pair.id_b)) sleep.wake(index(pair.id_a), this);
   }
   const auto is_on_one = [&](const Wrench& wrench) { return goes(wrench.body); };
   wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_on_one), wrenches.end());
-  watch.any_wrench_ended = true;
+  monitors.note_wrench_ended();
   for (std::size_t i = 0; i < bodies.size(); ++i)
     if (is_removed[i]) body_by_name.erase(bodies[i].name);
   compact_list(is_removed, &bodies);
@@ -154,11 +154,11 @@ void World::Impl::erase_bodies(const List<bool>& is_removed) {
   compact_list(is_removed, &asleep);
   compact_list(is_removed, &body_ids, &body_index);
   joints_of_bodies = {};
-  loads.clear();  // the last step's, by indices of bodies; all islands begin anew
+  integration.forget_loads();  // the last step's, by indices of bodies; all islands begin anew
   contacts.clear();
   events.clear();
-  topology_edited = true;
-  edit_all();  // indices are others now
+  edits.note_topology();
+  edits.note_all();  // indices are others now
 }
 
 }  // namespace constraint_sim::engine

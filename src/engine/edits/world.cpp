@@ -42,16 +42,14 @@ World::~World() = default;
 void World::take_snapshot(World* snapshot) const {
   const Impl& from = *impl_;
   if (snapshot == this) return;
-  if (from.seen) {  // is one
+  if (from.edits.answers()) {  // is a snapshot
     *snapshot = *this;
     return;
   }
-  if (!snapshot->impl_ || !snapshot->impl_->seen) *snapshot = World();
+  if (!snapshot->impl_ || !snapshot->impl_->edits.answers()) *snapshot = World();
   Impl& to = *snapshot->impl_;
-  if (!to.model_mark || to.model_mark != from.model_mark) static_cast<Model&>(to) = from;
-  to.model_mark = from.model_mark;
+  if (!to.edits.has_model_of(from.edits)) static_cast<Model&>(to) = from;
   to.joints_of_bodies = {};
-  to.may_sleep = true;
   static_cast<State&>(to) = from;
   to.report = from.report;
   if (from.report.failure == Failure::kCustom) {
@@ -61,21 +59,19 @@ void World::take_snapshot(World* snapshot) const {
   to.contacts = from.contacts;
   to.resting_contacts = from.resting_contacts;
   to.events = from.events;
-  to.watch.unclosed = from.watch.unclosed;
-  to.any_waking = from.any_waking;
-  to.edited = to.topology_edited = to.all_edited = true;
-  if (!to.seen) to.seen.emplace();
-  to.seen->is_edited = from.edited;
-  to.seen->unresolved_bodies = unresolved_bodies();
-  if (!from.edited) {
-    to.seen->islands = from.islands;
+  to.monitors.set_unclosed(from.monitors.unclosed());
+  to.sleep.continue_from(from.sleep.is_stale());
+  SnapshotAnswers* const answers = to.edits.begin_snapshot(from.edits);
+  answers->unresolved_bodies = unresolved_bodies();
+  if (!from.edits.any()) {
+    answers->islands = from.islands;
     to.loaded_memory = from.memories();
     return;
   }
-  to.seen->islands.clear();
+  answers->islands.clear();
   to.loaded_memory.clear();
   for (const Impl::NextIsland& next : from.next_islands()) {
-    to.seen->islands.push_back(next.island);
+    answers->islands.push_back(next.island);
     if (!next.memory.is_none()) to.loaded_memory.emplace_back(next.island.first_body, next.memory);
   }
 }
@@ -89,8 +85,8 @@ void World::set_options(const WorldOptions& options) {
   check_next_tick("time_step", time(), options.time_step);
   if (options.time_step != impl_->options.time_step) set_time(time(), step_count());
   impl_->options = options;
-  impl_->wake_all();
-  impl_->edit_all();
+  impl_->sleep.wake_all(impl_.get());
+  impl_->edits.note_all();
 }
 
 double World::time() const { return impl_->time(); }
@@ -130,7 +126,7 @@ void World::reserve_ids(const World& other) {
   };
   reserve(other.impl_->body_index, &impl_->body_index);
   reserve(other.impl_->joint_index, &impl_->joint_index);
-  impl_->model_mark.reset();
+  impl_->edits.forget_model_mark();
 }
 
 void World::continue_from(const World& other) {
@@ -173,12 +169,12 @@ void World::continue_from(const World& other) {
   impl_->contacts.clear();
   impl_->resting_contacts = 0;
   impl_->events.clear();
-  impl_->topology_edited = true;
-  impl_->edit_all();
+  impl_->edits.note_topology();
+  impl_->edits.note_all();
 }
 
 void World::Impl::forget_contacts() {
-  wake_all();
+  sleep.wake_all(this);
   touching.clear();
   resting.clear();
   contacts.clear();
@@ -186,17 +182,16 @@ void World::Impl::forget_contacts() {
   events.clear();
 }
 
-// whether both bodies are still there
+// Whether both bodies are still there.
 bool World::Impl::is_known(const TouchingPair& pair) const {
-  return body_index[pair.id_a.value] >= 0 && body_index[pair.id_b.value] >= 0;
+  return Model::is_known(pair.id_a) && Model::is_known(pair.id_b);
 }
 
 // those that slept when the scene was saved, with all that they hang on
 void World::Impl::continue_asleep(const std::vector<BodyId>& ids) {
   for (const BodyId id : ids) asleep[index(id)] = true;
-  may_sleep = true;
-  any_waking = !ids.empty();  // wakes those whose neighbours do not sleep
-  edit_all();
+  sleep.continue_from(!ids.empty());  // wakes bodies whose neighbours do not sleep
+  edits.note_all();
 }
 
 // what was touching when the scene was saved
@@ -211,28 +206,9 @@ void World::Impl::continue_contact(TouchingPair pair) {
   pairs.push_back(pair);
 }
 
-// ---- what begins anew
-
-void World::Impl::note_edit() {
-  edited = true;
-  model_mark.reset();
-  seen.reset();
-}
-
-void World::Impl::edit_all() {
-  note_edit();
-  all_edited = true;
-}
-
-// the one that a movable body is in by the next step
-void World::Impl::edit_island_of(BodyId id) {
-  note_edit();
-  if (is_movable(index(id))) edited_bodies.push_back(id);
-}
-
 // this one, or where edits have not been compiled yet a copy in which they are
 const World::Impl& World::Impl::compiled(std::optional<Impl>* copy) const {
-  if (!edited) return *this;
+  if (!edits.any()) return *this;
   copy->emplace(*this).rebuild_topology();
   return **copy;
 }
@@ -247,7 +223,7 @@ List<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
 
 // those that the next step begins with
 List<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const {
-  if (!edited) return memories();
+  if (!edits.any()) return memories();
   List<std::pair<BodyId, IslandMemory>> memories;
   for (const NextIsland& next : next_islands())
     if (!next.memory.is_none()) memories.emplace_back(next.island.first_body, next.memory);
@@ -277,11 +253,11 @@ void World::reset() {
     impl_->start_joint(j);
   }
   impl_->wrenches.clear();
-  impl_->watch = Watch{};
+  impl_->monitors = Monitors{};
   impl_->loaded_memory.clear();
   impl_->forget_contacts();
-  impl_->topology_edited = true;
-  impl_->edit_all();
+  impl_->edits.note_topology();
+  impl_->edits.note_all();
 }
 
 // ---- asking
@@ -297,24 +273,31 @@ std::string World::failed_why() const {
 const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
 const std::vector<Event>& World::events() const { return impl_->events; }
 double World::energy() const {
-  const Energy now = impl_->energy();
+  const Energy now = energy_of(*impl_, *impl_);
   return now.kinetic + now.potential;
 }
 
 std::vector<Island> World::islands() const {
-  if (impl_->seen) return impl_->seen->islands;
-  if (!impl_->edited) return impl_->islands;
+  if (impl_->edits.answers()) return impl_->edits.answers()->islands;
+  if (!impl_->edits.any()) return impl_->islands;
   std::vector<Island> islands;
   for (const auto& next : impl_->next_islands()) islands.push_back(next.island);
   return islands;
 }
 
+void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const {
+  if (islands[i].method == Method::kSequentialImpulses)
+    find_spinning(*this, *this, rollback, island_parts[i].members, found);
+  else
+    find_unresolved(*this, motions[to_index(island_parts[i].motion)], found);
+}
+
 std::vector<BodyId> World::unresolved_bodies() const {
-  if (impl_->seen) return impl_->seen->unresolved_bodies;
-  if (impl_->edited) return {};  // islands and bodies may be others now
+  if (impl_->edits.answers()) return impl_->edits.answers()->unresolved_bodies;
+  if (impl_->edits.any()) return {};  // islands and bodies may be others now
   List<std::size_t> indices;
   for (std::size_t i = 0; i < impl_->islands.size(); ++i)
-    if (impl_->islands[i].unresolved_bodies > 0) impl_->find_unresolved(i, &indices);
+    if (impl_->islands[i].unresolved_bodies > 0) impl_->list_unresolved(i, &indices);
   std::sort(indices.begin(), indices.end());
   std::vector<BodyId> ids;
   ids.reserve(indices.size());
@@ -323,21 +306,21 @@ std::vector<BodyId> World::unresolved_bodies() const {
 }
 
 std::vector<JointId> World::unclosed_joints() const {
-  if (impl_->is_edited() || impl_->report.unclosed_joints == 0) return {};
-  return impl_->watch.unclosed;
+  if (impl_->edits.is_edited() || impl_->report.unclosed_joints == 0) return {};
+  return impl_->monitors.unclosed();
 }
 
 std::optional<BodyId> World::gaining_body() const {
-  if (impl_->is_edited()) return std::nullopt;
+  if (impl_->edits.is_edited()) return std::nullopt;
   return impl_->report.energy_rise_body;
 }
 
 std::optional<BodyId> World::hits_left_body() const {
-  if (impl_->is_edited()) return std::nullopt;
+  if (impl_->edits.is_edited()) return std::nullopt;
   return impl_->report.hits_left_body;
 }
 
-bool World::has_reported_contacts() const { return !impl_->is_edited(); }
+bool World::has_reported_contacts() const { return !impl_->edits.is_edited(); }
 
 const char* name(Method method) {
   constexpr std::array<const char*, kMethodCount> kNames = {

@@ -22,7 +22,7 @@ void World::add_wrench(const Wrench& wrench) {
                       shortest(wrench.end));
 
   if (wrench.end <= time()) return;
-  impl_->wake(i);
+  impl_->sleep.wake(i, impl_.get());
   impl_->wrenches.push_back(wrench);
 }
 
@@ -34,7 +34,7 @@ void World::clear_wrenches(BodyId id) {
 void World::Impl::erase_wrenches(BodyId id) {
   const auto is_on_it = [id](const Wrench& wrench) { return wrench.body == id; };
   wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_on_it), wrenches.end());
-  watch.any_wrench_ended = true;
+  monitors.note_wrench_ended();
 }
 
 const std::vector<Wrench>& World::wrenches() const { return impl_->wrenches; }

@@ -1,51 +1,33 @@
-// Islands that may touch each other, or what does not move, within a step, and are few enough to be
-// carried from event to event together: between stages 2 and 3 of a step. Only with `method: auto`
-// and `event_driven`. A group has no memory: it is found anew in each step, from where the bodies
-// are, and takes the storage of one of the step before.
+#include "engine/islands/contact_groups.h"
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
-#include "engine/collision/narrowphase.h"
+#include "engine/collision/contact_feature.h"
 #include "engine/constraints/contact.h"
-#include "engine/constraints/one_sided_law.h"
-#include "engine/islands/fast_bodies.h"
-#include "engine/math/list.h"
+#include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/islands/motion_bounds.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/methods/runge_kutta/elastic_spheres.h"
-#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
 
-/// What a few are: in a group, and what it may cost in a step, in substeps of one with one point.
-struct Few {
-  std::size_t bodies, points;
-  double work;
-};
-// Where the world chooses, groups have that work together, and each at least some of its own.
-constexpr Few kAskedFor{32, 64, 2e4}, kChosen{8, 48, 1.5e3};
-constexpr double kLeastWork = 100;
-constexpr double kBack = 0.85;  // of these bodies and points come back from impulses
-// What impulses leave of contacts at rest is ½ g h² to g h² in each of those that bear each other;
-// what is closed is that much, and a share of the thinner shape, and moves into or out of the other
-// by no more than a few times that in a step.
-constexpr double kSunk = 4.0, kSunkShare = 0.1, kMostMoved = 4.0;
+constexpr double kLeastWork = 100;  // of each group where all groups share, as GroupLimits::work
+constexpr double kBack = 0.85;      // of the limits, below which islands come back from impulses
 
-const Few& few(const WorldOptions& options) {
-  return options.method == Method::kAuto ? kChosen : kAskedFor;
-}
-
-/// Whether events carry what acts of a joint beside contacts.
+/// Whether events advance a joint with all its laws beside contacts.
 bool can_be_beside_contacts(const Joint& joint) {
   if (couples(joint.kind) || is_custom(joint.kind) || !is_switchable(joint)) return false;
   return !has_length(joint.kind) || length_spring(joint).is_none() || !joint.motor.is_moving();
 }
 
-/// Adds the coordinates of a joint of `equations` on which something acts.
+/// Adds the coordinates of a joint of `equations` on which a law acts.
 void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquations* equations) {
   ContactEquations::BodyJoint& of = equations->joints[j];
   const Joint& joint = of.joint;
@@ -93,8 +75,8 @@ void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquation
   }
 }
 
-/// What is known of a pair from the step before: whether it touched, and whether friction was
-/// within its cone anywhere. `mass`: what takes the impulses.
+/// Notes whether a pair touched in the step before, and whether friction was within its cone at a
+/// point. `mass` takes the impulses [kg].
 void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends, double mass,
                       ContactEvents::Pair* pair) {
   constexpr double kAtCone = 1e-6;
@@ -112,110 +94,154 @@ void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends
   }
 }
 
-/// Whether hits of a body with such ones cost nothing.
-bool keeps_energy(const Body& body) {
-  return body.friction == 0.0 && body.restitution == 1.0 && !body.shape_pose;
+/// Whether a group is small enough for events. Islands that impulses took over come back to smaller
+/// groups, so that they do not come and go.
+bool is_few(const GroupSize& size, const GroupLimits& most) {
+  const double share = size.was_handed ? kBack : 1.0;
+  return static_cast<double>(size.bodies) <= share * static_cast<double>(most.bodies) &&
+         static_cast<double>(size.points) <= share * static_cast<double>(most.points);
+}
+
+/// Whether an island can be in a group: none of its joints closes an error.
+bool can_be_in_group(const StepContext& step, const State& state, const IslandParts& parts) {
+  const Model& model = step.model;
+  if (!suits_group(model, state.step_count, parts.members, parts.nature, parts)) return false;
+  const JointStep now = joint_step(model.options, step.tick.start, model.options.time_step);
+  return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
+    const std::size_t j = to_index(index);
+    JointState joint_state = state.joint_states[j];
+    return !joint_state.closing &&
+           (!is_rigid(model.joints[j]) || fits(model.joints[j], step.topology.state_a(state, j),
+                                               step.topology.state_b(state, j), now, joint_state));
+  });
+}
+
+/// Compiles a group of any number of spheres on planes that keep all energy.
+bool compile_spheres(const Model& model, const State& state, const IslandLists& lists,
+                     const ContactReach& reach, ContactGroup* group) {
+  List<ElasticSpheres::Sphere> spheres;
+  for (const int i : group->islands) {
+    const IslandMembers& members = lists.island_parts[i].members;
+    if (!members.joints.empty()) return false;
+    const int body = members.bodies.front();
+    const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == model.body_ids[body]; };
+    if (std::any_of(state.wrenches.begin(), state.wrenches.end(), is_on_it)) return false;
+    spheres.push_back({body, 1.0 / model.masses[body].inverse_mass,
+                       std::get<Sphere>(model.bodies[body].shape).radius});
+  }
+  List<ElasticSpheres::Plane> planes;
+  List<int> others;
+  for (const auto& [a, b] : group->pairs)
+    for (const int body : {a, b})
+      if (!model.is_movable(to_index(body))) others.push_back(body);
+  std::sort(others.begin(), others.end());
+  others.erase(std::unique(others.begin(), others.end()), others.end());
+  for (const int body : others) {
+    if (is_moving_by_itself(model, state, to_index(body)) || !keeps_energy(model.bodies[body]) ||
+        !std::holds_alternative<Plane>(model.bodies[body].shape))
+      return false;
+    const BodyState& plane = state.states[body];
+    planes.push_back({body, plane.orientation * Vector3d::UnitZ(), plane.position});
+  }
+  // spheres that are alone with their planes meet nothing else however fast they get
+  const bool is_all = std::count_if(model.bodies.begin(), model.bodies.end(), may_touch) ==
+                      static_cast<std::ptrdiff_t>(spheres.size() + planes.size());
+  const double most_speed =
+      is_all ? kInfinity : reach.of(spheres.front().body) / model.options.time_step;
+  group->spheres =
+      std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
+  if (group->spheres->begin(state.states, ContactEvents::kMostOverlap)) return true;
+  group->spheres.reset();
+  return false;
 }
 
 }  // namespace
 
-bool World::Impl::follows_contacts() const { return engine::follows_contacts(options); }
+bool suits_group(const Model& model, std::uint64_t step_count, const IslandMembers& members,
+                 MethodReason nature, const IslandMemory& memory) {
+  const bool is_by_events =
+      method_for(nature, model.options) == Method::kEventDriven && members.joints.size() > 0;
+  if (!(nature == MethodReason::kSmooth || is_by_events) || memory.is_stiff ||
+      step_count < memory.refused_until || step_count < memory.contacts_refused_until ||
+      step_count < memory.inconsistent_until)
+    return false;
+  return std::all_of(members.joints.begin(), members.joints.end(),
+                     [&](int j) { return can_be_beside_contacts(model.joints[j]); });
+}
 
-std::size_t World::Impl::most_bodies_of_group() const { return few(options).bodies; }
-
-// Islands that pairs connect, directly or by others, as grow_reach() has found them.
-void World::Impl::find_contact_groups(const List<Broadphase::Pair>& near) {
-  clear_contact_groups();
-  if (!follows_contacts() || near.empty() || watched_pairs.empty()) return;
-  for (const auto& [pair, gap] : watched_pairs) {
-    const int island = std::max(island_of[pair.first], island_of[pair.second]);
-    GroupSize& size = group_sizes[leader_of[island]];
-    if (!(is_few(size) || size.is_elastic))
-      size.left_for = MethodReason::kManyContacts;
+void ContactGroups::find(const StepContext& step, const State& state, const Rollback& rollback,
+                         const IslandLists& lists, const AwakeSets& awake,
+                         const ContactReach& reach, const List<TouchingPair>& touching_before) {
+  clear();
+  if (reach.watched_pairs().empty()) return;
+  const Topology& topology = step.topology;
+  group_at_.assign(lists.islands.size(), -1);
+  left_for_.assign(lists.islands.size(), MethodReason::kContact);
+  for (const auto& [pair, gap] : reach.watched_pairs()) {
+    const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
+    const int leader = reach.leader_of(to_index(island));
+    const GroupSize& size = reach.size_of_group(leader);
+    const bool is_few_here = is_few(size, group_limits(step.model.options));
+    if (!(is_few_here || size.is_elastic))
+      left_for_[leader] = MethodReason::kManyContacts;
     else if (size.overlaps && !size.is_settled)
-      size.left_for = MethodReason::kOverlap;
-    if (size.left_for != MethodReason::kContact) continue;
-    if (size.group < 0) {
-      size.group = static_cast<int>(contact_groups.size());
-      ContactGroup& group = add_contact_group();
-      group.is_few = is_few(size);
+      left_for_[leader] = MethodReason::kOverlap;
+    if (left_for_[leader] != MethodReason::kContact) continue;
+    if (group_at_[leader] < 0) {
+      group_at_[leader] = static_cast<int>(groups_.size());
+      ContactGroup& group = add();
+      group.is_few = is_few_here;
       group.is_elastic = size.is_elastic;
       group.closes = size.overlaps;
     }
-    contact_groups[size.group].pairs.push_back(pair);
+    groups_[group_at_[leader]].pairs.push_back(pair);
   }
-  for (const int i : awake_islands) {
-    const int group = group_sizes[leader_of[i]].group;
-    if (group >= 0) contact_groups[group].islands.push_back(i);
+  for (const int i : awake.islands) {
+    const int group = group_at_[reach.leader_of(to_index(i))];
+    if (group >= 0) groups_[group].islands.push_back(i);
   }
   std::size_t kept = 0;
-  for (std::size_t g = 0; g < contact_groups.size(); ++g) {
-    if (!compile_group(&contact_groups[g])) continue;
-    if (kept != g) std::swap(contact_groups[kept], contact_groups[g]);
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    if (!compile(step, state, rollback, lists, reach, touching_before, &groups_[g])) continue;
+    if (kept != g) std::swap(groups_[kept], groups_[g]);
     ++kept;
   }
-  clear_contact_groups(kept);
-  group_of.assign(islands.size(), -1);
-  for (std::size_t g = 0; g < contact_groups.size(); ++g)
-    for (const int i : contact_groups[g].islands) group_of[i] = static_cast<int>(g);
+  clear(kept);
+  group_of_.assign(lists.islands.size(), -1);
+  for (std::size_t g = 0; g < groups_.size(); ++g)
+    for (const int i : groups_[g].islands) group_of_[i] = static_cast<int>(g);
 }
 
-// those that were handed over come back when there are fewer, so that they do not come and go
-bool World::Impl::is_few(const GroupSize& size) const {
-  const double share = size.was_handed ? kBack : 1.0;
-  return static_cast<double>(size.bodies) <= share * static_cast<double>(few(options).bodies) &&
-         static_cast<double>(size.points) <= share * static_cast<double>(few(options).points);
+MethodReason ContactGroups::why_left(const ContactReach& reach, std::size_t island) const {
+  if (reach.watched_pairs().empty()) return MethodReason::kContact;
+  return left_for_[reach.leader_of(island)];
 }
 
-// Whether an overlap is what impulses leave at rest, or less, and neither grows nor falls fast.
-bool World::Impl::is_settled(const Broadphase::Pair& pair, double gap) const {
-  const double h = options.time_step;
-  const std::size_t a = to_index(pair.first), b = to_index(pair.second);
-  const double most =
-      std::min(kSunkShare * std::min(thickness(bodies[a].shape), thickness(bodies[b].shape)),
-               kSunk * h * h * options.gravity.norm());
-  if (-gap > most) return false;
-  const PlacedShape of_a(bodies[a], states[a]), of_b(bodies[b], states[b]);
-  const Vector3d n = separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).normal;
-  double moved = 0.0;
-  for (const auto& [body, sign] : {std::pair(pair.first, 1.0), std::pair(pair.second, -1.0)}) {
-    Vector3d v = states[body].linear_velocity;
-    if (any_corrections) v -= corrections[body].head<3>();
-    moved += sign * h * n.dot(v);
-  }
-  const double turned =
-      travel(pair.first, h) - way(pair.first, h) + travel(pair.second, h) - way(pair.second, h);
-  return std::abs(moved) + turned <= kMostMoved * most;
-}
-
-// of an island in contact that is in no group
-MethodReason World::Impl::why_left(std::size_t island) const {
-  if (watched_pairs.empty()) return MethodReason::kContact;
-  return group_sizes[leader_of[island]].left_for;
-}
-
-// whether it is in no group, and touches something
-bool World::Impl::is_left_in_contact(std::size_t island) const {
-  if (is_in_group(island)) return false;
-  const auto is_of_it = [&](int body) { return island_of[body] == static_cast<int>(island); };
-  return std::any_of(watched_pairs.begin(), watched_pairs.end(), [&](const auto& watched) {
+bool ContactGroups::is_left_in_contact(const Topology& topology, const ContactReach& reach,
+                                       std::size_t island) const {
+  if (contains(island)) return false;
+  const auto is_of_it = [&](int body) {
+    return topology.island_of(body) == static_cast<int>(island);
+  };
+  const auto& pairs = reach.watched_pairs();
+  return std::any_of(pairs.begin(), pairs.end(), [&](const auto& watched) {
     const auto& [pair, gap] = watched;
     return gap <= kTouching && (is_of_it(pair.first) || is_of_it(pair.second));
   });
 }
 
-// All but the first ones.
-void World::Impl::clear_contact_groups(std::size_t kept) {
-  while (contact_groups.size() > kept) {
-    unused_groups.push_back(std::move(contact_groups.back()));
-    contact_groups.pop_back();
+// Keeps the first groups alone.
+void ContactGroups::clear(std::size_t kept) {
+  while (groups_.size() > kept) {
+    unused_.push_back(std::move(groups_.back()));
+    groups_.pop_back();
   }
 }
 
-ContactGroup& World::Impl::add_contact_group() {
-  if (unused_groups.empty()) return contact_groups.emplace_back();
-  ContactGroup& group = contact_groups.emplace_back(std::move(unused_groups.back()));
-  unused_groups.pop_back();
+ContactGroup& ContactGroups::add() {
+  if (unused_.empty()) return groups_.emplace_back();
+  ContactGroup& group = groups_.emplace_back(std::move(unused_.back()));
+  unused_.pop_back();
   group.islands.clear();
   group.pairs.clear();
   group.spheres.reset();
@@ -223,186 +249,137 @@ ContactGroup& World::Impl::add_contact_group() {
   return group;
 }
 
-// who is in a group, as islands were sorted
-void World::Impl::list_grouped_bodies() {
-  grouped_bodies.clear();
-  for (const int i : awake_islands)
-    if (islands[i].why == MethodReason::kFewContacts)
-      for (const int body : island_parts[i].members.bodies)
-        grouped_bodies.push_back(body_ids[body]);
+void ContactGroups::list_bodies(const Model& model, const IslandLists& lists,
+                                const AwakeSets& awake) {
+  bodies_.clear();
+  for (const int i : awake.islands)
+    if (lists.islands[i].why == MethodReason::kFewContacts)
+      for (const int body : lists.island_parts[i].members.bodies)
+        bodies_.push_back(model.body_ids[body]);
 }
 
-// Whether an island of this kind can be in a group, wherever its bodies are.
-bool World::Impl::suits_group(const IslandMembers& members, MethodReason nature,
-                              const IslandMemory& memory) const {
-  const bool is_by_events =
-      method_for(nature, options) == Method::kEventDriven && members.joints.size() > 0;
-  if (!(nature == MethodReason::kSmooth || is_by_events) || memory.is_stiff ||
-      step_count < memory.refused_until || step_count < memory.contacts_refused_until ||
-      step_count < memory.inconsistent_until)
-    return false;
-  return std::all_of(members.joints.begin(), members.joints.end(),
-                     [&](int j) { return can_be_beside_contacts(joints[j]); });
-}
-
-// Whether all that an island has can be in a group.
-bool World::Impl::can_be_in_group(std::size_t i) const {
-  const IslandParts& parts = island_parts[i];
-  if (!suits_group(parts.members, parts.nature, parts)) return false;
-  const JointStep now = span_from(time(), options.time_step);
-  return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
-    const std::size_t j = to_index(index);
-    JointState state = joint_states[j];
-    return !state.closing &&
-           (!is_rigid(joints[j]) || fits(joints[j], state_a(j), state_b(j), now, state));
-  });
-}
-
-// The group with its equations; false where it is left to others.
-bool World::Impl::compile_group(ContactGroup* group) {
+// Compiles the equations of a group; false where its islands are left to other methods.
+bool ContactGroups::compile(const StepContext& step, const State& state, const Rollback& rollback,
+                            const IslandLists& lists, const ContactReach& reach,
+                            const List<TouchingPair>& touching_before, ContactGroup* group) {
   for (const int i : group->islands)
-    if (!can_be_in_group(to_index(i))) return false;
-  if (group->is_elastic && !group->closes && compile_spheres(group)) return true;
+    if (!can_be_in_group(step, state, lists.island_parts[i])) return false;
+  if (group->is_elastic && !group->closes &&
+      compile_spheres(step.model, state, lists, reach, group))
+    return true;
   if (!group->is_few) return false;
-  place_in_group.resize(bodies.size(), -1);
+  place_.resize(step.model.bodies.size(), -1);
   group->events.make();
   ContactEquations& equations = group->events->equations();
-  const bool is_compiled = compile_events(*group);
-  for (const ContactEquations::Body& body : equations.bodies) place_in_group[body.index] = -1;
-  return is_compiled && group->events->begin(states, group->closes);
+  const bool is_compiled = compile_events(step, rollback, lists, touching_before, *group);
+  for (const ContactEquations::Body& body : equations.bodies) place_[body.index] = -1;
+  return is_compiled && group->events->begin(state.states, group->closes);
 }
 
-std::size_t World::Impl::add_group_body(int body, ContactEquations* equations) {
-  int& place = place_in_group[body];
+std::size_t ContactGroups::add_body(const Model& model, int body, ContactEquations* equations) {
+  int& place = place_[body];
   if (place < 0) {
     place = static_cast<int>(equations->bodies.size());
     ContactEquations::Body& added = equations->bodies.emplace_back();
     added.index = body;
-    added.mass = masses[body];
-    added.shape_pose = bodies[body].shape_pose;
+    added.mass = model.masses[body];
+    added.shape_pose = model.bodies[body].shape_pose;
   }
   return to_index(place);
 }
 
-// Bodies, joints and pairs of a group.
-bool World::Impl::compile_events(const ContactGroup& group) {
+// Compiles bodies, joints and pairs of a group.
+bool ContactGroups::compile_events(const StepContext& step, const Rollback& rollback,
+                                   const IslandLists& lists,
+                                   const List<TouchingPair>& touching_before,
+                                   const ContactGroup& group) {
+  const Model& model = step.model;
   ContactEquations& equations = group.events->equations();
   equations.bodies.clear();
   equations.coordinates.clear();
   for (const int i : group.islands)
-    for (const int body : island_parts[i].members.bodies) add_group_body(body, &equations);
+    for (const int body : lists.island_parts[i].members.bodies) add_body(model, body, &equations);
   equations.movable = equations.bodies.size();
   std::size_t count = 0;
   for (const int i : group.islands) {
-    for (const int index : island_parts[i].members.joints) {
+    for (const int index : lists.island_parts[i].members.joints) {
       if (count == equations.joints.size()) equations.joints.emplace_back();
       ContactEquations::BodyJoint& joint = equations.joints[count];
-      const auto [a, b] = joint_ends[index];
-      Joint storage = std::move(joint.joint);  // nothing else is left of the step before
-      joint = {index, add_group_body(static_cast<int>(a), &equations),
-               add_group_body(static_cast<int>(b), &equations), std::move(storage)};
-      joint.joint = joints[index];
-      joint.was_saturated = joint_states_before[index].saturated;
-      add_coordinates(count, &group_laws, &equations);
+      const auto [a, b] = step.topology.ends(index);
+      Joint storage = std::move(joint.joint);  // reused; everything else is made anew
+      joint = {index, add_body(model, static_cast<int>(a), &equations),
+               add_body(model, static_cast<int>(b), &equations), std::move(storage)};
+      joint.joint = model.joints[index];
+      joint.was_saturated = rollback.joint_states()[index].saturated;
+      add_coordinates(count, &laws_, &equations);
       ++count;
     }
   }
   equations.joints.resize(count);
-  return equations.coordinates.size() <= ContactEvents::kMostLaws && add_group_pairs(group);
+  return equations.coordinates.size() <= ContactEvents::kMostLaws &&
+         add_pairs(model, touching_before, group);
 }
 
-bool World::Impl::add_group_pairs(const ContactGroup& group) {
+bool ContactGroups::add_pairs(const Model& model, const List<TouchingPair>& touching_before,
+                              const ContactGroup& group) {
   ContactEquations& equations = group.events->equations();
   List<ContactEvents::Pair>& pairs = group.events->pairs();
   pairs.clear();
   for (auto [a, b] : group.pairs) {
-    if (!has_features(bodies[a].shape, bodies[b].shape)) std::swap(a, b);
-    const Body& body_a = bodies[a];
-    const Body& body_b = bodies[b];
+    if (!has_features(model.bodies[a].shape, model.bodies[b].shape)) std::swap(a, b);
+    const Body& body_a = model.bodies[a];
+    const Body& body_b = model.bodies[b];
     if (!has_features(body_a.shape, body_b.shape)) return false;
     const ContactSurface surface(body_a, body_b);
-    const std::size_t place_a = add_group_body(a, &equations);
-    const std::size_t place_b = add_group_body(b, &equations);
+    const std::size_t place_a = add_body(model, a, &equations);
+    const std::size_t place_b = add_body(model, b, &equations);
     pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
                      surface.restitution, 0, 0,
                      std::min(thickness(body_a.shape), thickness(body_b.shape))});
-    const double mass = 1.0 / (masses[a].inverse_mass + masses[b].inverse_mass);
+    const double mass = 1.0 / (model.masses[a].inverse_mass + model.masses[b].inverse_mass);
     note_step_before(touching_before, std::minmax(a, b), mass, &pairs.back());
   }
   return true;
 }
 
-bool World::Impl::is_elastic_sphere(std::size_t body) const {
-  const Vector3d& inertia = masses[body].inertia;
-  return std::holds_alternative<Sphere>(bodies[body].shape) && keeps_energy(bodies[body]) &&
-         inertia.x() == inertia.y() && inertia.y() == inertia.z();
-}
-
-// The same of any number of spheres that keep all energy, on planes.
-bool World::Impl::compile_spheres(ContactGroup* group) {
-  List<ElasticSpheres::Sphere> spheres;
-  for (const int i : group->islands) {
-    const IslandMembers& members = island_parts[i].members;
-    if (!members.joints.empty()) return false;
-    const int body = members.bodies.front();
-    const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == body_ids[body]; };
-    if (std::any_of(wrenches.begin(), wrenches.end(), is_on_it)) return false;
-    spheres.push_back(
-        {body, 1.0 / masses[body].inverse_mass, std::get<Sphere>(bodies[body].shape).radius});
-  }
-  List<ElasticSpheres::Plane> planes;
-  List<int> others;
-  for (const auto& [a, b] : group->pairs)
-    for (const int body : {a, b})
-      if (!is_movable(to_index(body))) others.push_back(body);
-  std::sort(others.begin(), others.end());
-  others.erase(std::unique(others.begin(), others.end()), others.end());
-  for (const int body : others) {
-    if (is_moving_by_itself(to_index(body)) || !keeps_energy(bodies[body]) ||
-        !std::holds_alternative<Plane>(bodies[body].shape))
-      return false;
-    const BodyState& state = states[body];
-    planes.push_back({body, state.orientation * Vector3d::UnitZ(), state.position});
-  }
-  // where all that can touch is among them, they can meet nothing else however fast they get
-  const auto can_touch = [](const Body& body) {
-    return !body.no_collision && !std::holds_alternative<Point>(body.shape);
-  };
-  const bool is_all = std::count_if(bodies.begin(), bodies.end(), can_touch) ==
-                      static_cast<std::ptrdiff_t>(spheres.size() + planes.size());
-  const double most_speed = is_all ? kInfinity : reach[spheres.front().body] / options.time_step;
-  group->spheres =
-      std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
-  if (group->spheres->begin(states, ContactEvents::kMostOverlap)) return true;
-  group->spheres.reset();
-  return false;
-}
-
-// What may still be done for a group in this step: where the world chooses, all groups share.
-double World::Impl::most_work_of(const ContactGroup& of) const {
-  double left = few(options).work;
+// The work that a group may still take in this step. Where the world chooses, all groups share.
+double ContactGroups::most_work_of(const WorldOptions& options, const ContactGroup& of) const {
+  double left = group_limits(options).work;
   if (options.method == Method::kEventDriven) return left;
-  for (const ContactGroup& group : contact_groups)
+  for (const ContactGroup& group : groups_)
     if (&group != &of && group.spheres == nullptr) left -= group.events->work();
   return std::max(left, kLeastWork);
 }
 
-void World::Impl::advance_contact_groups(const SmoothSpan& part) {
-  SmoothSpan span = part;
-  if (span_ends.size() == 2) span.h = options.time_step;  // a whole tick, however late it is
-  for (ContactGroup& group : contact_groups) {
-    if (group.has_failed) continue;
-    const IntegrationResult progress =
-        group.spheres != nullptr
-            ? group.spheres->advance(span, &states)
-            : group.events->advance(span, accuracy_within(kInfinity), span_from(span.t, span.h),
-                                    joint_states, most_work_of(group), &states);
-    group.has_failed = !note(to_index(group.islands.front()), progress);
-    if (group.islands.size() > 1)  // they exchange energy
-      for (const int i : group.islands) island_parts[i].energy.has_changed = true;
-    if (!group.has_failed) continue;
-    for (const int i : group.islands) refuse_island(to_index(i), MethodReason::kContactsGivenUp);
-  }
+IntegrationResult ContactGroups::advance(std::size_t group, const SmoothSpan& span,
+                                         const IntegratorOptions& accuracy,
+                                         const WorldOptions& options, State* state) {
+  ContactGroup& of = groups_[group];
+  if (of.spheres != nullptr) return of.spheres->advance(span, &state->states);
+  return of.events->advance(span, accuracy, joint_step(options, span.t, span.h),
+                            state->joint_states, most_work_of(options, of), &state->states);
+}
+
+void ContactGroups::take_out_contacts(const Topology& topology,
+                                      List<TouchingPair>* touching) const {
+  const auto is_of_group = [&](const TouchingPair& pair) {
+    const int island = std::max(topology.island_of(pair.a), topology.island_of(pair.b));
+    return contains(to_index(island)) && !groups_[group_of_[island]].has_failed;
+  };
+  touching->erase(std::remove_if(touching->begin(), touching->end(), is_of_group), touching->end());
+}
+
+std::uint32_t ContactGroups::events_of(std::size_t island) const {
+  const ContactGroup& group = groups_[group_of_[island]];
+  if (group.islands.front() != static_cast<int>(island)) return 0;
+  return group.spheres != nullptr ? static_cast<std::uint32_t>(group.spheres->hits().size())
+                                  : group.events->events();
+}
+
+double ContactGroups::driven_work_of(std::size_t island) const {
+  const ContactGroup& group = groups_[group_of_[island]];
+  if (group.islands.front() != static_cast<int>(island) || group.spheres != nullptr) return 0.0;
+  return group.events->driven_work();
 }
 
 }  // namespace constraint_sim::engine

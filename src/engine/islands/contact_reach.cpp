@@ -1,181 +1,171 @@
-// Who may meet whom within a step, where contacts are followed by events: stage 1 of a step. One
-// that is hit gets up to twice as fast as what hits it, so a body may get to twice what it moves by
-// itself; where others are there, to what the fastest of these may. Groups grow from pair to pair
-// until nobody else is there.
+#include "engine/islands/contact_reach.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "engine/collision/narrowphase.h"
-#include "engine/islands/fast_bodies.h"
-#include "engine/math/list.h"
+#include "engine/islands/motion_bounds.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
-#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
 
-// Each but the last one has made a group larger or faster; a chain of many more is left as it is.
-constexpr int kMostRounds = 40;
+// Where the world chooses the method, groups share the work, and each has at least some of its own.
+constexpr GroupLimits kForced{32, 64, 2e4}, kAuto{8, 48, 1.5e3};
+// Impulses leave contacts at rest with overlaps of ½ g h² to g h² in each contact of a stack.
+// Events close overlaps up to a multiple of that, and up to a share of the thinner shape, that
+// change in a step by no more than a multiple of the overlap.
+constexpr double kSunk = 4.0, kSunkShare = 0.1, kMostMoved = 4.0;
 
-void widen(double margin, Proxy* proxy) {
-  proxy->box.min -= Vector3d::Constant(margin);
-  proxy->box.max += Vector3d::Constant(margin);
+/// A lower bound of the gap of two bodies [m]: shapes are within spheres, or beyond a plane.
+double least_gap(const Model& model, const State& state, std::size_t a, std::size_t b) {
+  if (std::holds_alternative<Plane>(model.bodies[a].shape)) std::swap(a, b);
+  const Vector3d apart = state.states[a].position - state.states[b].position;
+  if (!std::holds_alternative<Plane>(model.bodies[b].shape))
+    return apart.norm() - extent(model.bodies[a]) - extent(model.bodies[b]);
+  return apart.dot(state.states[b].orientation * Vector3d::UnitZ()) - extent(model.bodies[a]);
+}
+
+/// Whether an overlap is no deeper than impulses leave overlaps at rest, and changes slowly.
+bool is_settled(const Model& model, const State& state, const Broadphase::Pair& pair, double gap) {
+  const double h = model.options.time_step;
+  const std::size_t a = to_index(pair.first), b = to_index(pair.second);
+  const double most =
+      std::min(kSunkShare * thinner_of(model, pair), kSunk * h * h * model.options.gravity.norm());
+  if (-gap > most) return false;
+  const PlacedShape of_a(model.bodies[a], state.states[a]), of_b(model.bodies[b], state.states[b]);
+  const Vector3d n = separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).normal;
+  double moved = 0.0;
+  for (const auto& [body, sign] : {std::pair(pair.first, 1.0), std::pair(pair.second, -1.0)}) {
+    Vector3d v = state.states[body].linear_velocity;
+    if (state.any_corrections) v -= state.corrections[body].head<3>();
+    moved += sign * h * n.dot(v);
+  }
+  const double turned = max_point_displacement(model, state, pair.first, h) -
+                        max_center_displacement(model, state, pair.first, h) +
+                        max_point_displacement(model, state, pair.second, h) -
+                        max_center_displacement(model, state, pair.second, h);
+  return std::abs(moved) + turned <= kMostMoved * most;
 }
 
 }  // namespace
 
-// Of each body by itself; elastic spheres may be very many, and are as fast as the fastest of them
-// from the start.
-void World::Impl::begin_reach() {
-  reach.assign(bodies.size(), 0.0);
+const GroupLimits& group_limits(const WorldOptions& options) {
+  return options.method == Method::kAuto ? kAuto : kForced;
+}
+
+bool keeps_energy(const Body& body) {
+  return body.friction == 0.0 && body.restitution == 1.0 && !body.shape_pose;
+}
+
+bool is_elastic_sphere(const Model& model, std::size_t body) {
+  const Vector3d& inertia = model.masses[body].inertia;
+  return std::holds_alternative<Sphere>(model.bodies[body].shape) &&
+         keeps_energy(model.bodies[body]) && inertia.x() == inertia.y() &&
+         inertia.y() == inertia.z();
+}
+
+// Elastic spheres may be very many, and are as fast as the fastest of them from the start.
+void ContactReach::begin(const Model& model, const State& state, const List<int>& moving_shapes) {
+  reach_.assign(model.bodies.size(), 0.0);
   double of_elastic = 0.0;
   for (const int body : moving_shapes) {
-    reach[body] = 2.0 * travel(body, options.time_step) + kTouching;
-    if (is_elastic_sphere(to_index(body))) of_elastic = std::max(of_elastic, reach[body]);
+    reach_[body] =
+        2.0 * max_point_displacement(model, state, body, model.options.time_step) + kTouching;
+    if (is_elastic_sphere(model, to_index(body))) of_elastic = std::max(of_elastic, reach_[body]);
   }
   for (const int body : moving_shapes)
-    if (of_elastic > 0.0 && is_elastic_sphere(to_index(body))) reach[body] = of_elastic;
-  own_reach = reach;
+    if (of_elastic > 0.0 && is_elastic_sphere(model, to_index(body))) reach_[body] = of_elastic;
+  own_reach_ = reach_;
 }
 
-const List<Broadphase::Pair>& World::Impl::find_pairs() {
-  watched_pairs.clear();
-  jointed_pairs.clear();
-  if (moving_shapes.empty()) return broadphase.pairs();
-  const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
-  fast_bodies.clear();
-  find_fast_speed();
-  for (const int body : moving_shapes)
-    if (is_fast(body)) fast_bodies.push_back(body);
-  if (follows_contacts()) begin_reach();
-  find_overlapping();
-  if (!follows_contacts()) return broadphase.pairs();
-  for (int round = 0; grow_reach() && round < kMostRounds; ++round) find_overlapping();
-  return broadphase.pairs();
-}
-
-void World::Impl::find_overlapping() {
-  proxies.clear();
-  auto fast = fast_bodies.begin();  // in the same order
-  for (const int body : moving_shapes) {
-    proxies.push_back(proxy(body));
-    const bool is_fast_one = fast != fast_bodies.end() && *fast == body;
-    if (is_fast_one) {
-      sweep(options.time_step, &proxies.back());
-      ++fast;
-    }
-    if (follows_contacts()) widen(reach[body], &proxies.back());
-  }
-  report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
-  report.broadphase_tests += broadphase.tests();
-  if (broadphase.is_full()) fail(Failure::kTooManyPairs);
-}
-
-// Pairs that may touch, and islands that these connect, by the first of them; what is alone has its
-// own. True where one of a group may get further than was known.
-bool World::Impl::grow_reach() {
-  watch_pairs();
-  if (watched_pairs.empty()) return false;
-  list_group_sizes();
+bool ContactReach::grow(const Model& model, const Topology& topology, const State& state,
+                        const IslandLists& lists, const AwakeSets& awake,
+                        const List<Broadphase::Pair>& pairs) {
+  watch_pairs(model, topology, state, lists.islands.size(), pairs);
+  if (watched_pairs_.empty()) return false;
+  list_group_sizes(model, topology, state, lists, awake);
   bool any_grown = false;
-  for (const int i : awake_islands) {
-    const GroupSize& size = group_sizes[leader_of[i]];
-    if (!size.has_pairs || !(size.is_elastic || size.bodies <= most_bodies_of_group())) continue;
-    for (const int body : island_parts[i].members.bodies) {
-      if (reach[body] >= size.reach) continue;
-      reach[body] = size.reach;
+  for (const int i : awake.islands) {
+    const GroupSize& size = sizes_[leader_of_[i]];
+    if (!size.has_pairs || !(size.is_elastic || size.bodies <= group_limits(model.options).bodies))
+      continue;
+    for (const int body : lists.island_parts[i].members.bodies) {
+      if (reach_[body] >= size.reach) continue;
+      reach_[body] = size.reach;
       any_grown = true;
     }
   }
   return any_grown;
 }
 
-void World::Impl::watch_pairs() {
-  watched_pairs.clear();
-  List<int>& leader = leader_of;
-  leader.resize(islands.size());
+// Connects the islands of pairs that may touch, by union-find: the leader of islands is the first.
+void ContactReach::watch_pairs(const Model& model, const Topology& topology, const State& state,
+                               std::size_t islands, const List<Broadphase::Pair>& pairs) {
+  watched_pairs_.clear();
+  List<int>& leader = leader_of_;
+  leader.resize(islands);
   std::iota(leader.begin(), leader.end(), 0);
   const auto find = [&](int i) {
     while (leader[i] != i) i = leader[i] = leader[leader[i]];
     return i;
   };
-  for (const Broadphase::Pair& pair : broadphase.pairs()) {
-    const std::optional<double> gap = gap_to_watch(pair);
+  for (const Broadphase::Pair& pair : pairs) {
+    const std::optional<double> gap = gap_to_watch(model, topology, state, pair);
     if (!gap) continue;
-    watched_pairs.push_back({pair, *gap});
-    const int a = island_of[pair.first], b = island_of[pair.second];
+    watched_pairs_.push_back({pair, *gap});
+    const int a = topology.island_of(pair.first), b = topology.island_of(pair.second);
     if (a >= 0 && b >= 0) leader[std::max(find(a), find(b))] = std::min(find(a), find(b));
   }
-  if (watched_pairs.empty()) return;
-  for (int i = 0; i < static_cast<int>(islands.size()); ++i) leader[i] = find(i);
+  if (watched_pairs_.empty()) return;
+  for (int i = 0; i < static_cast<int>(islands); ++i) leader[i] = find(i);
 }
 
-// How many there are of what could be a group, by its first island: most of what touches in a heap
-// is too much, and told without a list of its own.
-void World::Impl::list_group_sizes() {
-  group_sizes.assign(islands.size(), GroupSize{});
-  for (const auto& [pair, gap] : watched_pairs) {
-    const int island = std::max(island_of[pair.first], island_of[pair.second]);
-    GroupSize& size = group_sizes[leader_of[island]];
+// Counts the members of possible groups, by leader: most groups in a heap are too large, and need
+// no list of members.
+void ContactReach::list_group_sizes(const Model& model, const Topology& topology,
+                                    const State& state, const IslandLists& lists,
+                                    const AwakeSets& awake) {
+  sizes_.assign(lists.islands.size(), GroupSize{});
+  for (const auto& [pair, gap] : watched_pairs_) {
+    const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
+    GroupSize& size = sizes_[leader_of_[island]];
     size.has_pairs = true;
-    for (const int body : {pair.first, pair.second})  // one that moves by itself may hit the others
-      if (!is_movable(to_index(body))) size.reach = std::max(size.reach, reach[body]);
-    // others are there only for what may be driven at them
-    if (gap <= own_reach[pair.first] + own_reach[pair.second])
-      size.points +=
-          ContactEvents::most_points(bodies[pair.first].shape, bodies[pair.second].shape);
+    for (const int body : {pair.first, pair.second})  // kinematic bodies may hit the others
+      if (!model.is_movable(to_index(body))) size.reach = std::max(size.reach, reach_[body]);
+    // pairs farther apart count only for bodies that may be driven at them
+    if (gap <= own_reach_[pair.first] + own_reach_[pair.second])
+      size.points += ContactEvents::most_points(model.bodies[pair.first].shape,
+                                                model.bodies[pair.second].shape);
     if (gap >= -ContactEvents::kMostOverlap) continue;
     size.overlaps = true;
-    size.is_settled = size.is_settled && is_settled(pair, gap);
+    size.is_settled = size.is_settled && is_settled(model, state, pair, gap);
   }
-  for (const int i : awake_islands) {
-    GroupSize& size = group_sizes[leader_of[i]];
-    size.was_handed = size.was_handed || island_parts[i].left_for != MethodReason::kSmooth;
-    const List<int>& members = island_parts[i].members.bodies;
+  for (const int i : awake.islands) {
+    GroupSize& size = sizes_[leader_of_[i]];
+    size.was_handed = size.was_handed || lists.island_parts[i].left_for != MethodReason::kSmooth;
+    const List<int>& members = lists.island_parts[i].members.bodies;
     size.bodies += members.size();
-    size.is_elastic =
-        size.is_elastic && members.size() == 1 && is_elastic_sphere(to_index(members.front()));
-    for (const int body : members) size.reach = std::max(size.reach, reach[body]);
+    size.is_elastic = size.is_elastic && members.size() == 1 &&
+                      is_elastic_sphere(model, to_index(members.front()));
+    for (const int body : members) size.reach = std::max(size.reach, reach_[body]);
   }
 }
 
-double World::Impl::gap_of(const Broadphase::Pair& pair) const {
-  const auto [a, b] = pair;
-  const PlacedShape of_a(bodies[a], states[a]), of_b(bodies[b], states[b]);
-  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
-}
-
-// what is easily told of it: shapes are within spheres, or on the other side of a plane
-double World::Impl::least_gap(std::size_t a, std::size_t b) const {
-  if (std::holds_alternative<Plane>(bodies[a].shape)) std::swap(a, b);
-  const Vector3d apart = states[a].position - states[b].position;
-  if (!std::holds_alternative<Plane>(bodies[b].shape))
-    return apart.norm() - extent(bodies[a]) - extent(bodies[b]);
-  return apart.dot(states[b].orientation * Vector3d::UnitZ()) - extent(bodies[a]);
-}
-
-// the gap of a pair that may touch within the step
-std::optional<double> World::Impl::gap_to_watch(const Broadphase::Pair& pair) const {
-  const double most = reach[pair.first] + reach[pair.second];
-  if (least_gap(to_index(pair.first), to_index(pair.second)) > most ||
-      std::binary_search(unpaired.begin(), unpaired.end(), pair))
+// The gap of a pair that may touch within the step.
+std::optional<double> ContactReach::gap_to_watch(const Model& model, const Topology& topology,
+                                                 const State& state,
+                                                 const Broadphase::Pair& pair) const {
+  const double most = reach_[pair.first] + reach_[pair.second];
+  if (least_gap(model, state, to_index(pair.first), to_index(pair.second)) > most ||
+      topology.is_unpaired(pair))
     return std::nullopt;
-  const double gap = gap_of(pair);
+  const double gap = gap_of(model, state, pair);
   if (gap > most) return std::nullopt;
   return gap;
-}
-
-// what sleeps and may be touched is awake
-bool World::Impl::wake_approached() {
-  for (const auto& [pair, gap] : watched_pairs) {
-    if (!(asleep[pair.first] || asleep[pair.second])) continue;
-    wake(to_index(pair.first));
-    wake(to_index(pair.second));
-  }
-  return any_waking;
 }
 
 }  // namespace constraint_sim::engine

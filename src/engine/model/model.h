@@ -44,11 +44,16 @@ struct Model {
   std::unordered_map<std::string, JointId> joint_by_name;
 
   bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
+  bool is_known(BodyId id) const { return body_index[id.value] >= 0; }
   /// Returns the index of a body or joint; throws std::invalid_argument for an unknown id.
   std::size_t index(BodyId id) const;
   std::size_t index(JointId id) const;
   /// Returns the coordinates that a gear, pulley or screw couples.
   CoupledTerms terms_of(std::size_t joint) const;
+  /// Joints that couple a joint with another.
+  List<std::size_t> couplings_of(std::size_t joint) const;
+  /// The bodies of a joint, or of both joints that it couples; a body may be there twice.
+  std::array<BodyId, 4> holders(std::size_t joint) const;
 };
 
 }  // namespace constraint_sim::engine

@@ -62,6 +62,22 @@ struct State {
   double base_time = 0.0;
   std::uint64_t base_step = 0;
   std::uint64_t step_count = 0;
+
+  /// Takes the corrections out of the velocities again.
+  void take_out_corrections(const List<int>& bodies) {
+    for (const int i : bodies) {
+      states[i].linear_velocity -= corrections[i].head<3>();
+      states[i].angular_velocity -= corrections[i].tail<3>();
+      corrections[i].setZero();
+    }
+    any_corrections = false;
+  }
+
+  /// Simulated time at the end of a step [s].
+  double time_of(std::uint64_t step, double time_step) const {
+    return base_time + static_cast<double>(step - base_step) * time_step;
+  }
+  double time(double time_step) const { return time_of(step_count, time_step); }
 };
 
 }  // namespace constraint_sim::engine

@@ -341,15 +341,16 @@ void make_custom_codes(List<Joint>* joints) {
 // what acted in the last step, by body and joint
 template <class Impl>
 void check_rest(const Impl& impl) {
-  if (impl.rotations.size() != impl.bodies.size()) fail_damaged("its lists");
+  if (impl.integration.rotations().size() != impl.bodies.size()) fail_damaged("its lists");
   // of joints that were added since the last step there are none yet; their islands are fresh
   for (std::size_t i = 0; i < impl.islands.size(); ++i) {
     const auto& parts = impl.island_parts[i];
     const bool is_smooth = impl.islands[i].method != Method::kSequentialImpulses;
-    if (!parts.is_fresh && is_smooth) check_indices(parts.members.joints, impl.courses.size());
+    if (!parts.is_fresh && is_smooth)
+      check_indices(parts.members.joints, impl.integration.courses().size());
   }
   List<int> loaded;
-  for (const AppliedWrench& load : impl.loads) loaded.push_back(load.body);
+  for (const AppliedWrench& load : impl.integration.loads()) loaded.push_back(load.body);
   check_indices(loaded, impl.bodies.size());
 }
 
@@ -381,7 +382,6 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   if constexpr (Visit::kReads) {
     check_model(self, self);
     check_ids(self, visit.most_ids());
-    self.list_grouped_bodies();
     make_custom_codes(&self.joints);
     name_all(self.bodies, self.body_ids, &self.body_by_name);
     name_all(self.joints, self.joint_ids, &self.joint_by_name);
@@ -400,7 +400,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     visit(static_cast<MemoryOf&>(parts));
     visit(parts.is_fresh);
     visit(parts.energy);
-    visit(parts.gives_way);
+    visit(parts.has_limited_spring);
     bool has_motion = parts.motion >= 0;
     visit(has_motion);
     List<int> open_points = parts.open_points;  // maybe not those that are open by now
@@ -408,55 +408,35 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     if constexpr (Visit::kReads) check_indices(open_points, self.joints.size());
     if constexpr (Visit::kReads)
       if (has_motion && (parts.motion < 0 || open_points != parts.open_points))
-        self.compile_island(&parts, open_points);
+        compile_island(self, self.topology, open_points, &parts, &self.motions);
     visit.keep_sizes(true);  // as it is compiled
     if (has_motion)
       IslandMotion::visit_memory(self.motions[static_cast<std::size_t>(parts.motion)], visit,
                                  self.masses);
     visit.keep_sizes(false);
   }
-  visit(self.rotations);
-  visit(self.courses);
-  visit(self.loads);
-  visit(self.had_wrenches);
-  visit(self.touching_before);
-  visit(self.reference_energy);
-  visit(self.largest_kinetic_energy);
-  visit(self.any_waking);
+  IslandIntegration::visit_motion(self.integration, visit);
+  ContactPipeline::visit_memory(self.pipeline, visit);
+  Monitors::visit_energies(self.monitors, visit);
+  Sleep::visit_memory(self.sleep, visit);
   if constexpr (Visit::kReads) {
     check_rest(self);
-    self.continue_from_snapshot();
+    self.list_fresh();
+    self.integration.continue_from(self, self.topology, self.sleep.awake(), self, &self);
   }
-  visit(self.awake_changed);
-  visit(self.any_refused);
-  visit(self.any_stiff);
-  visit(self.had_groups);
-  visit(self.smooth_changed);
-  visit(self.time_varying_joints);
+  IslandIntegration::visit_choice(self.integration, visit);
+  ContactGroups::visit_memory(self.groups, visit);
+  IslandIntegration::visit_courses(self.integration, visit);
   visit(self.contacts);
   visit(self.resting_contacts);
-  visit(self.watch);
+  Monitors::visit_memory(self.monitors, visit);
   visit(self.report);
   if constexpr (Visit::kReads) {
-    check_indices(self.time_varying_joints, std::min(self.joints.size(), self.courses.size()));
+    check_indices(self.integration.time_varying_joints(),
+                  std::min(self.joints.size(), self.integration.courses().size()));
     if (self.resting_contacts > self.contacts.size()) fail_damaged("its contacts");
     check_ids(self, visit.most_ids());
   }
-}
-
-// what follows from islands and what they remember; of those that impulses carry nothing does,
-// which have no courses where they have always done so
-void World::Impl::continue_from_snapshot() {
-  fresh_islands.clear();
-  for (std::size_t i = 0; i < islands.size(); ++i)
-    if (island_parts[i].is_fresh) fresh_islands.push_back(static_cast<int>(i));
-  in_contact.assign(islands.size(), false);
-  list_by_method();
-  for (std::size_t i = 0; i < islands.size(); ++i)
-    if (!island_parts[i].is_fresh && island_parts[i].motion >= 0 &&
-        islands[i].method != Method::kSequentialImpulses)
-      motions[static_cast<std::size_t>(island_parts[i].motion)].continue_from(
-          time(), states, options.gravity, loads, courses);
 }
 
 std::string write_snapshot(const World& world) {

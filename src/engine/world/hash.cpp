@@ -240,7 +240,7 @@ void add_methods(Fnv1a& hash, const Impl& world) {
       continue;
     }
     for (const int body : parts.turning_freely) {
-      const FreeRotation& rotation = world.rotations[static_cast<std::size_t>(body)];
+      const FreeRotation& rotation = world.integration.rotations()[static_cast<std::size_t>(body)];
       if (!rotation.has_memory()) continue;
       add(body);
       FreeRotation::visit_memory(rotation, add);
@@ -250,7 +250,7 @@ void add_methods(Fnv1a& hash, const Impl& world) {
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
       add(word);
-    add(world.had_wrenches);
+    add(world.integration.had_wrenches());
     IslandMotion::visit_memory(world.motions[static_cast<std::size_t>(parts.motion)], add,
                                world.masses);
   }

@@ -95,7 +95,7 @@ struct VerifiedRun {
     const auto& impl = insides();
     estimates.resize(impl.body_index.size(), 0.0);
     without_estimate.resize(impl.body_index.size());
-    for (const int i : impl.awake_islands) {
+    for (const int i : impl.sleep.awake().islands) {
       const auto island = static_cast<std::size_t>(i);
       const double local_error = impl.islands[island].local_error;
       const bool has_none =
@@ -130,7 +130,7 @@ struct VerifiedRun {
   const std::string& why_without(BodyId body) const { return without_estimate[body.value]; }
   const BodyState& state(BodyId body) const { return insides().states[insides().index(body)]; }
   const Island& island_of(BodyId body) const {
-    const int island = insides().island_of[insides().index(body)];
+    const int island = insides().topology.island_of(insides().index(body));
     return insides().islands[static_cast<std::size_t>(island)];
   }
 };

@@ -19,26 +19,92 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// Ends a step within.
-struct StepFailed {
-  Failure why;
-};
+/// Checks that the states of bodies are finite and in range: one sum over all bodies, two numbers
+/// at a time; only where the sum is too large, body by body.
+Failure failure_of_motion(const Model& model, const State& state, const List<int>& awake_bodies,
+                          std::optional<BodyId>* failed_body) {
+  Eigen::Array2d squares(0.0, 0.0);
+  double others = 0.0;
+  for (const int i : awake_bodies) {
+    const BodyState& body = state.states[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d& x = body.position;
+    const Eigen::Vector3d& v = body.linear_velocity;
+    const Eigen::Vector3d& w = body.angular_velocity;
+    const Eigen::Vector4d& q = body.orientation.coeffs();
+    squares += x.head<2>().array().square() + v.head<2>().array().square() +
+               w.head<2>().array().square() + q.head<2>().array().square() +
+               q.tail<2>().array().square();
+    others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
+  }
+  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
+  for (const int i : awake_bodies) {
+    const BodyState& body = state.states[static_cast<std::size_t>(i)];
+    Eigen::Matrix<double, 13, 1> numbers;
+    numbers << body.position, body.linear_velocity, body.angular_velocity,
+        body.orientation.coeffs();
+    const bool is_finite = numbers.allFinite();
+    if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
+    *failed_body = model.body_ids[static_cast<std::size_t>(i)];
+    return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;
+  }
+  return Failure::kNone;
+}
+
+/// Whether all numbers of this step that are reported or saved are finite, beside the states of the
+/// bodies: a single NaN or infinity makes the sum not finite. Energies follow from these numbers,
+/// which kMostMagnitude bounds as it bounds positions and velocities.
+bool are_finite(const Model& model, const State& state, const AwakeSets& awake,
+                const StepOutput& output) {
+  const StepReport& report = output.report;
+  if (awake.bodies.empty() && awake.joints.empty()) return true;  // nothing is new in this step
+  double sum = report.local_error + report.projected_energy + report.correction_work +
+               report.driven_work + report.solver_residual + report.max_penetration;
+  for (const int j : awake.joints) {
+    const auto i = static_cast<std::size_t>(j);
+    const JointState& joint = state.joint_states[i];
+    sum += joint.error + joint.error_rate + joint.angle_error + joint.force + joint.bias +
+           joint.reached_rate + joint.travel + joint.initial_error + joint.impulse.sum();
+    for (int k = 0; k < info(model.joints[i].kind).coordinates; ++k) {
+      const CoordinateState& coordinate = joint.coordinates[static_cast<std::size_t>(k)];
+      sum += coordinate.position + coordinate.velocity + coordinate.effort + coordinate.bias +
+             coordinate.held + coordinate.braking;
+    }
+    if (joint.closing)
+      sum += joint.closing_offset.sum() + joint.closing_shift.sum() + joint.closing_turn.sum() +
+             joint.closing_share + joint.coupling.offset;
+    if (couples(model.joints[i].kind))
+      sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort +
+             joint.coupling.impulse;
+  }
+  for (std::size_t i = output.resting_contacts; i < output.contacts.size(); ++i)
+    sum += output.contacts[i].position.sum() + output.contacts[i].normal.sum() +
+           output.contacts[i].depth + output.contacts[i].normal_force +
+           output.contacts[i].force.sum();
+  if (!std::isfinite(sum)) return false;
+  if (!state.any_corrections) return true;
+  double squares = 0.0;
+  for (const int i : awake.bodies)
+    squares += state.corrections[static_cast<std::size_t>(i)].squaredNorm();
+  return squares <= kMostMagnitude * kMostMagnitude;
+}
 
 }  // namespace
 
-// a whole physics engine in six steps, as the tutorial has it
+// A whole physics engine in six steps, as the tutorial has it.
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {
-    const Tick tick = world.begin_step();
-    const auto& near = world.find_pairs();                    // 1. broadphase: fast and approximate
-    const auto& touching = world.find_contacts(near);         // 2. narrowphase: accurate but slow
-    if (world.any_corrections) world.take_out_corrections();  // what closed errors a step ago
-    Carried& carried = world.choose_methods(touching);
-    world.integrate(tick, &carried);           //    smooth islands part here from the tutorial
-    world.advance_by_impulses(tick, carried);  // 3. to 6. of the others: SequentialImpulses
+    const StepContext step = world.begin_step();
+    world.find_pairs(step);     // 1. broadphase: fast and approximate
+    world.find_contacts(step);  // 2. narrowphase: accurate but slow
+    if (world.any_corrections)
+      world.State::take_out_corrections(
+          world.sleep.awake().bodies);  // what closed errors a step ago
+    world.choose_methods(step);
+    world.integrate(step);            //    smooth islands part here from the tutorial
+    world.advance_by_impulses(step);  // 3. to 6. of the others: SequentialImpulses
     world.advance_kinematic_bodies();
-    world.finish_step(tick, carried);
+    world.finish_step(step);
   } catch (const StepFailed& failed) {
     world.keep_state_before(failed.why);
   } catch (const CustomFailure& failed) {
@@ -47,15 +113,15 @@ const StepReport& World::step() {
     world.abandon_step();
     throw;
   }
-  world.measure();
+  world.monitors.measure({world, world, world.topology, world.rollback, world.sleep.awake(),
+                          world.groups, world.integration.partition()},
+                         &world, &world.report);
   return world.report;
 }
 
-void World::Impl::fail(Failure why) { throw StepFailed{why}; }
-
 // of whatever thread it was thrown in
 void World::Impl::fail_by(const CustomFailure& failed) {
-  if (is_state_saved)
+  if (rollback.is_saved())
     keep_state_before(Failure::kCustom);
   else
     abandon_step();
@@ -68,183 +134,171 @@ void World::Impl::fail_by(const CustomFailure& failed) {
 
 // where what the system threw may have left anything half done: as after an edit
 void World::Impl::abandon_step() {
-  if (is_state_saved) restore_state();
+  if (rollback.is_saved()) restore_state();
   forget_contacts();
-  topology_edited = true;
-  edit_all();
+  edits.note_topology();
+  edits.note_all();
   report = StepReport{};
   report.failed = true;
   report.step = step_count;
   report.time = time();
 }
 
-Tick World::Impl::begin_step() {
-  is_state_saved = false;
-  if (edited)
+StepContext World::Impl::begin_step() {
+  rollback.begin_step();
+  if (edits.any())
     rebuild_topology();
-  else if (any_waking)
+  else if (sleep.is_stale())
     spread_waking();
   save_state();
-  const Tick tick{time(), time_of(step_count + 1)};
+  const StepContext step{
+      *this, topology, {time(), time_of(step_count + 1, options.time_step)}, stop, clock};
   report = StepReport{};
   events.clear();
-  contacts_are_new = false;
-  if (!has_next_tick(tick.start, options.time_step)) fail(Failure::kNoNextTick);
-  return tick;
+  pipeline.begin_step();
+  if (!has_next_tick(step.tick.start, options.time_step)) throw StepFailed{Failure::kNoNextTick};
+  return step;
 }
 
-// for a step that fails
-void World::Impl::save_state() {
-  for (const int i : awake_bodies)
-    states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
-  for (const int j : awake_joints)
-    joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
-  for (const int i : awake_islands)
-    memory_before[static_cast<std::size_t>(i)] = island_parts[static_cast<std::size_t>(i)];
-  is_state_saved = true;
-  had_corrections = any_corrections;
-  if (had_corrections) corrections_before = corrections;
-}
+void World::Impl::save_state() { rollback.save(sleep.awake(), *this, island_parts); }
 
 void World::Impl::restore_state() {
-  for (const int i : awake_bodies)
-    states[static_cast<std::size_t>(i)] = states_before[static_cast<std::size_t>(i)];
-  for (const int j : awake_joints)
-    joint_states[static_cast<std::size_t>(j)] = joint_states_before[static_cast<std::size_t>(j)];
-  for (const int i : awake_islands)
-    static_cast<IslandMemory&>(island_parts[static_cast<std::size_t>(i)]) =
-        memory_before[static_cast<std::size_t>(i)];
-  if (contacts_are_new) std::swap(touching, touching_before);
-  if (had_corrections)
-    corrections = corrections_before;
-  else if (any_corrections)
-    for (Twist& correction : corrections) correction.setZero();
-  any_corrections = had_corrections;
+  rollback.restore(sleep.awake(), this, &island_parts);
+  pipeline.take_back(&touching);
 }
 
-void World::Impl::take_out_corrections() {
-  for (const int index : awake_bodies) {
-    const auto i = static_cast<std::size_t>(index);
-    states[i].linear_velocity -= corrections[i].head<3>();
-    states[i].angular_velocity -= corrections[i].tail<3>();
-    corrections[i].setZero();
-  }
-  any_corrections = false;
+void World::Impl::choose_methods(const StepContext& step) {
+  const bool may_change =
+      sleep.has_changed() || !touching.empty() || !pipeline.touching_before().empty();
+  integration.choose_methods({step, sleep.awake(), rollback, this, this, this}, may_change, reach,
+                             &sleep, &groups);
+}
+
+void World::Impl::integrate(const StepContext& step) {
+  if (integration.partition().smooth.empty()) return;
+  const IntegrationWork work =
+      integration.integrate({step, sleep.awake(), rollback, this, this, this}, continuous, &groups);
+  monitors.set_work(work.corrections, work.drives);
 }
 
 // those that act in this step on bodies that impulses carry: how long
-void World::Impl::find_acting_wrenches(const Tick& tick) {
+void World::Impl::find_acting_wrenches(const StepContext& step) {
   for (const Wrench& wrench : wrenches) {
-    const bool acts_throughout = wrench.start <= tick.start && wrench.end >= tick.end;
-    const double duration =
-        acts_throughout ? options.time_step
-                        : std::min(wrench.end, tick.end) - std::max(wrench.start, tick.start);
+    const bool acts_throughout = wrench.start <= step.tick.start && wrench.end >= step.tick.end;
+    const double duration = acts_throughout ? options.time_step
+                                            : std::min(wrench.end, step.tick.end) -
+                                                  std::max(wrench.start, step.tick.start);
     if (duration <= 0.0) continue;  // not yet
     const std::size_t i = index(wrench.body);
-    if (islands[static_cast<std::size_t>(island_of[i])].method == Method::kSequentialImpulses)
+    if (islands[static_cast<std::size_t>(topology.island_of(i))].method ==
+        Method::kSequentialImpulses)
       acting_wrenches.push_back({i, duration, wrench.force, wrench.torque});
   }
 }
 
 // as they are at the start of the step
-void World::Impl::find_custom_forces(const Tick& tick, const Carried& by_method) {
-  for (const int index : by_method.impulse_joints) {
+void World::Impl::find_custom_forces(const StepContext& step) {
+  for (const int index : integration.partition().impulse_joints) {
     const auto j = static_cast<std::size_t>(index);
     if (!is_custom_force(joints[j].kind) || !acts(joints[j], joint_states[j])) continue;
-    const Jacobian wrench = custom_wrench(joints[j], state_a(j), state_b(j), tick.start);
-    const auto [a, b] = joint_ends[j];
+    const Jacobian wrench = custom_wrench(joints[j], topology.state_a(*this, j),
+                                          topology.state_b(*this, j), step.tick.start);
+    const auto [a, b] = topology.ends(j);
     if (is_movable(a)) acting_wrenches.push_back({a, options.time_step, wrench.j1, wrench.j2});
     if (is_movable(b)) acting_wrenches.push_back({b, options.time_step, wrench.j3, wrench.j4});
   }
 }
 
-void World::Impl::book(const ImpulseReport& impulses) {
-  report.rows += impulses.rows;
-  report.contacts += impulses.contacts;
-  report.max_penetration = std::max(report.max_penetration, impulses.max_penetration);
-  report.iterations += impulses.iterations;
-  report.solver_residual = std::max(report.solver_residual, impulses.solver_residual);
-  report.driven_work += impulses.driven_work;
-  report.correction_work += impulses.correction_work;
-  for (std::size_t i = 0; i < kStageCount; ++i) report.stage_times[i] += impulses.stage_times[i];
-}
-
-void World::Impl::advance_by_impulses(const Tick& tick, const Carried& by_method) {
-  fast_group.bodies.clear();
-  if (by_method.impulse_bodies.empty()) return;
+void World::Impl::advance_by_impulses(const StepContext& step) {
+  continuous.begin_impulses();
+  if (integration.partition().impulse_bodies.empty()) return;
   acting_wrenches.clear();
-  if (!wrenches.empty()) find_acting_wrenches(tick);
-  if (any_custom_forces) find_custom_forces(tick, by_method);
-  if (!jointed_pairs.empty()) add_jointed_pairs();
-  if (!fast_bodies.empty() && is_any_about_to_hit()) {
-    find_fast_group(by_method);
-    advance_fast_group(tick);
-    if (slow_group.is_empty()) return;
+  if (!wrenches.empty()) find_acting_wrenches(step);
+  if (topology.has_custom_forces()) find_custom_forces(step);
+  if (!continuous.jointed_pairs().empty()) continuous.add_jointed_pairs(step, *this, this);
+  if (!continuous.fast_bodies().empty() &&
+      continuous.divide(step, *this, integration.partition().impulse_bodies,
+                        integration.partition().impulse_joints, this)) {
+    const HitReport hits =
+        continuous.advance(step, *this, sleep.awake(), pipeline.moving_shapes(), acting_wrenches,
+                           pipeline.broadphase(), &sequential_impulses, this);
+    add_impulses(hits.impulses, &report);
+    report.hits += hits.hits;
+    if (hits.has_left_any) report.hits_left_body = body_ids[continuous.first_body()];
+    if (continuous.rest().is_empty()) return;
   }
-  book(sequential_impulses.advance(*this, impulse_step(tick, by_method), this));
+  add_impulses(sequential_impulses.advance(*this, impulse_step(step), this), &report);
 }
 
-void World::Impl::finish_impulses(const Tick& tick, const Carried& by_method) {
-  if (by_method.impulse_bodies.empty()) return;
-  if (fast_group.is_empty() || !slow_group.is_empty())
-    report.correction_work +=
-        sequential_impulses.finish(*this, impulse_step(tick, by_method), this);
-  if (!fast_group.is_empty()) take_hits();
-  for (const int j : by_method.impulse_joints) note_if_broken(static_cast<std::size_t>(j));
+void World::Impl::finish_impulses(const StepContext& step) {
+  if (integration.partition().impulse_bodies.empty()) return;
+  if (!continuous.is_divided() || !continuous.rest().is_empty())
+    report.correction_work += sequential_impulses.finish(*this, impulse_step(step), this);
+  if (continuous.is_divided()) report.contacts += continuous.return_contacts(this);
+  for (const int j : integration.partition().impulse_joints)
+    note_if_broken(static_cast<std::size_t>(j));
 }
 
 // Impulses have no estimate of their error, and so has a step with them.
-void World::Impl::leave_out_estimates(const Carried& by_method) {
-  for (const int body : by_method.impulse_bodies)
-    islands[static_cast<std::size_t>(island_of[static_cast<std::size_t>(body)])].local_error =
-        report.local_error = std::numeric_limits<double>::quiet_NaN();
+void World::Impl::leave_out_estimates() {
+  for (const int body : integration.partition().impulse_bodies)
+    islands[static_cast<std::size_t>(topology.island_of(static_cast<std::size_t>(body)))]
+        .local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
 }
 
-ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method) const {
-  const bool is_divided = !fast_group.is_empty();
-  return {joint_step(tick),
-          is_divided ? slow_group.bodies : by_method.impulse_bodies,
-          is_divided ? slow_group.joints : by_method.impulse_joints,
-          joint_ends,
-          is_in_loop,
+ImpulseStep World::Impl::impulse_step(const StepContext& step) const {
+  const bool is_divided = continuous.is_divided();
+  return {joint_step(options, step.tick.start, options.time_step),
+          is_divided ? continuous.rest().bodies : integration.partition().impulse_bodies,
+          is_divided ? continuous.rest().joints : integration.partition().impulse_joints,
+          topology.joint_ends(),
+          topology.is_in_loop(),
           acting_wrenches,
           stop,
           clock};
 }
 
 void World::Impl::advance_kinematic_bodies() {
-  if (kinematic.empty()) return;
+  if (sleep.awake().kinematic.empty()) return;
   const StageTimer timer(clock, Stage::kPositions, &report.stage_times);
-  advance_kinematic(kinematic, options.time_step, states);
+  advance_kinematic(sleep.awake().kinematic, options.time_step, states);
 }
 
-void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
+void World::Impl::finish_step(const StepContext& step) {
   if (is_set(stop)) {
     keep_state_before(Failure::kNone);
     report.failed = false;
     report.stopped = true;
     return;
   }
-  const Failure failure = failure_of_motion();
-  if (failure != Failure::kNone) fail(failure);
-  finish_impulses(tick, by_method);
-  if (!motions.empty() && !by_method.smooth.empty())
-    read_smooth_joints(joint_step(tick), by_method);
-  if (!contact_groups.empty()) tell_contact_groups(joint_step(tick));
-  if (!touching.empty() || !contacts.empty()) tell_contacts();
-  if (!tells_finite_numbers()) fail(Failure::kNotFinite);
-  leave_out_estimates(by_method);
+  const Failure failure =
+      failure_of_motion(*this, *this, sleep.awake().bodies, &report.failed_body);
+  if (failure != Failure::kNone) throw StepFailed{failure};
+  finish_impulses(step);
+  if (!motions.empty() && !integration.partition().smooth.empty())
+    read_smooth_joints(joint_step(options, step.tick.start, options.time_step));
+  if (!groups.is_empty())
+    report_contact_groups(joint_step(options, step.tick.start, options.time_step));
+  if (!touching.empty() || !contacts.empty()) set_contacts(touching, options.time_step);
+  if (!are_finite(*this, *this, sleep.awake(), *this)) throw StepFailed{Failure::kNotFinite};
+  leave_out_estimates();
   if (events.size() > 1) sort_events();
   ++step_count;
-  drop_spent_wrenches(tick.end);
-  fall_asleep();
+  drop_spent_wrenches(step.tick.end);
+  if (const auto resting_sets =
+          sleep.fall_asleep(*this, topology, reach.watched_pairs(), this, this)) {
+    list_resting(*resting_sets);
+    set_contacts(touching, options.time_step);
+  }
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
-  if (!time_varying_joints.empty()) compile_where_closed(joint_step(tick));
-  if (!by_method.impulse_bodies.empty() && fast_group.is_empty())
+  if (!integration.time_varying_joints().empty())
+    integration.compile_where_closed(
+        *this, topology, joint_step(options, step.tick.start, options.time_step), this, this);
+  if (!integration.partition().impulse_bodies.empty() && !continuous.is_divided())
     sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
-  report.time = tick.end;
+  report.time = step.tick.end;
 }
 
 void World::Impl::keep_state_before(Failure why) {
@@ -257,71 +311,6 @@ void World::Impl::keep_state_before(Failure why) {
   report.failure = why;
   report.step = step_count;
   report.time = time();
-}
-
-// One sum tells that all is well, two numbers at a time; only where it does not are bodies looked
-// at one by one.
-Failure World::Impl::failure_of_motion() {
-  Eigen::Array2d squares(0.0, 0.0);
-  double others = 0.0;
-  for (const int i : awake_bodies) {
-    const BodyState& state = states[static_cast<std::size_t>(i)];
-    const Eigen::Vector3d& x = state.position;
-    const Eigen::Vector3d& v = state.linear_velocity;
-    const Eigen::Vector3d& w = state.angular_velocity;
-    const Eigen::Vector4d& q = state.orientation.coeffs();
-    squares += x.head<2>().array().square() + v.head<2>().array().square() +
-               w.head<2>().array().square() + q.head<2>().array().square() +
-               q.tail<2>().array().square();
-    others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
-  }
-  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
-  for (const int i : awake_bodies) {
-    const BodyState& state = states[static_cast<std::size_t>(i)];
-    Eigen::Matrix<double, 13, 1> numbers;
-    numbers << state.position, state.linear_velocity, state.angular_velocity,
-        state.orientation.coeffs();
-    const bool is_finite = numbers.allFinite();
-    if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
-    report.failed_body = body_ids[static_cast<std::size_t>(i)];
-    return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;
-  }
-  return Failure::kNone;
-}
-
-// Whether all numbers of this step that are reported or saved are finite, beside the states of the
-// bodies. A single NaN or infinity makes the sum none. Energies follow from these numbers, which
-// kMostMagnitude bounds as it bounds positions and velocities.
-bool World::Impl::tells_finite_numbers() const {
-  if (awake_bodies.empty() && awake_joints.empty()) return true;  // nothing is new in this step
-  double sum = report.local_error + report.projected_energy + report.correction_work +
-               report.driven_work + report.solver_residual + report.max_penetration;
-  for (const int j : awake_joints) {
-    const auto i = static_cast<std::size_t>(j);
-    const JointState& state = joint_states[i];
-    sum += state.error + state.error_rate + state.angle_error + state.force + state.bias +
-           state.reached_rate + state.travel + state.initial_error + state.impulse.sum();
-    for (int k = 0; k < info(joints[i].kind).coordinates; ++k) {
-      const CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(k)];
-      sum += coordinate.position + coordinate.velocity + coordinate.effort + coordinate.bias +
-             coordinate.held + coordinate.braking;
-    }
-    if (state.closing)
-      sum += state.closing_offset.sum() + state.closing_shift.sum() + state.closing_turn.sum() +
-             state.closing_share + state.coupling.offset;
-    if (couples(joints[i].kind))
-      sum += state.coupling.value + state.coupling.rate + state.coupling.effort +
-             state.coupling.impulse;
-  }
-  for (std::size_t i = resting_contacts; i < contacts.size(); ++i)
-    sum += contacts[i].position.sum() + contacts[i].normal.sum() + contacts[i].depth +
-           contacts[i].normal_force + contacts[i].force.sum();
-  if (!std::isfinite(sum)) return false;
-  if (!any_corrections) return true;
-  double squares = 0.0;
-  for (const int i : awake_bodies)
-    squares += corrections[static_cast<std::size_t>(i)].squaredNorm();
-  return squares <= kMostMagnitude * kMostMagnitude;
 }
 
 void World::Impl::note_if_broken(std::size_t j) {
@@ -339,9 +328,8 @@ void World::Impl::give_up(std::size_t j) {
     joint_states[coupling].closing = false;
     tell_broken(coupling);
   }
-  topology_edited = true;
-  edit_island_of(joints[j].body_a);
-  edit_island_of(joints[j].body_b);
+  edits.note_topology();
+  edits.note_islands_of(*this, joints[j]);
   ++report.torn_joints;
 }
 
@@ -351,14 +339,8 @@ void World::Impl::tell_broken(std::size_t j) {
     return event.kind == EventKind::kBroken && event.joint == joint_ids[j];
   });
   if (is_told) return;
-  events.push_back({EventKind::kBroken, time_of(step_count + 1), joints[j].body_a, joints[j].body_b,
-                    joint_ids[j]});
-}
-
-void World::Impl::sort_events() {
-  const auto is_earlier = [](const Event& l, const Event& r) { return l.time < r.time; };
-  if (!std::is_sorted(events.begin(), events.end(), is_earlier))
-    std::stable_sort(events.begin(), events.end(), is_earlier);
+  events.push_back({EventKind::kBroken, time_of(step_count + 1, options.time_step),
+                    joints[j].body_a, joints[j].body_b, joint_ids[j]});
 }
 
 void World::Impl::drop_spent_wrenches(double now) {
@@ -369,26 +351,9 @@ void World::Impl::drop_spent_wrenches(double now) {
   const auto spent = std::remove_if(wrenches.begin(), wrenches.end(), is_spent);
   if (spent == wrenches.end()) return;
   wrenches.erase(spent, wrenches.end());
-  watch.any_wrench_ended = true;
+  monitors.note_wrench_ended();
 }
 
-JointStep World::Impl::joint_step(const Tick& tick) const {
-  return span_from(tick.start, options.time_step);
-}
-
-JointStep World::Impl::span_from(double t, double h) const {
-  const bool by_baumgarte = options.method == Method::kSequentialImpulses;
-  const double closing_time = by_baumgarte ? 0.0 : options.closing_time;
-  return {t, h, options.baumgarte, closing_time};
-}
-
-double World::Impl::time() const { return time_of(step_count); }
-
-double World::Impl::time_of(std::uint64_t step) const {
-  return base_time + static_cast<double>(step - base_step) * options.time_step;
-}
-
-const BodyState& World::Impl::state_a(std::size_t j) const { return states[joint_ends[j].first]; }
-const BodyState& World::Impl::state_b(std::size_t j) const { return states[joint_ends[j].second]; }
+double World::Impl::time() const { return State::time(options.time_step); }
 
 }  // namespace constraint_sim::engine

@@ -9,262 +9,64 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
-#include "engine/collision/broadphase.h"
 #include "engine/constraints/joint.h"
-#include "engine/constraints/joint_sum.h"
-#include "engine/constraints/one_sided_law.h"
-#include "engine/islands/island_motion.h"
-#include "engine/islands/islands.h"
-#include "engine/islands/method_choice.h"
+#include "engine/islands/compile.h"
+#include "engine/islands/contact_groups.h"
+#include "engine/islands/contact_pipeline.h"
+#include "engine/islands/contact_reach.h"
+#include "engine/islands/continuous_collision.h"
+#include "engine/islands/island_integration.h"
+#include "engine/islands/island_lists.h"
+#include "engine/islands/island_traits.h"
+#include "engine/islands/rollback.h"
+#include "engine/islands/sleep.h"
+#include "engine/islands/step.h"
+#include "engine/islands/step_output.h"
+#include "engine/islands/topology.h"
 #include "engine/math/list.h"
-#include "engine/methods/runge_kutta/runge_kutta.h"
 #include "engine/methods/sequential_impulses/sequential_impulses.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
 #include "engine/support/stage_timer.h"
-#include "engine/world/watch.h"
-#include "engine/world/workers.h"
+#include "engine/support/storage.h"
+#include "engine/world/monitors.h"
+#include "engine/world/pending_edits.h"
 
 namespace constraint_sim::engine {
 
 struct CustomFailure;
 
-/// Of gravity, with 0 at the height 0, and of springs where potential [J].
-struct Energy {
-  double kinetic = 0.0, potential = 0.0;
-};
+/// The wiring of a world: model and state, and the owners of everything that follows from them. The
+/// signatures of the owners say what they read and write.
+struct World::Impl : Model, State, IslandLists, StepOutput {
+  // ---- follows from model and state; rebuilt by the first step after an edit
+  PendingEdits edits;
+  Storage<List<List<std::size_t>>> joints_of_bodies;  // made by joints_on()
+  Topology topology;
 
-/// What an island is made of, and what is kept for it from step to step.
-struct IslandParts : IslandMemory {
-  IslandMembers members;
-  MethodReason nature = MethodReason::kSmooth;  ///< of its joints and options; contacts come and go
-  int motion = -1;           ///< into motions; -1: no joints, or never integrated
-  List<int> turning_freely;  ///< bodies whose rotation no joint acts on
+  // ---- awake sets; rebuilt when an island wakes or falls asleep
+  Sleep sleep;
 
-  // of this step; each island writes its own, for several may be carried at once
-  double projected_energy = 0.0, correction_work = 0.0;  ///< [J]
-  std::uint32_t changes = 0;                             ///< of its method
-  bool is_to_be_asked = false;                           ///< what it is, again in the next step
-  bool has_failed = false;
-
-  bool is_fresh = true;   ///< no step since an edit that concerns it
-  bool is_stale = false;  ///< the laws of its joints are others than those compiled
-  List<int> open_points;  ///< joints without axes that were open when it was compiled
-  WatchedEnergy energy;
-  bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
-};
-
-class ContactEquations;
-class ContactEvents;
-class ElasticSpheres;
-
-/// Islands and what is compiled for them.
-struct IslandLists {
-  List<IslandParts> island_parts;
-  std::vector<Island> islands;  // the same, as it is told
-  List<IslandMotion> motions;   // of the islands with joints
-};
-
-/// The two bodies of a joint, by index.
-using JointEnds = std::pair<std::size_t, std::size_t>;
-
-/// One step, simulated [s].
-struct Tick {
-  double start, end;
-};
-
-/// Bodies that may hit each other within a step, and all that is joined to them, by index.
-struct FastGroup {
-  List<int> bodies;      ///< movable
-  List<int> joints;      ///< on them
-  List<bool> is_member;  ///< of all bodies; of others where they are in no group
-
-  bool is_empty() const { return bodies.empty(); }
-};
-
-/// Storage that steps use again. A copy of a world begins without: nothing goes by what is in it.
-template <class T>
-class Storage {
- public:
-  Storage() = default;
-  Storage(const Storage& /*other*/) {}
-  Storage(Storage&&) noexcept = default;
-  Storage& operator=(const Storage& /*other*/) {
-    of_.reset();
-    return *this;
-  }
-  Storage& operator=(Storage&&) noexcept = default;
-  ~Storage() = default;
-
-  T* get() const { return of_.get(); }
-  T* operator->() const { return of_.get(); }
-  void make() {
-    if (of_ == nullptr) of_ = std::make_shared<T>();
-  }
-
- private:
-  std::shared_ptr<T> of_;
-};
-
-/// Islands that may touch each other, or what does not move, within a step.
-struct ContactGroup {
-  List<int> islands;
-  List<Broadphase::Pair> pairs;
-  Storage<ContactEvents> events;            ///< of this step alone
-  std::shared_ptr<ElasticSpheres> spheres;  ///< or these
-  bool has_failed = false;                  ///< in this step: others carry them
-  bool is_few = false;                      ///< enough for `events`
-  bool closes = false;                      ///< overlaps, which `events` do
-  bool is_elastic = false;                  ///< all of them spheres for `spheres`
-};
-
-/// What each method carries in a step; made anew when that changes.
-struct Carried {
-  std::array<std::uint32_t, kMethodCount> islands{};  ///< so many
-  List<int> smooth;          ///< islands that are integrated, stiff ones as well
-  List<int> impulse_bodies;  ///< of all other islands
-  List<int> impulse_joints;  ///< the same
-};
-
-/// What a snapshot answers where a world goes by what a snapshot does not have.
-struct Seen {
-  bool is_edited = false;  ///< since the last step
-  std::vector<Island> islands;
-  std::vector<BodyId> unresolved_bodies;
-};
-
-/// What stands behind a World.
-struct World::Impl : Model, State, IslandLists {
-  // ---- follows from the above; made anew by the first step after an edit
-  bool edited = true;                      // anything
-  bool topology_edited = true;             // also who is joined to whom
-  bool all_edited = true;                  // all islands begin anew
-  std::shared_ptr<const char> model_mark;  // worlds that have the same have the same model
-  std::optional<Seen> seen;                // of snapshots, which count as edited
-  Storage<List<List<std::size_t>>> joints_of_bodies;    // made when asked for
-  std::vector<BodyId> edited_bodies;                    // whose islands begin anew
-  std::vector<BodyId> relinked_bodies;                  // whose islands are compiled anew
-  List<Broadphase::Pair> unpaired;                      // joined bodies that may overlap, sorted
-  List<JointEnds> joint_ends;                           // the two bodies of each joint
-  List<std::pair<BodyId, IslandMemory>> loaded_memory;  // by first body, until there are islands
-  List<bool> is_in_loop;                // joints of an island whose joints close one
-  List<int> island_of;                  // of bodies; -1 of immovable ones
-  List<FreeRotation> rotations;         // of bodies
-  double reference_energy = 0.0;        // [J] at the last edit
-  double largest_kinetic_energy = 0.0;  // [J] since the last edit
-  std::uint64_t quiet_steps = 0;        // after which an island may rest; 0: never
-  List<int> fresh_islands;              // those that begin anew
-
-  // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
-  bool may_sleep = true;    // false: no body is asleep
-  bool any_waking = false;  // somebody was woken, and the lists do not know yet
-  bool awake_changed = true;
-  List<int> awake_islands;
-  List<int> awake_bodies;   // dynamic ones, and kinematic ones that move
-  List<int> awake_joints;   // those that do not act as well
-  List<int> kinematic;      // bodies that move
-  List<int> moving_shapes;  // bodies that may touch something; empty where none can
-  StepReport resting_report;
-  Energy resting_energy;
-  int most_attempts = 0;             // substeps of an island in one span
-  std::size_t resting_contacts = 0;  // so many of contacts, the first ones
-  List<bool> is_sleep_candidate;     // islands about to fall asleep
-  List<int> sleep_candidates;        // the same
-
-  // ---- which islands have which method; made anew when that changes
-  Carried carried;
-  bool any_refused = false;
-  bool any_stiff = false;          // or one that no longer is, or was just found to be
-  List<bool> in_contact;           // islands in contact
-  List<int> entering;              // islands that were not integrated before, or were edited
-  List<PrescribedMotion> courses;  // of joints
-  bool smooth_changed = true;      // since time_varying_joints was listed
-  List<int> time_varying_joints;   // joints whose course is not constant
-
-  // ---- what one stage hands to the next, and one step to the following
-  List<double> span_ends;     // of the spans of a step in which nothing jumps [s]
-  List<AppliedWrench> loads;  // of wrenches, in a span
-  bool had_wrenches = false;  // in the span before
-  bool any_custom_forces = false;
-  Workers workers;
-  Broadphase broadphase;
-  List<Proxy> proxies;
-  List<TouchingPair> touching_before;  // in the step before
-  double thinnest = 0.0;               // [m] of all shapes
-  double fast_square = 0.0;            // of the speed from which bodies are fast [m²/s²]
-  List<int> fast_bodies;               // that may pass through a shape in this step
-  // pairs of these with joints, that are apart
-  List<Broadphase::Pair> jointed_pairs;
-  FastGroup fast_group;                // of those that hit something, carried to each hit
-  FastGroup slow_group;                // what else impulses carry, where there is a group
-  List<JointSum> joint_sums;           // of the group
-  List<TouchingPair> hits;             // of the group, with the impulses of all its hits
-  List<ActingWrench> acting_wrenches;  // on bodies that impulses carry
+  // ---- the stages of a step, in their order
+  Rollback rollback;
+  ContactPipeline pipeline;
+  ContactReach reach;
+  ContactGroups groups;
+  IslandIntegration integration;
+  ContinuousCollision continuous;
+  List<ActingWrench> acting_wrenches;  // on bodies that impulses advance
   SequentialImpulses sequential_impulses;
-  bool is_state_saved = false;   // the state before the step is in the next two
-  bool had_corrections = false;  // in the step before
-  List<BodyState> states_before;
-  List<Twist> corrections_before;
-  List<JointState> joint_states_before;
-  List<IslandMemory> memory_before;
-  bool contacts_are_new = false;  // those of the step before are in touching_before
+  Monitors monitors;
 
-  // ---- what a step tells
-  std::vector<Contact> contacts;  // those of sleepers first
-  std::vector<Event> events;
-  Watch watch;
-  StepReport report;
-  std::optional<JointId> failed_joint;  // of a step that failed by Failure::kCustom
-  std::string failed_why;               // the same
   Clock clock = nullptr;
   StopFlag stop = nullptr;
 
-  // ---- what touches by events, in this step
-  /// Of islands that pairs connect, by the first one of them.
-  struct GroupSize {
-    std::size_t bodies = 0, points = 0;
-    double reach = 0.0;  ///< [m] of the one that may get furthest
-    bool has_pairs = false, overlaps = false, is_elastic = true;
-    bool is_settled = true;   ///< as far as overlaps go: they are what impulses leave at rest
-    bool was_handed = false;  ///< one of them was handed over to impulses, and is not back
-    MethodReason left_for = MethodReason::kContact;  ///< where it is not by events
-    int group = -1;                                  ///< that was made of them
-  };
-  List<std::pair<Broadphase::Pair, double>> watched_pairs;  // with their gaps [m]
-  List<GroupSize> group_sizes;
-  List<ContactGroup> contact_groups;
-  List<ContactGroup> unused_groups;    // their storage is used again
-  List<int> place_in_group;            // of bodies; -1: not in the one that is compiled
-  List<OneSidedLaw> group_laws;        // of a joint
-  List<int> leader_of;                 // of islands: the first one that pairs connect with it
-  List<int> group_of;                  // of islands; -1: none
-  double integrated_drives = 0.0;      // work of what moves by itself on groups, in this step [J]
-  std::vector<BodyId> grouped_bodies;  // whatever is edited after the step
-  bool had_groups = false;             // in the step before
-  List<double> reach;                  // [m] of bodies in this step, whoever hits them
-  List<double> own_reach;              // [m] where nobody does
-
   // ---- editing (edits/)
-  void check_ends(const Joint& joint) const;
-  void check_coupling(const Joint& joint, bool broken) const;
-  void check_coupled_act(std::size_t j, bool enabled) const;
-  BodyId movable_end(JointId id) const;
-  List<std::size_t> couplings_of(std::size_t joint) const;
-  std::array<BodyId, 4> holders(std::size_t joint) const;
   const List<std::size_t>& joints_on(std::size_t body);
   JointId add_joint(const Joint& joint, bool broken);
-  void fill_in(Joint& joint) const;
-  void fill_in_frames(Joint& joint) const;
-  double inverse_effective_mass(const Jacobian& J, std::size_t a, std::size_t b) const;
-  double inverse_effective_mass(const Joint& joint, int coordinate) const;
-  void set_zeros(Joint& joint) const;
-  void fill_in_laws(Joint& joint) const;
   void start_joint(std::size_t j);
-  void open_joint(std::size_t j, double t);
   void continue_joint(std::size_t j, const JointState& saved);
   void continue_correction(std::size_t i, const Twist& correction);
-  double end_of(const Motor& motor) const;
-  void set_ends(const Joint& joint, JointState* state) const;
   void wake_ends(const Joint& joint);
   void restart_joint(std::size_t j);
   void hold_from_here(std::size_t j);
@@ -276,8 +78,8 @@ struct World::Impl : Model, State, IslandLists {
   struct NextIsland {
     IslandMembers members;
     Island island;
-    IslandMemory memory;  // that the step begins with
-    bool is_fresh;        // edited
+    IslandMemory memory;  // at the start of the step
+    bool is_fresh;        // edited since the last step
   };
   List<NextIsland> next_islands() const;
   NextIsland next_island(IslandMembers members) const;
@@ -290,227 +92,64 @@ struct World::Impl : Model, State, IslandLists {
   std::uint64_t hash() const;
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit);
-  void continue_from_snapshot();
-  bool is_edited() const { return seen ? seen->is_edited : edited; }
-  void note_edit();
-  void edit_all();
-  void edit_island_of(BodyId id);
-  void edit_laws(const Joint& joint);
   void shift_couplings(std::size_t j, int coordinate, double change);
-  void check_coordinate(const char* field, const Joint& joint, int coordinate) const;
   void set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set);
   struct LawChange {
-    bool law = false, motor = false;  ///< whose timeout begins now
+    bool law = false, motor = false;  ///< the timeout of a changed motor begins now
   };
   void replace_joint(std::size_t j, const Joint& joint,
                      const std::array<LawChange, kMaxCoordinates>& changes);
   bool follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before, bool is_motor_set);
-  void mark_removed(const std::vector<JointId>& ids, List<bool>* is_removed) const;
-  std::vector<std::string> mark_removed(const std::vector<BodyId>& ids, List<bool>* is_body_removed,
-                                        List<bool>* is_joint_removed) const;
   void erase(const List<bool>& is_joint_removed, const List<bool>& is_body_removed);
   void erase_joints(const List<bool>& is_removed);
   void erase_bodies(const List<bool>& is_removed);
   void erase_wrenches(BodyId id);
 
-  // ---- resting (rest.cpp)
-  void wake(std::size_t body);
-  void wake_all();
-  void wake_around(BodyId id);
+  // ---- resting
   bool wake_touched();
   void spread_waking();
-  void spread_waking(const List<const List<int>*>& groups, const List<std::pair<int, int>>& near,
-                     List<bool>* sleeps) const;
-  void fall_asleep();
-  bool is_quiet(std::size_t island) const;
-  bool is_driven(std::size_t island) const;
-  bool is_moving_by_itself(std::size_t body) const;
-  bool find_sleep_candidates();
-  void list_awake();
-  void list_shapes(const List<int>& resting_bodies);
+  void list_resting(const RestingSets& resting_sets);
 
   // ---- stepping (world.cpp), in the order of a step
   void abandon_step();
   void fail_by(const CustomFailure& failed);
-  Tick begin_step();
-  void take_out_corrections();
+  StepContext begin_step();
   void save_state();
   void restore_state();
   void rebuild_topology();
-  void make_islands();
-  void keep_island(std::size_t old, IslandLists* before);
-  void list_fresh_islands();
-  void restart_all();
-  void find_loops();
-  void classify_islands();
-  std::pair<std::size_t, std::size_t> ends_of(const Joint& joint) const;
-  List<IslandMembers> group_bodies(const List<JointEnds>& ends) const;
-  Island new_island(const IslandMembers& members) const;
-  IslandMemory loaded_memory_of(BodyId first) const;
-  List<double> fastest_springs(const List<JointEnds>& ends, bool with_limit) const;
-  /// Of bodies, those without and with a force limit [1/s].
-  struct FastestSprings {
-    List<double> springs, limited;
+  void find_pairs(const StepContext& step);
+  void find_contacts(const StepContext& step);
+  void find_hits(const StepContext& step);
+  void choose_methods(const StepContext& step);
+  void integrate(const StepContext& step);
+  void advance_by_impulses(const StepContext& step);
+  void finish_impulses(const StepContext& step);
+  void leave_out_estimates();
+  ImpulseStep impulse_step(const StepContext& step) const;
+  void find_acting_wrenches(const StepContext& step);
+  void find_custom_forces(const StepContext& step);
 
-    FastestSprings(const Impl& impl, const List<JointEnds>& ends)
-        : springs(impl.fastest_springs(ends, false)), limited(impl.fastest_springs(ends, true)) {}
-  };
-  IslandTraits traits_of(const IslandMembers& members, const FastestSprings& fastest) const;
-  List<int> open_points_of(const IslandMembers& members) const;
-  void compile_island(IslandParts* parts);
-  void compile_island(IslandParts* parts, const List<int>& open_points);
-  const List<Broadphase::Pair>& find_pairs();
-  void find_overlapping();
-  Proxy proxy(int body) const;
-  const List<TouchingPair>& find_contacts(const List<Broadphase::Pair>& near);
-  void collide_pairs(const List<Broadphase::Pair>& near);
-  Carried& choose_methods(const List<TouchingPair>& in_contact);
-  void sort_islands(const List<TouchingPair>& in_contact);
-  void restart(const IslandParts& parts);
-  bool is_integrated(std::size_t j) const;
-  void list_by_method();
-  void integrate(const Tick& tick, Carried* by_method);
-  void assemble_entering(const JointStep& step);
-  void compile_where_closed(const JointStep& step);
-  void compile_if_opened(IslandParts* parts);
-  void list_changing_courses(const List<int>& smooth);
-  void split_step(const Tick& tick);
-  void find_loads(double from, double to);
-  bool integrate_island(std::size_t i, const SmoothSpan& span);
-  bool integrate_joints(std::size_t i, const SmoothSpan& span);
-  bool note(std::size_t i, const IntegrationResult& progress);
-  IntegrationResult advance_joints(std::size_t i, Integration way, const SmoothSpan& span,
-                                   const IntegratorOptions& accuracy);
-  IntegratorOptions accuracy_within(double most_frequency) const;
-  void share_attempts();
-  int threads_worth_it(const List<int>& smooth) const;
-  void switch_method(std::size_t i, Method method, MethodReason why);
-  void refuse_island(std::size_t i, MethodReason why);
-  bool report_islands(const List<int>& smooth);
-  std::uint32_t find_unresolved(std::size_t i, List<std::size_t>* bodies) const;
-  void advance_by_impulses(const Tick& tick, const Carried& by_method);
-  void finish_impulses(const Tick& tick, const Carried& by_method);
-  void leave_out_estimates(const Carried& by_method);
-  ImpulseStep impulse_step(const Tick& tick, const Carried& by_method) const;
-  void find_acting_wrenches(const Tick& tick);
-  void find_custom_forces(const Tick& tick, const Carried& by_method);
-  void book(const ImpulseReport& impulses);
-
-  // ---- contacts of few bodies, by events (contact_groups.cpp)
-  bool follows_contacts() const;
-  bool is_in_group(std::size_t island) const {
-    return !contact_groups.empty() && group_of[island] >= 0;
-  }
-  void begin_reach();
-  bool grow_reach();
-  void watch_pairs();
-  std::size_t most_bodies_of_group() const;
-  double gap_of(const Broadphase::Pair& pair) const;
-  double least_gap(std::size_t a, std::size_t b) const;
-  std::optional<double> gap_to_watch(const Broadphase::Pair& pair) const;
-  bool wake_approached();
-  void find_contact_groups(const List<Broadphase::Pair>& near);
-  void list_group_sizes();
-  bool is_settled(const Broadphase::Pair& pair, double gap) const;
-  bool is_few(const GroupSize& size) const;
-  MethodReason why_left(std::size_t island) const;
-  bool is_left_in_contact(std::size_t island) const;
-  void hand_over(std::size_t island, MethodReason why);
-  void take_back(std::size_t island);
-  void tell_of_island(EventKind kind, std::size_t island);
-  void list_grouped_bodies();
-  bool is_elastic_sphere(std::size_t body) const;
-  bool suits_group(const IslandMembers& members, MethodReason nature,
-                   const IslandMemory& memory) const;
-  bool can_be_in_group(std::size_t i) const;
-  void clear_contact_groups(std::size_t kept = 0);
-  ContactGroup& add_contact_group();
-  bool compile_group(ContactGroup* group);
-  bool compile_events(const ContactGroup& group);
-  std::size_t add_group_body(int body, ContactEquations* equations);
-  bool add_group_pairs(const ContactGroup& group);
-  bool compile_spheres(ContactGroup* group);
-  double most_work_of(const ContactGroup& of) const;
-  void advance_contact_groups(const SmoothSpan& span);
-  void take_out_group_contacts();
-  void tell_contact_groups(const JointStep& step);
-  void add_group_contacts(const ContactEvents& by_events);
-  void add_group_contact(TouchingPair pair);
-  void tell_spheres(const ElasticSpheres& spheres);
-  std::uint32_t events_of_group(std::size_t island) const;
-  double driven_work_of_group(std::size_t island) const;
-
-  // ---- bodies that pass through shapes in a step (fast_bodies.cpp)
-  void find_fast_speed();
-  bool is_fast(int body) const;
-  double way(int body, double duration) const;
-  double travel(int body, double duration) const;
-  bool is_fast(const Broadphase::Pair& pair, double duration) const;
-  double swept(int body, double duration) const;
-  void sweep(double duration, Proxy* proxy) const;
-  void find_hits(const List<Broadphase::Pair>& near);
-  std::optional<double> time_of_hit(const Broadphase::Pair& pair, double duration) const;
-  bool has_joints(const Broadphase::Pair& pair) const;
-  bool is_touching(const Broadphase::Pair& pair) const;
-  void list_jointed_pairs(const List<Broadphase::Pair>& near);
-  bool passes(const Broadphase::Pair& pair) const;
-  void catch_what_passes();
-  void add_jointed_pairs();
-  double time_on_joints(const List<Broadphase::Pair>& near, double left, List<double>* ways) const;
-  bool has_outrun(const List<Broadphase::Pair>& near, const List<double>& ways,
-                  double duration) const;
-  void find_fast_group(const Carried& by_method);
-  void advance_fast_group(const Tick& tick);
-  bool collide_group(const List<Broadphase::Pair>& near, double left);
-  List<Broadphase::Pair> pairs_of_group(double duration, bool* is_any_left);
-  void advance_group(const Tick& tick, double done, double duration);
-  double time_to_watch(const TouchingPair& pair) const;
-  bool is_hit(const TouchingPair& pair, double duration) const;
-  void gather_hits();
-  void take_hits();
-  bool is_any_about_to_hit() const;
+  // ---- the end of a step
+  void report_contact_groups(const JointStep& step);
   void advance_kinematic_bodies();
-  void finish_step(const Tick& tick, const Carried& by_method);
-  void read_smooth_joints(JointStep step, const Carried& by_method);
+  void finish_step(const StepContext& step);
+  void read_smooth_joints(JointStep step);
   void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
                          double coupled_impulse);
   void note_if_broken(std::size_t j);
   void tell_broken(std::size_t j);
   void tell_events(const EventDriven& from);
-  void sort_events();
   void give_up(std::size_t j);
   void note_coupling(std::size_t j, double h, double impulse);
-  void tell_contacts();
-  void add_contacts(const TouchingPair& pair);
   void drop_spent_wrenches(double now);
-  void measure();
-  void begin_watch();
-  void watch_joints();
-  void watch_contacts();
-  void watch_spin();
-  std::uint32_t find_spinning(std::size_t i, List<std::size_t>* bodies) const;
-  void watch_energy();
-  void look_at_energy();
-  double look_at_island(std::size_t island, double* allowed);
-  void tell_of_gain(const IslandParts& parts, double gain, double allowed);
-  bool find_worst_joint(const List<int>& among, StepReport* worst) const;
-  [[noreturn]] static void fail(Failure why);
   void keep_state_before(Failure why);
-  Failure failure_of_motion();
-  bool tells_finite_numbers() const;
 
   // ---- asking
+  void list_unresolved(std::size_t island, List<std::size_t>* found) const;
   double time() const;
-  JointStep joint_step(const Tick& tick) const;
-  JointStep span_from(double t, double h) const;
-  double time_of(std::uint64_t step) const;
-  const BodyState& state_a(std::size_t j) const;
-  const BodyState& state_b(std::size_t j) const;
-  Energy energy() const;
-  Energy energy(const List<int>& of_bodies, const List<int>& of_joints) const;
 };
 
-/// The way in for what saves and loads.
+/// Access for code that saves and loads worlds.
 struct Insides {
   static World::Impl& of(World& world) { return *world.impl_; }
   static const World::Impl& of(const World& world) { return *world.impl_; }

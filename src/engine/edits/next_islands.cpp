@@ -10,9 +10,9 @@ namespace constraint_sim::engine {
 List<World::Impl::NextIsland> World::Impl::next_islands() const {
   List<NextIsland> next;
   List<JointEnds> ends;
-  for (const Joint& joint : joints) ends.push_back(ends_of(joint));
-  if (topology_edited)
-    for (IslandMembers& members : group_bodies(ends))
+  for (const Joint& joint : joints) ends.push_back(ends_of(*this, joint));
+  if (edits.any_topology())
+    for (IslandMembers& members : group_bodies(*this, joint_states, ends))
       next.push_back(next_island(std::move(members)));
   else
     for (std::size_t i = 0; i < islands.size(); ++i)
@@ -22,9 +22,9 @@ List<World::Impl::NextIsland> World::Impl::next_islands() const {
   for (std::size_t i = 0; i < next.size(); ++i)
     for (const int body : next[i].members.bodies) next_of[body] = static_cast<int>(i);
 
-  if (all_edited && !topology_edited)
+  if (edits.all() && !edits.any_topology())
     for (NextIsland& island : next) island.memory = island.memory.after_edit();
-  for (const BodyId id : edited_bodies) {
+  for (const BodyId id : edits.bodies()) {
     if (body_index[id.value] < 0) continue;
     NextIsland& island = next[next_of[body_index[id.value]]];
     if (!island.is_fresh) island.memory = island.memory.after_edit();
@@ -37,12 +37,12 @@ List<World::Impl::NextIsland> World::Impl::next_islands() const {
 // as it was before, where it has the same bodies and joints
 World::Impl::NextIsland World::Impl::next_island(IslandMembers members) const {
   const std::size_t first = to_index(members.bodies.front());
-  const int old = !all_edited && first < island_of.size() ? island_of[first] : -1;
+  const int old = !edits.all() && topology.knows(first) ? topology.island_of(first) : -1;
   if (old >= 0 && island_parts[old].members == members) {
     const IslandParts& parts = island_parts[old];
     return {std::move(members), islands[old], parts, parts.is_fresh};
   }
-  const Island island = new_island(members);
+  const Island island = new_island(*this, members);
   return {std::move(members), island, loaded_memory_of(island.first_body), true};
 }
 
@@ -54,10 +54,10 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
       if (is_known(pair))
         near.emplace_back(body_index[pair.id_a.value], body_index[pair.id_b.value]);
   List<bool> sleeps = asleep;
-  if (any_waking) {
-    List<const List<int>*> groups;
-    for (const NextIsland& island : *next) groups.push_back(&island.members.bodies);
-    spread_waking(groups, near, &sleeps);
+  if (sleep.is_stale()) {
+    List<const List<int>*> members;
+    for (const NextIsland& island : *next) members.push_back(&island.members.bodies);
+    engine::spread_waking(*this, members, near, &sleeps);
   }
   List<bool> in_contact(next->size(), false);
   for (const auto& [a, b] : near) {
@@ -66,10 +66,10 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
       if (next_of[body] >= 0) in_contact[next_of[body]] = true;
   }
   const auto was_in_group = [&](int body) {
-    return std::find(grouped_bodies.begin(), grouped_bodies.end(), body_ids[body]) !=
-           grouped_bodies.end();
+    return std::find(groups.bodies().begin(), groups.bodies().end(), body_ids[body]) !=
+           groups.bodies().end();
   };
-  const FastestSprings fastest(*this, ends);
+  const FastestSprings fastest(*this, joint_states, ends);
   for (std::size_t i = 0; i < next->size(); ++i) {
     auto& [members, island, memory, is_fresh] = (*next)[i];
     island.local_error = 0.0;
@@ -80,9 +80,9 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
       continue;
     }
     island.dependent_rows = 0;
-    const MethodReason nature = classify(traits_of(members, fastest), options);
+    const MethodReason nature = classify(traits_of(*this, members, fastest), options);
     MethodChoice choice = choose(nature, in_contact[i], memory, step_count, options);
-    if (follows_contacts() && suits_group(members, nature, memory) &&
+    if (follows_contacts(options) && suits_group(*this, step_count, members, nature, memory) &&
         std::any_of(members.bodies.begin(), members.bodies.end(), was_in_group))
       choice = {Method::kEventDriven, MethodReason::kFewContacts};
     island.method = choice.method;

@@ -1,4 +1,4 @@
-#include "engine/world/workers.h"
+#include "engine/support/workers.h"
 
 #include <algorithm>
 #include <atomic>

@@ -1,0 +1,22 @@
+#pragma once
+
+#include "constraint_sim/engine/joint.h"
+#include "engine/model/model.h"
+#include "engine/model/state.h"
+
+namespace constraint_sim::engine {
+
+// Settings that a joint leaves out, from where its bodies are. Each throws std::invalid_argument
+// where the result is invalid.
+
+/// Fills in the length, frames, zeros of coordinates and constants of springs. A distance joint of
+/// length 0 becomes a ball joint.
+void fill_in(const Model& model, const State& state, Joint* joint);
+
+/// Fills in zeros of coordinates, from the positions that the coordinates are to read.
+void set_zeros(const Model& model, const State& state, Joint* joint);
+
+/// Fills in constants of springs and servos, from their frequencies.
+void fill_in_laws(const Model& model, const State& state, Joint* joint);
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "constraint_sim/engine/joint.h"
+#include "engine/constraints/joint.h"
+#include "engine/math/numbers.h"
+
+namespace constraint_sim::engine {
+
+/// Time at which a motor that is set now loses its velocity or target [s].
+inline double end_of(const Motor& motor, double now) {
+  return motor.timeout > 0.0 ? now + motor.timeout : kInfinity;
+}
+
+/// Sets the ends of all motors of a joint, which are all set now.
+inline void set_ends(const Joint& joint, double now, JointState* state) {
+  visit_motors(joint, *state, [&](const Motor& motor, double& end) { end = end_of(motor, now); });
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,110 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "engine/collision/broadphase.h"
+#include "engine/constraints/one_sided_law.h"
+#include "engine/dynamics/method.h"
+#include "engine/islands/contact_reach.h"
+#include "engine/islands/island_lists.h"
+#include "engine/islands/rollback.h"
+#include "engine/islands/sleep.h"
+#include "engine/islands/step.h"
+#include "engine/math/list.h"
+#include "engine/model/state.h"
+#include "engine/support/storage.h"
+
+namespace constraint_sim::engine {
+
+class ContactEquations;
+class ContactEvents;
+class ElasticSpheres;
+
+/// Islands that may touch each other, or immovable bodies, within a step.
+struct ContactGroup {
+  List<int> islands;
+  List<Broadphase::Pair> pairs;
+  Storage<ContactEvents> events;            ///< advance the group in this step
+  std::shared_ptr<ElasticSpheres> spheres;  ///< advance the group instead of `events`
+  bool has_failed = false;                  ///< in this step: impulses advance its islands
+  bool is_few = false;                      ///< small enough for `events`
+  bool closes = false;                      ///< has overlaps, which `events` close
+  bool is_elastic = false;                  ///< has only spheres that `spheres` can advance
+};
+
+/// Whether an island of this nature can be in a group, wherever its bodies are.
+bool suits_group(const Model& model, std::uint64_t step_count, const IslandMembers& members,
+                 MethodReason nature, const IslandMemory& memory);
+
+/// Islands that may touch within a step and that are few enough to be advanced from event to event
+/// together. Only with `method: auto` and `event_driven`. A group has no memory: each step finds
+/// its groups anew, from where the bodies are, and reuses storage.
+class ContactGroups {
+ public:
+  bool is_empty() const { return groups_.empty(); }
+  const List<ContactGroup>& groups() const { return groups_; }
+  bool contains(std::size_t island) const { return !groups_.empty() && group_of_[island] >= 0; }
+  /// Whether the step before had groups.
+  bool had_groups() const { return had_groups_; }
+  void end_choice() { had_groups_ = !groups_.empty(); }
+
+  /// Finds the groups of a step, and compiles their equations. `touching_before` are the contacts
+  /// of the step before.
+  void find(const StepContext& step, const State& state, const Rollback& rollback,
+            const IslandLists& lists, const AwakeSets& awake, const ContactReach& reach,
+            const List<TouchingPair>& touching_before);
+  /// Why an island in contact is in no group.
+  MethodReason why_left(const ContactReach& reach, std::size_t island) const;
+  /// Whether an island is in no group and touches something.
+  bool is_left_in_contact(const Topology& topology, const ContactReach& reach,
+                          std::size_t island) const;
+  /// Lists the bodies of all groups, which an edit after the step needs.
+  void list_bodies(const Model& model, const IslandLists& lists, const AwakeSets& awake);
+  const std::vector<BodyId>& bodies() const { return bodies_; }
+
+  /// Advances a group.
+  IntegrationResult advance(std::size_t group, const SmoothSpan& span,
+                            const IntegratorOptions& accuracy, const WorldOptions& options,
+                            State* state);
+  void mark_failed(std::size_t group) { groups_[group].has_failed = true; }
+  /// Takes contacts of groups out of the contacts of impulses.
+  void take_out_contacts(const Topology& topology, List<TouchingPair>* touching) const;
+  /// Events of the group of an island; the first island reports the events of all.
+  std::uint32_t events_of(std::size_t island) const;
+  /// Work of kinematic bodies on the group of an island [J]; the first island reports all of it.
+  double driven_work_of(std::size_t island) const;
+
+  /// Visits everything that the next step goes on from, as support/memory.h says.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit) {
+    visit(self.had_groups_);
+  }
+
+ private:
+  void clear(std::size_t kept = 0);
+  ContactGroup& add();
+  bool compile(const StepContext& step, const State& state, const Rollback& rollback,
+               const IslandLists& lists, const ContactReach& reach,
+               const List<TouchingPair>& touching_before, ContactGroup* group);
+  bool compile_events(const StepContext& step, const Rollback& rollback, const IslandLists& lists,
+                      const List<TouchingPair>& touching_before, const ContactGroup& group);
+  std::size_t add_body(const Model& model, int body, ContactEquations* equations);
+  bool add_pairs(const Model& model, const List<TouchingPair>& touching_before,
+                 const ContactGroup& group);
+  double most_work_of(const WorldOptions& options, const ContactGroup& of) const;
+
+  List<ContactGroup> groups_;
+  List<ContactGroup> unused_;    // for their storage
+  List<int> group_of_;           // of islands; -1: none
+  List<int> group_at_;           // by leader of islands; -1: none
+  List<MethodReason> left_for_;  // by leader: why its islands are in no group
+  List<int> place_;              // of bodies in the group that is compiled; -1: none
+  List<OneSidedLaw> laws_;       // of a joint
+  std::vector<BodyId> bodies_;
+  bool had_groups_ = false;
+};
+
+}  // namespace constraint_sim::engine

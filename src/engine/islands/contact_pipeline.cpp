@@ -1,0 +1,90 @@
+#include "engine/islands/contact_pipeline.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "engine/collision/narrowphase.h"
+#include "engine/islands/motion_bounds.h"
+
+namespace constraint_sim::engine {
+
+using Eigen::Vector3d;
+
+void ContactPipeline::set_shapes(const Model& model, const State& state,
+                                 const List<int>& awake_bodies, const List<int>& resting_bodies) {
+  const auto has_shape = [&](int body) { return may_touch(model.bodies[body]); };
+  moving_shapes_.clear();
+  std::copy_if(awake_bodies.begin(), awake_bodies.end(), std::back_inserter(moving_shapes_),
+               has_shape);
+  proxies_.clear();
+  for (const int body : resting_bodies)
+    if (has_shape(body)) proxies_.push_back(proxy_of(model, state, body));
+  const auto movable = [&](int body) { return model.is_movable(to_index(body)); };
+  const bool any_movable =
+      std::any_of(moving_shapes_.begin(), moving_shapes_.end(), movable) ||
+      std::any_of(proxies_.begin(), proxies_.end(), [](const Proxy& p) { return p.movable; });
+  if (!any_movable || moving_shapes_.size() + proxies_.size() < 2) moving_shapes_.clear();
+  if (moving_shapes_.empty()) proxies_.clear();
+  broadphase_.set_resting(proxies_);
+}
+
+void ContactPipeline::find_pairs(const Model& model, const State& state,
+                                 const List<int>& fast_bodies, const ContactReach* reach,
+                                 StepReport* report) {
+  proxies_.clear();
+  auto fast = fast_bodies.begin();
+  for (const int body : moving_shapes_) {
+    proxies_.push_back(proxy_of(model, state, body));
+    if (fast != fast_bodies.end() && *fast == body) {
+      widen(max_distance(model, state, body, model.options.time_step), &proxies_.back());
+      ++fast;
+    }
+    if (reach != nullptr) widen(reach->of(body), &proxies_.back());
+  }
+  report->candidate_pairs = static_cast<std::uint32_t>(broadphase_.find_pairs(proxies_).size());
+  report->broadphase_tests += broadphase_.tests();
+  if (broadphase_.is_full()) throw StepFailed{Failure::kTooManyPairs};
+}
+
+void ContactPipeline::collide(const StepContext& step, State* state, StepReport* report) {
+  const Model& model = step.model;
+  std::swap(state->touching, touching_before_);
+  is_collided_ = true;
+  state->touching.clear();
+  if (pairs().empty()) return;
+  const StageTimer timer(step.clock, Stage::kNarrowphase, &report->stage_times);
+  std::size_t points = 0;
+  auto before = touching_before_.begin();  // both lists are sorted, so one pass matches them
+  for (const Broadphase::Pair& ends : pairs()) {
+    if (step.topology.is_unpaired(ends)) continue;
+    if (is_set(step.stop)) return;
+    const auto a = to_index(ends.first);
+    const auto b = to_index(ends.second);
+    const Manifold manifold = engine::collide(PlacedShape(model.bodies[a], state->states[a]),
+                                              PlacedShape(model.bodies[b], state->states[b]));
+    if (manifold.count == 0) continue;
+    points += to_index(manifold.count);
+    if (points > kMostContacts) throw StepFailed{Failure::kTooManyContacts};
+
+    TouchingPair& pair = state->touching.emplace_back();
+    pair.a = ends.first;
+    pair.b = ends.second;
+    pair.id_a = model.body_ids[a];
+    pair.id_b = model.body_ids[b];
+    pair.manifold = manifold;
+    while (before != touching_before_.end() && before->ends() < ends) ++before;
+    const bool known =
+        model.options.warm_starting && before != touching_before_.end() && before->ends() == ends;
+    for (std::size_t k = 0; k < to_index(manifold.count); ++k)
+      pair.impulses[k] =
+          known ? before->impulse_of(manifold.points[k].feature) : Vector3d(Vector3d::Zero());
+  }
+}
+
+void ContactPipeline::take_back(List<TouchingPair>* touching) {
+  if (is_collided_) std::swap(*touching, touching_before_);
+  is_collided_ = false;
+}
+
+}  // namespace constraint_sim::engine

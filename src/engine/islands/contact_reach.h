@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <utility>
+
+#include "engine/collision/broadphase.h"
+#include "engine/islands/island_lists.h"
+#include "engine/islands/sleep.h"
+#include "engine/islands/topology.h"
+#include "engine/math/list.h"
+#include "engine/model/model.h"
+#include "engine/model/state.h"
+
+namespace constraint_sim::engine {
+
+/// Limits of an event-driven group.
+struct GroupLimits {
+  std::size_t bodies, points;
+  double work;  ///< in a step, in substeps of a group with one point
+};
+
+const GroupLimits& group_limits(const WorldOptions& options);
+
+/// Whether hits of a body with bodies like it cost no energy.
+bool keeps_energy(const Body& body);
+/// Whether a body is a sphere that keeps all energy, whose rotation nothing changes.
+bool is_elastic_sphere(const Model& model, std::size_t body);
+
+/// Size of a possible group: islands that watched pairs connect.
+struct GroupSize {
+  std::size_t bodies = 0, points = 0;
+  double reach = 0.0;  ///< largest reach of its bodies [m]
+  bool has_pairs = false, overlaps = false, is_elastic = true;
+  bool is_settled = true;   ///< overlaps are no deeper than impulses leave them at rest
+  bool was_handed = false;  ///< an island of it was left to impulses, and is not back
+};
+
+/// Which bodies may meet within a step, where contacts are event-driven. A body that is hit gets up
+/// to twice as fast as the body that hits it, so a body may get to twice its own displacement; near
+/// other bodies, to the displacement of the fastest of these. Groups grow from pair to pair until
+/// nobody else is there.
+class ContactReach {
+ public:
+  /// Distance within which a body may touch others in this step [m].
+  double of(int body) const { return reach_[body]; }
+  /// Pairs that may touch within the step, with their gaps [m].
+  const List<std::pair<Broadphase::Pair, double>>& watched_pairs() const { return watched_pairs_; }
+  /// The first island that watched pairs connect with an island; only where there are such pairs.
+  int leader_of(std::size_t island) const { return leader_of_[island]; }
+  const GroupSize& size_of_group(int leader) const { return sizes_[leader]; }
+
+  void forget_pairs() { watched_pairs_.clear(); }
+  /// Begins with the reach of each body by itself.
+  void begin(const Model& model, const State& state, const List<int>& moving_shapes);
+  /// Watches the pairs that may touch, out of all whose bounds overlap. True where a body of a
+  /// group got a larger reach.
+  bool grow(const Model& model, const Topology& topology, const State& state,
+            const IslandLists& lists, const AwakeSets& awake, const List<Broadphase::Pair>& pairs);
+
+ private:
+  void watch_pairs(const Model& model, const Topology& topology, const State& state,
+                   std::size_t islands, const List<Broadphase::Pair>& pairs);
+  void list_group_sizes(const Model& model, const Topology& topology, const State& state,
+                        const IslandLists& lists, const AwakeSets& awake);
+  std::optional<double> gap_to_watch(const Model& model, const Topology& topology,
+                                     const State& state, const Broadphase::Pair& pair) const;
+
+  List<std::pair<Broadphase::Pair, double>> watched_pairs_;
+  List<int> leader_of_;     // of islands
+  List<GroupSize> sizes_;   // by leader
+  List<double> reach_;      // [m] of bodies, whoever hits them
+  List<double> own_reach_;  // [m] where nobody does
+};
+
+}  // namespace constraint_sim::engine

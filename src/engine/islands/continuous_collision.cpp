@@ -1,0 +1,597 @@
+#include "engine/islands/continuous_collision.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/collision/narrowphase.h"
+#include "engine/islands/motion_bounds.h"
+#include "engine/math/numbers.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kNear = 1e-9;      // of the thinner body, within which a hit happens
+constexpr double kInstant = 1e-9;   // of a step, that a hit takes
+constexpr double kMostTurn = 0.5;   // [rad] of a body in a part of a step
+constexpr int kMostAdvances = 100;  // towards one hit
+constexpr int kMostLegs = 1000;     // parts of a step
+constexpr int kMostPlaces = 20000;  // along a path
+
+/// Where a step of impulses of length t leaves a body that nothing but gravity acts on.
+BodyState moved(const BodyState& state, const MassProperties& mass, const Vector3d& gravity,
+                double t) {
+  BodyState later = state;
+  later.position += t * (state.linear_velocity + t * gravity);
+  advance_orientation(mass, t, &later);
+  return later;
+}
+
+/// The most that a body may turn by without torque, by its moments, and what the rotation of a step
+/// of up to kMostTurn is beyond that of the motion [rad/s].
+double fastest_turn(const BodyState& state, const MassProperties& mass) {
+  const double w = state.angular_velocity.norm();
+  if (!mass.can_turn() || mass.is_isotropic()) return w;
+  return 1.1 * w * mass.inertia.maxCoeff() / mass.inertia.minCoeff();
+}
+
+/// The contact of a pair in a list that is sorted; null where there is none.
+const TouchingPair* find(const List<TouchingPair>& pairs, const std::pair<int, int>& ends) {
+  const auto found =
+      std::lower_bound(pairs.begin(), pairs.end(), ends,
+                       [](const TouchingPair& pair, const std::pair<int, int>& wanted) {
+                         return pair.ends() < wanted;
+                       });
+  return found != pairs.end() && found->ends() == ends ? &*found : nullptr;
+}
+
+/// Where a body is within a step, by where it is at both ends and how it moves there: on a cubic,
+/// and turning evenly. At a share s of the step.
+struct Path {
+  Vector3d x0, x1, m0, m1;
+  Quaterniond q0;
+  Vector3d turn, rest;  // what it turns by [rad], and what that is off by
+
+  Path(const BodyState& from, const BodyState& to, double h)
+      : x0(from.position),
+        x1(to.position),
+        m0(h * from.linear_velocity),
+        m1(h * to.linear_velocity),
+        q0(from.orientation),
+        turn(0.5 * h * (from.angular_velocity + to.angular_velocity)) {
+    rest = rotation_vector(to.orientation * (rotation(turn) * q0).conjugate());
+  }
+  BodyState at(double s) const {
+    const double t = 1.0 - s;
+    BodyState state;
+    state.position = t * t * (1.0 + 2.0 * s) * x0 + s * t * t * m0 + s * s * (3.0 - 2.0 * s) * x1 -
+                     s * s * t * m1;
+    state.orientation = rotation(s * rest) * (rotation(s * turn) * q0);
+    return state;
+  }
+  // what its centre moves by at most for a unit of s, and what it turns by
+  double way() const {
+    return std::max({m0.norm(), m1.norm(), (3.0 * (x1 - x0) - m0 - m1).norm()});
+  }
+  double angle() const { return turn.norm() + rest.norm(); }
+};
+
+/// A contact of two bodies without points.
+TouchingPair pair_of(const Model& model, const Broadphase::Pair& bodies) {
+  TouchingPair pair;
+  pair.a = bodies.first;
+  pair.b = bodies.second;
+  pair.id_a = model.body_ids[to_index(pair.a)];
+  pair.id_b = model.body_ids[to_index(pair.b)];
+  return pair;
+}
+
+/// Sum of the largest displacements of two bodies [m].
+double moved_of(const Model& model, const State& state, const Broadphase::Pair& pair,
+                double duration) {
+  return max_point_displacement(model, state, pair.first, duration) +
+         max_point_displacement(model, state, pair.second, duration);
+}
+
+/// Whether two bodies can meet within a duration, whatever they bounce off.
+bool may_meet(const Model& model, const State& state, const Broadphase::Pair& pair,
+              double duration) {
+  return gap_of(model, state, pair) <= max_distance(model, state, pair.first, duration) +
+                                           max_distance(model, state, pair.second, duration);
+}
+
+/// Whether one of two bodies is dynamic and on a joint.
+bool has_joints(const Model& model, const Topology& topology, const IslandLists& lists,
+                const Broadphase::Pair& pair) {
+  const auto has = [&](int body) {
+    return model.is_movable(to_index(body)) &&
+           !lists.island_parts[topology.island_of(body)].members.joints.empty();
+  };
+  return has(pair.first) || has(pair.second);
+}
+
+/// First time at which a pair that is apart touches by its velocities [s]. The plane between two
+/// shapes keeps them apart as long as they do not close the gap along its normal. Empty where the
+/// pair does not touch, and in a step that is to stop.
+std::optional<double> time_of_hit(const StepContext& step, const State& state,
+                                  const Broadphase::Pair& pair, double duration) {
+  const Model& model = step.model;
+  const std::size_t i = to_index(pair.first);
+  const std::size_t j = to_index(pair.second);
+  const Vector3d none = Vector3d::Zero();
+  const Vector3d g_i = model.is_movable(i) ? model.options.gravity : none;
+  const Vector3d g_j = model.is_movable(j) ? model.options.gravity : none;
+  const Vector3d v = state.states[i].linear_velocity - state.states[j].linear_velocity;
+  const double far = (state.states[i].position - state.states[j].position).norm() +
+                     max_point_displacement(model, state, pair.first, duration) +
+                     max_point_displacement(model, state, pair.second, duration);
+  const double spin =
+      fastest_turn(state.states[i], model.masses[i]) * reach_of(model.bodies[i], far) +
+      fastest_turn(state.states[j], model.masses[j]) * reach_of(model.bodies[j], far);
+  const double near = kNear * thinner_of(model, pair);
+  double t = 0.0;
+  for (int k = 0; k < kMostAdvances; ++k) {
+    if (is_set(step.stop)) return std::nullopt;
+    const BodyState later_i = moved(state.states[i], model.masses[i], g_i, t);
+    const BodyState later_j = moved(state.states[j], model.masses[j], g_j, t);
+    const PlacedShape shape_i(model.bodies[i], later_i), shape_j(model.bodies[j], later_j);
+    const Separation apart =
+        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state());
+    const double left = duration - t;
+    const double falling = std::max(0.0, -apart.normal.dot(g_i - g_j));
+    const double closing = spin - apart.normal.dot(v + 2.0 * t * (g_i - g_j)) + left * falling;
+    if (apart.gap <= near && closing > 0.0) return t;
+    if (!(closing * left > apart.gap - near)) return std::nullopt;
+    t += std::max(apart.gap, near) / closing;
+    if (t >= duration) return std::nullopt;
+  }
+  return t;  // apart until then; the search goes on from there
+}
+
+/// Time within which a pair that touches moves no farther into each other than the rows of a
+/// contact hold, whatever corner comes round [s]; 0 for a pair about to hit.
+double time_to_watch(const StepContext& step, const State& state, const IslandLists& lists,
+                     const TouchingPair& pair) {
+  const Model& model = step.model;
+  if (pair.manifold.count == 0) return 0.0;
+  if (has_joints(model, step.topology, lists, pair.ends()))
+    return kInfinity;  // joints hold it back
+  const BodyState& a = state.states[pair.a];
+  const BodyState& b = state.states[pair.b];
+  const Body& body_a = model.bodies[pair.a];
+  const Body& body_b = model.bodies[pair.b];
+  const double far = (a.position - b.position).norm();
+  const double closing =
+      std::max(0.0, -pair.manifold.normal.dot(a.linear_velocity - b.linear_velocity)) +
+      a.angular_velocity.norm() * reach_of(body_a, far) +
+      b.angular_velocity.norm() * reach_of(body_b, far);
+  return kFastShare * thinner_of(model, pair.ends()) / closing;
+}
+
+/// Whether two bodies that touch would move into each other as far as fast bodies do.
+bool is_hit(const Model& model, const State& state, const TouchingPair& pair, double duration) {
+  const BodyState& a = state.states[pair.a];
+  const BodyState& b = state.states[pair.b];
+  double closing = 0.0;
+  for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
+    const Vector3d& p = pair.manifold.points[k].position;
+    const Vector3d v = a.linear_velocity + a.angular_velocity.cross(p - a.position) -
+                       b.linear_velocity - b.angular_velocity.cross(p - b.position);
+    closing = std::max(closing, -v.dot(pair.manifold.normal));
+  }
+  return closing * duration > kFastShare * thinner_of(model, pair.ends());
+}
+
+/// Whether two bodies that took their step have met within; false in a step that is to stop.
+bool passes(const StepContext& step, const State& state, const Rollback& rollback,
+            const Broadphase::Pair& pair) {
+  const Model& model = step.model;
+  const double h = model.options.time_step;
+  const std::size_t i = to_index(pair.first), j = to_index(pair.second);
+  const auto path_of = [&](std::size_t body) {
+    if (model.is_movable(body)) return Path(rollback.states()[body], state.states[body], h);
+    BodyState later = state.states[body];  // what moves by itself does so at the end of the step
+    later.position += h * later.linear_velocity;
+    later.orientation = rotation(h * later.angular_velocity) * later.orientation;
+    return Path(state.states[body], later, h);
+  };
+  const Path of_i = path_of(i), of_j = path_of(j);
+  const double far = (of_i.x0 - of_j.x0).norm() + of_i.way() + of_j.way();
+  const double bound = of_i.way() + of_j.way() + of_i.angle() * reach_of(model.bodies[i], far) +
+                       of_j.angle() * reach_of(model.bodies[j], far);
+  const double least = kFastShare * thinner_of(model, pair);
+  double s = 0.0;
+  for (int k = 0; k < kMostPlaces && s < 1.0; ++k) {
+    if (is_set(step.stop)) return false;
+    const BodyState at_i = of_i.at(s), at_j = of_j.at(s);
+    const PlacedShape shape_i(model.bodies[i], at_i), shape_j(model.bodies[j], at_j);
+    const double gap =
+        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state()).gap;
+    if (gap <= 0.0 && s > 0.0) return true;
+    if (gap > (1.0 - s) * bound) return false;
+    s += std::max(gap, least) / bound;
+  }
+  return s < 1.0;  // too long a way along each other to be followed
+}
+
+/// Time for which a group with joints can go on so that no fast pair moves by more than its gap, or
+/// by kFastShare of the thinner body: these distances are `ways` [m].
+double time_on_joints(const Model& model, const State& state, const List<Broadphase::Pair>& near,
+                      double left, List<double>* ways) {
+  double longest = left;
+  for (const Broadphase::Pair& pair : near) {
+    double& way = ways->emplace_back(kFastShare * thinner_of(model, pair));
+    if (!is_fast(model, state, pair, longest)) continue;
+    way = std::max(way, gap_of(model, state, pair));
+    longest = std::min(longest, way / moved_of(model, state, pair, longest) * longest);
+  }
+  return longest;
+}
+
+/// Whether joints have made a pair that is apart so fast that it moved by twice its way and more.
+bool has_outrun(const Model& model, const State& state, const List<Broadphase::Pair>& near,
+                const List<double>& ways, double duration) {
+  for (std::size_t k = 0; k < ways.size(); ++k) {
+    if (moved_of(model, state, near[k], duration) > 2.0 * ways[k] &&
+        find(state.touching, near[k]) == nullptr)
+      return true;
+  }
+  return false;
+}
+
+/// Time for which a group without joints can go on until the next hit [s], but at least kInstant.
+double time_without_hit(const StepContext& step, const State& state, const IslandLists& lists,
+                        const List<int>& bodies, const List<Broadphase::Pair>& near, double left) {
+  const Model& model = step.model;
+  double duration = left;
+  for (const int body : bodies)
+    if (reach_of(model.bodies[body]) > 0.0)
+      duration = std::min(duration, kMostTurn / state.states[body].angular_velocity.norm());
+  for (const TouchingPair& pair : state.touching)
+    duration = std::min(duration, time_to_watch(step, state, lists, pair));
+  for (const Broadphase::Pair& pair : near)
+    if (is_fast(model, state, pair, duration) && find(state.touching, pair) == nullptr)
+      duration = std::max(kInstant * model.options.time_step,
+                          time_of_hit(step, state, pair, duration).value_or(duration));
+  return duration;
+}
+
+/// Finds the contacts of the group, and the contacts about to touch. True where one of them is a
+/// hit.
+bool collide_group(const Model& model, const List<Broadphase::Pair>& near, double left,
+                   State* state) {
+  const List<TouchingPair> before = std::move(state->touching);
+  state->touching.clear();
+  bool any_hit = false;
+  for (const Broadphase::Pair& ends : near) {
+    const std::size_t a = to_index(ends.first);
+    const std::size_t b = to_index(ends.second);
+    const double thinner = thinner_of(model, ends);
+    const Manifold manifold = collide(PlacedShape(model.bodies[a], state->states[a]),
+                                      PlacedShape(model.bodies[b], state->states[b]),
+                                      std::isfinite(thinner) ? 4.0 * kNear * thinner : 0.0);
+    if (manifold.count == 0) continue;
+    TouchingPair& pair = state->touching.emplace_back(pair_of(model, ends));
+    pair.manifold = manifold;
+    const TouchingPair* known = model.options.warm_starting ? find(before, ends) : nullptr;
+    for (std::size_t k = 0; k < to_index(manifold.count); ++k)
+      pair.impulses[k] = known != nullptr ? known->impulse_of(manifold.points[k].feature)
+                                          : Vector3d::Zero().eval();
+    any_hit = any_hit || is_hit(model, *state, pair, left);
+  }
+  return any_hit;
+}
+
+}  // namespace
+
+void ContinuousCollision::set_shapes(const Model& model) {
+  fast_bodies_.clear();
+  jointed_pairs_.clear();
+  thinnest_ = kInfinity;
+  for (std::size_t i = 1; i < model.bodies.size(); ++i)
+    if (may_touch(model.bodies[i]))
+      thinnest_ = std::min(thinnest_, thickness(model.bodies[i].shape));
+}
+
+void ContinuousCollision::find_fast_bodies(const Model& model, const State& state,
+                                           const List<int>& moving_shapes) {
+  const double h = model.options.time_step;
+  const double speed = kFastShare * thinnest_ / h - h * model.options.gravity.norm();
+  fast_square_ = speed > 0.0 ? speed * speed : -1.0;
+  fast_bodies_.clear();
+  jointed_pairs_.clear();
+  for (const int body : moving_shapes)
+    if (is_fast_body(model, state, body)) fast_bodies_.push_back(body);
+}
+
+bool ContinuousCollision::is_fast_body(const Model& model, const State& state, int body) const {
+  const BodyState& now = state.states[body];
+  if (now.linear_velocity.squaredNorm() > fast_square_) return true;
+  return !now.angular_velocity.isZero(0.0) &&
+         max_point_displacement(model, state, body, model.options.time_step) >
+             kFastShare * thinnest_;
+}
+
+void ContinuousCollision::find_hits(const StepContext& step, const List<Broadphase::Pair>& near,
+                                    const IslandLists& lists, State* state) {
+  const Model& model = step.model;
+  const double h = model.options.time_step;
+  list_jointed_pairs(step, near, *state, lists);
+  // event-driven groups widen the boxes of the broadphase
+  const auto is_open = [&](const Broadphase::Pair& pair) {
+    return !has_joints(model, step.topology, lists, pair) && is_fast(model, *state, pair, h) &&
+           find(state->touching, pair) == nullptr && !step.topology.is_unpaired(pair) &&
+           (!follows_contacts(model.options) || may_meet(model, *state, pair, h));
+  };
+  List<bool> hits_something(model.bodies.size());
+  bool any = false;
+  for (const Broadphase::Pair& pair : near) {
+    if (!is_open(pair) || !time_of_hit(step, *state, pair, h)) continue;
+    any = true;
+    for (const int body : {pair.first, pair.second})
+      if (model.is_movable(to_index(body))) hits_something[body] = true;
+  }
+  if (!any) return;
+  List<TouchingPair> found;
+  for (const Broadphase::Pair& pair : near) {
+    if (!hits_something[pair.first] && !hits_something[pair.second]) continue;
+    if (!is_open(pair)) continue;
+    found.push_back(pair_of(model, pair));
+  }
+  state->touching.insert(state->touching.end(), found.begin(), found.end());
+  std::sort(state->touching.begin(), state->touching.end(), TouchingPair::in_order);
+}
+
+void ContinuousCollision::list_jointed_pairs(const StepContext& step,
+                                             const List<Broadphase::Pair>& near, const State& state,
+                                             const IslandLists& lists) {
+  const Model& model = step.model;
+  const double h = model.options.time_step;
+  jointed_pairs_.clear();
+  for (const Broadphase::Pair& pair : near) {
+    if (!has_joints(model, step.topology, lists, pair) || !is_fast(model, state, pair, h) ||
+        step.topology.is_unpaired(pair) || find(state.touching, pair) != nullptr ||
+        !may_meet(model, state, pair, h))
+      continue;
+    jointed_pairs_.push_back(pair);
+  }
+}
+
+List<int> ContinuousCollision::find_passing(const StepContext& step, const State& state,
+                                            const Rollback& rollback,
+                                            const IslandLists& lists) const {
+  const auto is_integrated = [&](int island) {
+    return island < 0 || (lists.islands[island].method != Method::kSequentialImpulses &&
+                          lists.islands[island].why != MethodReason::kFewContacts);
+  };
+  List<int> caught;
+  for (const Broadphase::Pair& pair : jointed_pairs_) {
+    const int a = step.topology.island_of(pair.first), b = step.topology.island_of(pair.second);
+    if (!is_integrated(a) || !is_integrated(b) || !passes(step, state, rollback, pair)) continue;
+    for (const int island : {a, b})
+      if (island >= 0) caught.push_back(island);
+  }
+  std::sort(caught.begin(), caught.end());
+  caught.erase(std::unique(caught.begin(), caught.end()), caught.end());
+  return caught;
+}
+
+void ContinuousCollision::add_jointed_pairs(const StepContext& step, const IslandLists& lists,
+                                            State* state) const {
+  const Model& model = step.model;
+  const auto is_by_impulses = [&](int body) {
+    return !model.is_movable(to_index(body)) ||
+           lists.islands[step.topology.island_of(body)].method == Method::kSequentialImpulses;
+  };
+  for (const Broadphase::Pair& pair : jointed_pairs_) {
+    if (!is_by_impulses(pair.first) || !is_by_impulses(pair.second)) continue;
+    state->touching.push_back(pair_of(model, pair));
+  }
+  std::sort(state->touching.begin(), state->touching.end(), TouchingPair::in_order);
+}
+
+bool ContinuousCollision::divide(const StepContext& step, const IslandLists& lists,
+                                 const List<int>& bodies, const List<int>& joints, State* state) {
+  const Model& model = step.model;
+  const double h = model.options.time_step;
+  const auto is_about_to_hit = [&](const TouchingPair& pair) {
+    return time_to_watch(step, *state, lists, pair) < h;
+  };
+  if (!std::any_of(state->touching.begin(), state->touching.end(), is_about_to_hit)) return false;
+  is_member_.assign(model.bodies.size(), false);
+  bool spreads = false;
+  const auto join = [&](int body) {
+    if (!model.is_movable(to_index(body)) || is_member_[body]) return;
+    spreads = true;
+    for (const int other : lists.island_parts[step.topology.island_of(body)].members.bodies)
+      is_member_[other] = true;
+  };
+  for (const TouchingPair& pair : state->touching) {
+    if (!is_about_to_hit(pair)) continue;
+    join(pair.a);
+    join(pair.b);
+  }
+  while (spreads) {
+    spreads = false;
+    for (const TouchingPair& pair : state->touching) {
+      if (is_member_[pair.a]) join(pair.b);
+      if (is_member_[pair.b]) join(pair.a);
+    }
+  }
+  for (ImpulseGroup* group : {&group_, &rest_}) {
+    group->bodies.clear();
+    group->joints.clear();
+  }
+  for (const int body : bodies) (is_member_[body] ? group_ : rest_).bodies.push_back(body);
+  for (const int j : joints) {
+    const auto [a, b] = step.topology.ends(j);
+    (is_member_[model.is_movable(a) ? a : b] ? group_ : rest_).joints.push_back(j);
+  }
+  return true;
+}
+
+// Pairs that may touch within a duration, of the group with itself and with immovable bodies.
+List<Broadphase::Pair> ContinuousCollision::pairs_of_group(const StepContext& step,
+                                                           const State& state,
+                                                           const List<int>& moving_shapes,
+                                                           double duration, Broadphase* broadphase,
+                                                           bool* is_any_left) {
+  const Model& model = step.model;
+  proxies_.clear();
+  for (const int body : moving_shapes) {
+    proxies_.push_back(proxy_of(model, state, body));
+    if (is_member_[body] || !model.is_movable(to_index(body)))
+      widen(max_distance(model, state, body, duration), &proxies_.back());
+  }
+  List<Broadphase::Pair> pairs;
+  for (const Broadphase::Pair& pair : broadphase->find_pairs(proxies_)) {
+    const bool has_a = is_member_[pair.first];
+    const bool has_b = is_member_[pair.second];
+    if (!has_a && !has_b) continue;
+    if (step.topology.is_unpaired(pair)) continue;
+    const int other = has_a ? pair.second : pair.first;
+    if (has_a != has_b && model.is_movable(to_index(other)))
+      *is_any_left = *is_any_left || (is_fast(model, state, pair, duration) &&
+                                      time_of_hit(step, state, pair, duration));
+    else
+      pairs.push_back(pair);
+  }
+  if (broadphase->is_full()) throw StepFailed{Failure::kTooManyPairs};
+  return pairs;
+}
+
+// Adds the impulses of a part of the step to those before.
+void ContinuousCollision::gather_hits(const State& state) {
+  List<TouchingPair> all;
+  for (const TouchingPair& pair : hits_)
+    if (find(state.touching, pair.ends()) == nullptr) all.push_back(pair);
+  for (const TouchingPair& pair : state.touching) {
+    all.push_back(pair);
+    const TouchingPair* before = find(hits_, pair.ends());
+    if (before == nullptr) continue;
+    Vector3d sum = Vector3d::Zero();
+    for (std::size_t k = 0; k < to_index(before->manifold.count); ++k) sum += before->impulses[k];
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
+      const Vector3d same = before->impulse_of(pair.manifold.points[k].feature);
+      all.back().impulses[k] += same;
+      sum -= same;
+    }
+    all.back().impulses[0] += sum;  // of points that are no longer there
+  }
+  std::sort(all.begin(), all.end(), TouchingPair::in_order);
+  hits_ = std::move(all);
+}
+
+std::uint32_t ContinuousCollision::return_contacts(State* state) const {
+  std::uint32_t points = 0;
+  for (const TouchingPair& pair : hits_) points += static_cast<std::uint32_t>(pair.manifold.count);
+  state->touching.insert(state->touching.end(), hits_.begin(), hits_.end());
+  std::sort(state->touching.begin(), state->touching.end(), TouchingPair::in_order);
+  return points;
+}
+
+// Advances the group by a part of the step, which begins `done` [s] after the start of the step.
+void ContinuousCollision::advance_group(const StepContext& step, const AwakeSets& awake,
+                                        const List<ActingWrench>& wrenches, double done,
+                                        double duration, SequentialImpulses* method,
+                                        ImpulseReport* report, State* state) {
+  const Model& model = step.model;
+  if (state->any_corrections) state->take_out_corrections(awake.bodies);
+  const double share = duration / model.options.time_step;
+  List<ActingWrench> wrenches_now;
+  for (ActingWrench wrench : wrenches) {
+    if (!is_member_[wrench.body]) continue;
+    wrench.duration *= share;
+    wrenches_now.push_back(wrench);
+  }
+  JointStep span = joint_step(model.options, step.tick.start + done, duration);
+  if (!joint_sums_.empty()) span.beta *= share;  // errors close in all parts as they do in a step
+  const ImpulseStep part{span,
+                         group_.bodies,
+                         group_.joints,
+                         step.topology.joint_ends(),
+                         step.topology.is_in_loop(),
+                         wrenches_now,
+                         step.stop,
+                         step.clock};
+  ImpulseReport of_part = method->advance(model, part, state);
+  of_part.contacts = 0;  // each is counted once, with the hits
+  add_impulses(of_part, report);
+  report->correction_work += method->finish(model, part, state);
+  for (std::size_t k = 0; k < joint_sums_.size(); ++k) {
+    const std::size_t j = to_index(group_.joints[k]);
+    joint_sums_[k].add(model.joints[j], duration, &state->joint_states[j]);
+  }
+}
+
+HitReport ContinuousCollision::advance(const StepContext& step, const IslandLists& lists,
+                                       const AwakeSets& awake, const List<int>& moving_shapes,
+                                       const List<ActingWrench>& wrenches, Broadphase* broadphase,
+                                       SequentialImpulses* method, State* state) {
+  const Model& model = step.model;
+  HitReport report;
+  List<TouchingPair> of_others;
+  const auto is_of_group = [&](const TouchingPair& pair) {
+    return is_member_[pair.a] || is_member_[pair.b];
+  };
+  std::stable_partition(state->touching.begin(), state->touching.end(), is_of_group);
+  const auto others = std::find_if_not(state->touching.begin(), state->touching.end(), is_of_group);
+  of_others.assign(others, state->touching.end());
+  state->touching.erase(others, state->touching.end());
+  hits_.clear();
+  const bool is_on_joints =
+      std::any_of(state->touching.begin(), state->touching.end(), [&](const TouchingPair& pair) {
+        return pair.manifold.count == 0 && has_joints(model, step.topology, lists, pair.ends());
+      });
+
+  joint_sums_.assign(is_on_joints ? group_.joints.size() : 0, {});
+
+  const double h = model.options.time_step;
+  const List<BodyState> at_start = state->states;  // of kinematic bodies
+  bool was_hit = false;
+  double done = 0.0;
+  List<double> ways;
+  for (int leg = 0; done < h && !is_set(step.stop); ++leg) {
+    for (const int body : awake.kinematic)
+      state->states[body] = moved(at_start[body], MassProperties{}, Vector3d::Zero(), done);
+    const double left = h - done;
+    const List<Broadphase::Pair> near =
+        pairs_of_group(step, *state, moving_shapes, left, broadphase, &report.has_left_any);
+    ways.clear();
+    const bool is_any_hit = collide_group(model, near, left, state);
+    double duration = left;
+    if ((report.hits == kMostHits && !is_on_joints) || leg == kMostLegs) {
+      report.has_left_any = true;
+    } else if (is_on_joints) {
+      report.hits += is_any_hit && !was_hit ? 1 : 0;  // velocities left by sweeps go on closing
+      was_hit = is_any_hit;
+      duration = std::max(kInstant * h, time_on_joints(model, *state, near, left, &ways));
+    } else if (is_any_hit) {
+      ++report.hits;
+      duration = std::min(left, kInstant * h);
+    } else {
+      duration = time_without_hit(step, *state, lists, group_.bodies, near, left);
+    }
+    const bool is_last = duration >= left;
+    advance_group(step, awake, wrenches, done, is_last ? left : duration, method, &report.impulses,
+                  state);
+    report.has_left_any =
+        report.has_left_any || has_outrun(model, *state, near, ways, is_last ? left : duration);
+    gather_hits(*state);
+    done = is_last ? h : done + duration;
+  }
+  for (const int body : awake.kinematic) state->states[body] = at_start[body];
+  for (std::size_t k = 0; k < joint_sums_.size(); ++k) {
+    const std::size_t j = to_index(group_.joints[k]);
+    joint_sums_[k].finish(model.joints[j], step.topology.state_a(*state, j),
+                          step.topology.state_b(*state, j), h, &state->joint_states[j]);
+  }
+  for (TouchingPair& pair : hits_)
+    for (Manifold::Point& point : pair.manifold.points) point.depth = std::max(point.depth, 0.0);
+  state->touching = std::move(of_others);
+  return report;
+}
+
+}  // namespace constraint_sim::engine

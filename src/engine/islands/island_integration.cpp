@@ -1,0 +1,647 @@
+#include "engine/islands/island_integration.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "engine/constraints/coupling.h"
+#include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/islands/compile.h"
+#include "engine/islands/method_choice.h"
+#include "engine/math/numbers.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+// What substeps may lose when they take over within a tick, as a share of the kinetic energy.
+constexpr double kMostProjected = 1e-9;
+// Substeps of an island in one span; of all bodies together; and what each has at least, so that a
+// step of any number of bodies has an end.
+constexpr int kMostAttempts = 50000, kLeastAttempts = 100;
+constexpr std::size_t kMostAttemptsOfAll = 300000;
+
+/// Whether a joint belongs to an island that is integrated.
+bool is_integrated(const Model& model, const Topology& topology, const IslandLists& lists,
+                   std::size_t j) {
+  return lists.islands[topology.island_of_joint(model, j)].method != Method::kSequentialImpulses;
+}
+
+/// Adds the results of an attempt to the report of an island; false where the attempt failed.
+bool note(IslandLists* lists, std::size_t i, const IntegrationResult& progress) {
+  Island& island = lists->islands[i];
+  island.local_error += progress.local_error;
+  island.substeps += static_cast<std::uint32_t>(progress.substeps);
+  island.rejected += static_cast<std::uint32_t>(progress.rejected);
+  island.iterations += static_cast<std::uint32_t>(progress.iterations);
+  if (!progress.done) return false;
+  lists->island_parts[i].projected_energy += progress.projected;
+  lists->island_parts[i].correction_work += progress.corrected;
+  return true;
+}
+
+/// How islands are integrated: the more bodies there are, the fewer substeps an island gets.
+IntegratorOptions accuracy_within(const IntegrationStep& in, double most_frequency) {
+  const Model& model = in.step.model;
+  ImplicitMode mode =
+      model.options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
+  if (model.options.dissipation) mode = ImplicitMode::kDissipate;
+  IntegratorOptions accuracy{model.options.order, model.options.tolerance, mode, most_frequency};
+  const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, in.awake.bodies.size());
+  accuracy.most_attempts =
+      static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
+  return accuracy;
+}
+
+/// Advances an island with joints in one way, and lets the island learn from it.
+IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integration way,
+                                 const SmoothSpan& span, const IntegratorOptions& accuracy) {
+  const Model& model = in.step.model;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  IslandParts& parts = lists->island_parts[i];
+  IslandMotion& motion = lists->motions[parts.motion];
+  IntegrationResult progress = motion.advance(way, span, accuracy, &state->states);
+  switch (way) {
+    case Integration::kSubsteps: {
+      const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
+      if (!learn_from_substeps(cost, state->step_count, model.options, &progress, &parts)) break;
+      if (!progress.done) motion.begin_step(state->joint_states);  // forgets the attempt
+      parts.needs_method_choice = true;
+      break;
+    }
+    case Integration::kGradients: {
+      const EnergyMomentum& method = motion.gradients();
+      const int spans = method.was_first() ? 2 : 1;
+      learn_from_gradients(progress.iterations / spans, method.frequency(), motion.is_simple(),
+                           state->step_count, model.options, &parts);
+      break;
+    }
+    case Integration::kInconsistent:
+      if (!motion.can_be_met()) learn_from_inconsistency(state->step_count, &parts);
+      break;
+  }
+  return progress;
+}
+
+/// Switches the method of an island within a step.
+void switch_method(IslandLists* lists, std::size_t i, Method method, MethodReason why) {
+  ++lists->island_parts[i].changes;
+  lists->islands[i].method = method;
+  lists->islands[i].why = why;
+  lists->motions[lists->island_parts[i].motion].change_way();
+  lists->island_parts[i].needs_method_choice = true;
+}
+
+void report_switch(const IntegrationStep& in, EventKind kind, std::size_t i) {
+  const Model& model = in.step.model;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  const List<int>& members = lists->island_parts[i].members.bodies;
+  const int second = members.size() > 1 ? members[1] : members[0];
+  in.output->events.push_back({kind, state->time(model.options.time_step),
+                               model.body_ids[members[0]], model.body_ids[second]});
+}
+
+/// Switches the contacts of an island from events to impulses.
+void hand_over(const IntegrationStep& in, std::size_t i, MethodReason why) {
+  const Model& model = in.step.model;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  StepReport& report = in.output->report;
+  learn_from_handover(why, state->step_count, model.options, &lists->island_parts[i]);
+  ++report.handed_over;
+  if (!report.handed_over_body) report.handed_over_body = lists->islands[i].first_body;
+  report_switch(in, EventKind::kHandedOver, i);
+}
+
+/// Switches the contacts of an island back to events.
+void take_back(const IntegrationStep& in, std::size_t i) {
+  IslandLists* const lists = in.lists;
+  if (lists->island_parts[i].left_for == MethodReason::kSmooth) return;
+  lists->island_parts[i].left_for = MethodReason::kSmooth;
+  report_switch(in, EventKind::kTakenBack, i);
+}
+
+/// Chooses the method of an island, and reports where its contacts change between methods.
+MethodChoice choose_method(const IntegrationStep& in, std::size_t i, bool in_contact,
+                           const ContactReach& reach, const ContactGroups& groups) {
+  IslandParts& parts = in.lists->island_parts[i];
+  const WorldOptions& options = in.step.model.options;
+  const bool was_in_group = in.lists->islands[i].why == MethodReason::kFewContacts;
+  MethodChoice choice = choose(parts.nature, in_contact, parts, in.state->step_count, options);
+  if (groups.contains(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
+  if (groups.contains(i)) take_back(in, i);
+  if (choice.why == MethodReason::kContact) choice.why = groups.why_left(reach, i);
+  if (was_in_group && !parts.is_fresh && groups.is_left_in_contact(in.step.topology, reach, i)) {
+    choice = {Method::kSequentialImpulses, groups.why_left(reach, i)};
+    hand_over(in, i, choice.why);
+  }
+  remember_choice(choice, in_contact, in.state->step_count, &parts);
+  return choice;
+}
+
+/// Clears the results of the step before.
+void begin_islands(const List<int>& smooth, const List<JointState>& joint_states,
+                   IslandLists* lists) {
+  for (const int i : smooth) {
+    Island& island = lists->islands[i];
+    island.local_error = 0.0;
+    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
+    IslandParts& parts = lists->island_parts[i];
+    parts.projected_energy = parts.correction_work = 0.0;
+    parts.changes = 0;
+    parts.needs_method_choice = parts.has_failed = false;
+    if (parts.motion >= 0) lists->motions[parts.motion].begin_step(joint_states);
+  }
+}
+
+}  // namespace
+
+void open_joint(const Model& model, std::size_t j, double t, State* state) {
+  const Joint& joint = model.joints[j];
+  if (couples_joints(joint.kind))
+    read_coupling(model.terms_of(j), state->joint_states, &state->joint_states[j].coupling);
+  const std::size_t a = model.index(joint.body_a), b = model.index(joint.body_b);
+  begin_joint(joint, state->states[a], state->states[b], t, state->joint_states[j],
+              model.masses[b].can_turn());
+}
+
+std::uint32_t find_unresolved(const Model& model, const IslandMotion& motion,
+                              List<std::size_t>* bodies) {
+  const List<int>& held = motion.equations().bodies();
+  std::uint32_t count = 0;
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    if (model.options.time_step * motion.gradients().frequency_of(k) <= EnergyMomentum::kResolved)
+      continue;
+    ++count;
+    if (bodies != nullptr) bodies->push_back(to_index(held[k]));
+  }
+  return count;
+}
+
+void IslandIntegration::begin() {
+  is_partition_new_ = true;
+  time_varying_joints_.clear();
+  interval_ends_.clear();
+}
+
+void IslandIntegration::set_bodies(std::size_t bodies, bool forgets) {
+  if (forgets) rotations_.clear();
+  rotations_.resize(bodies);
+}
+
+// Islands that impulses advance have no courses where impulses always advanced them.
+void IslandIntegration::continue_from(const Model& model, const Topology& topology,
+                                      const AwakeSets& awake, const State& state,
+                                      IslandLists* lists) {
+  in_contact_.assign(lists->islands.size(), false);
+  list_by_method(model, topology, awake, state, *lists);
+  for (std::size_t i = 0; i < lists->islands.size(); ++i) {
+    const IslandParts& parts = lists->island_parts[i];
+    if (parts.is_fresh || parts.motion < 0 ||
+        lists->islands[i].method == Method::kSequentialImpulses)
+      continue;
+    lists->motions[parts.motion].continue_from(state.time(model.options.time_step), state.states,
+                                               model.options.gravity, loads_, courses_);
+  }
+}
+
+void IslandIntegration::choose_methods(const IntegrationStep& in, bool may_change,
+                                       const ContactReach& reach, Sleep* sleep,
+                                       ContactGroups* groups) {
+  entering_.clear();
+  if (may_change || !in.lists->fresh_islands.empty() || any_refused_ || any_stiff_ ||
+      groups->had_groups() || !groups->is_empty())
+    sort_islands(in, reach, sleep, groups);
+  groups->end_choice();
+  in.output->report.islands = partition_.islands;
+}
+
+void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactReach& reach,
+                                     Sleep* sleep, ContactGroups* groups) {
+  const Model& model = in.step.model;
+  const Topology& topology = in.step.topology;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  StepReport& report = in.output->report;
+  in_contact_.resize(lists->islands.size());
+  for (const int i : in.awake.islands) in_contact_[i] = false;
+  for (const TouchingPair& pair : state->touching)
+    for (const int body : {pair.a, pair.b})
+      if (topology.island_of(body) >= 0) in_contact_[topology.island_of(body)] = true;
+
+  bool changed = !lists->fresh_islands.empty() || sleep->has_changed();
+  sleep->forget_change();
+  any_refused_ = any_stiff_ = false;
+  for (const int index : in.awake.islands) {
+    const std::size_t i = to_index(index);
+    Island& island = lists->islands[i];
+    IslandParts& parts = lists->island_parts[i];
+    const bool has_woken = island.why == MethodReason::kAtRest;
+    const bool was_in_group = island.why == MethodReason::kFewContacts;
+    const MethodChoice choice = choose_method(in, i, in_contact_[i], reach, *groups);
+    any_refused_ = any_refused_ || choice.why == MethodReason::kRefused ||
+                   state->step_count < parts.contacts_refused_until;
+    any_stiff_ = any_stiff_ || choice.why == MethodReason::kInconsistent ||
+                 (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
+    island.local_error = 0.0;
+    island.substeps = island.rejected = island.iterations = island.dependent_rows = 0;
+    island.events = 0;
+    island.unresolved_bodies = 0;
+    const Method before = island.method;
+    island.method = choice.method;
+    island.why = choice.why;
+    const bool changes_way = island.method != before || was_in_group != groups->contains(i);
+    if (!changes_way && !parts.is_fresh && !has_woken) continue;
+    changed = true;
+    if (!parts.is_fresh && island.method != before) ++report.changes;
+    parts.energy.has_changed |= !parts.is_fresh && (island.method == Method::kSequentialImpulses ||
+                                                    before == Method::kSequentialImpulses);
+    parts.energy.has_changed |= groups->contains(i);  // bodies that touch exchange energy
+    const bool restarts = parts.is_fresh || has_woken;
+    if (restarts) {
+      restart(parts, &lists->motions);
+    } else if (parts.motion >= 0) {
+      IslandMotion& motion = lists->motions[parts.motion];
+      if (before == Method::kSequentialImpulses || island.method == Method::kSequentialImpulses)
+        motion.forget();
+      else
+        motion.change_way();
+    }
+    if ((restarts || before == Method::kSequentialImpulses) &&
+        island.method != Method::kSequentialImpulses)
+      entering_.push_back(static_cast<int>(i));
+  }
+  if (groups->had_groups() || !groups->is_empty()) groups->list_bodies(model, *lists, in.awake);
+  if (changed) list_by_method(model, topology, in.awake, *state, *lists);
+}
+
+// Forgets the steps before, so that a world that was saved and loaded goes on alike.
+void IslandIntegration::restart(const IslandParts& parts, List<IslandMotion>* motions) {
+  for (const int body : parts.turning_freely) rotations_[body] = FreeRotation{};
+  if (parts.motion >= 0) (*motions)[parts.motion].restart();
+}
+
+void IslandIntegration::list_by_method(const Model& model, const Topology& topology,
+                                       const AwakeSets& awake, const State& state,
+                                       const IslandLists& lists) {
+  is_partition_new_ = true;
+  partition_.smooth.clear();
+  partition_.islands = {};
+  for (const int i : awake.islands) {
+    ++partition_.islands[static_cast<std::size_t>(lists.islands[i].method)];
+    if (lists.islands[i].method == Method::kSequentialImpulses) continue;
+    partition_.smooth.push_back(i);
+  }
+  partition_.impulse_bodies.clear();
+  partition_.impulse_joints.clear();
+  for (const int body : awake.bodies) {
+    const int island = topology.island_of(body);
+    if (island >= 0 && lists.islands[island].method == Method::kSequentialImpulses)
+      partition_.impulse_bodies.push_back(body);
+  }
+  for (const int j : awake.joints)
+    if (acts(model.joints[j], state.joint_states[j]) &&
+        !is_integrated(model, topology, lists, to_index(j)))
+      partition_.impulse_joints.push_back(j);
+}
+
+IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
+                                             const ContinuousCollision& continuous,
+                                             ContactGroups* groups) {
+  const Model& model = in.step.model;
+  const Topology& topology = in.step.topology;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  StepReport& report = in.output->report;
+  const List<int>& smooth = partition_.smooth;
+  IntegrationWork work;
+  const StageTimer timer(in.step.clock, Stage::kIntegration, &report.stage_times);
+  if (!entering_.empty()) begin_entering(in);
+  if (is_partition_new_) list_time_varying_joints(model, *state, *lists);
+  begin_islands(smooth, state->joint_states, lists);
+  // a thread takes tens of microseconds to wake up, which some hundreds of bodies are worth
+  constexpr std::size_t kBodiesWorthIt = 500;
+  const int threads =
+      smooth.size() > 1 && in.awake.bodies.size() >= kBodiesWorthIt ? model.options.threads : 1;
+  split_step(in);
+  for (std::size_t k = 0; k + 1 < interval_ends_.size(); ++k) {
+    const double t = interval_ends_[k];
+    const JointStep span = joint_step(model.options, t, interval_ends_[k + 1] - t);
+    if (!state->wrenches.empty() || !loads_.empty())
+      find_loads(model, *state, t, interval_ends_[k + 1]);
+    const bool is_disturbed = had_wrenches_ || !loads_.empty() || k > 0;
+    for (const int j : time_varying_joints_)
+      if (is_integrated(model, topology, *lists, to_index(j)))
+        courses_[j].begin(model.joints[j], span, state->joint_states[j]);
+    const double since = t - in.step.tick.start;
+    const SmoothSpan continued{t,      span.h,       model.options.gravity,
+                               loads_, courses_,     is_disturbed,
+                               k > 0,  in.step.stop, since};
+    workers_.run(threads, smooth.size(), [&](std::size_t s) {
+      const std::size_t i = to_index(smooth[s]);
+      IslandParts& parts = lists->island_parts[i];
+      if (parts.has_failed || groups->contains(i)) return;
+      if (parts.is_fresh)
+        parts.has_failed = !integrate_island(in, i, continued.after_edit());
+      else
+        parts.has_failed = !integrate_island(in, i, continued);
+    });
+    for (const int i : smooth)
+      if (lists->island_parts[i].has_failed &&
+          lists->islands[i].method != Method::kSequentialImpulses)
+        reject(in, to_index(i), MethodReason::kRefused);
+    if (!groups->is_empty()) advance_groups(in, continued, groups);
+    for (const int j : time_varying_joints_)
+      if (is_integrated(model, topology, *lists, to_index(j)))
+        finish_span(model.joints[j], span, state->joint_states[j]);
+    had_wrenches_ = !loads_.empty();
+  }
+  for (const int i : continuous.find_passing(in.step, *state, in.rollback, *lists)) {
+    reject(in, to_index(i), MethodReason::kContact);
+    remember_choice({Method::kSequentialImpulses, MethodReason::kContact}, true, state->step_count,
+                    &lists->island_parts[i]);
+  }
+  if (!groups->is_empty()) groups->take_out_contacts(topology, &state->touching);
+  if (report_islands(in, *groups, &work)) list_by_method(model, topology, in.awake, *state, *lists);
+  report.islands = partition_.islands;
+  return work;
+}
+
+// Begins islands that were not integrated in the step before, or were edited. Joints that do not
+// fit close their errors from here on.
+void IslandIntegration::begin_entering(const IntegrationStep& in) {
+  const Model& model = in.step.model;
+  const Topology& topology = in.step.topology;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  const JointStep span = joint_step(model.options, in.step.tick.start, model.options.time_step);
+  for (const int i : entering_) {
+    IslandParts& parts = lists->island_parts[i];
+    // a saved scene knows which joints cannot all be met
+    const bool is_known_off = lists->islands[i].why == MethodReason::kInconsistent;
+    for (const int index : parts.members.joints) {
+      const std::size_t j = to_index(index);
+      if (!is_known_off && is_rigid(model.joints[j]) &&
+          !fits(model.joints[j], topology.state_a(*state, j), topology.state_b(*state, j), span,
+                state->joint_states[j]))
+        open_joint(model, j, span.t, state);
+    }
+    compile_if_opened(model, topology, state->joint_states, &parts, &lists->motions);
+  }
+  courses_.resize(model.joints.size());
+  for (const int i : entering_)
+    for (const int index : lists->island_parts[i].members.joints)
+      courses_[index].begin(model.joints[index], span, state->joint_states[index]);
+}
+
+void IslandIntegration::compile_where_closed(const Model& model, const Topology& topology,
+                                             const JointStep& span, State* state,
+                                             IslandLists* lists) {
+  for (const int index : time_varying_joints_) {
+    const std::size_t j = to_index(index);
+    if (state->joint_states[j].closing || info(model.joints[j].kind).form != RowsForm::kPoint)
+      continue;
+    courses_[j].begin(model.joints[j], span, state->joint_states[j]);
+    compile_if_opened(model, topology, state->joint_states,
+                      &lists->island_parts[topology.island_of_joint(model, j)], &lists->motions);
+  }
+}
+
+void IslandIntegration::compile_if_opened(const Model& model, const Topology& topology,
+                                          const List<JointState>& joint_states, IslandParts* parts,
+                                          List<IslandMotion>* motions) {
+  if (parts->motion < 0) return;
+  const List<int> open_points = open_points_of(model, joint_states, parts->members);
+  if (open_points == parts->open_points) return;
+  compile_island(model, topology, open_points, parts, motions);
+  restart(*parts, motions);
+}
+
+// Also joints whose motors stand still at the end of their travel.
+void IslandIntegration::list_time_varying_joints(const Model& model, const State& state,
+                                                 const IslandLists& lists) {
+  is_partition_new_ = false;
+  time_varying_joints_.clear();
+  for (const int i : partition_.smooth) {
+    for (const int index : lists.island_parts[i].members.joints) {
+      if (state.joint_states[index].closing || has_moving_motor(model.joints[index]))
+        time_varying_joints_.push_back(index);
+    }
+  }
+}
+
+// Splits the step where forces or prescribed velocities jump.
+void IslandIntegration::split_step(const IntegrationStep& in) {
+  const Model& model = in.step.model;
+  State* const state = in.state;
+  const Tick& tick = in.step.tick;
+  interval_ends_.resize(2);
+  interval_ends_[0] = tick.start;
+  interval_ends_[1] = tick.end;
+  if (state->wrenches.empty() && time_varying_joints_.empty()) return;
+  const double margin = 1e-9 * model.options.time_step;  // nearer times are moved to the ends
+  const auto split_at = [&](double time) {
+    if (time > tick.start + margin && time < tick.end - margin) interval_ends_.push_back(time);
+  };
+  for (const Wrench& wrench : state->wrenches) {
+    split_at(wrench.start);
+    split_at(wrench.end);
+  }
+  for (const int j : time_varying_joints_) {
+    visit_motors(model.joints[j], state->joint_states[j],
+                 [&](const Motor&, double end) { split_at(end); });
+    if (state->joint_states[j].closing)
+      split_at(state->joint_states[j].closing_since + model.options.closing_time);
+  }
+  if (interval_ends_.size() == 2) return;
+  std::sort(interval_ends_.begin(), interval_ends_.end());
+  interval_ends_.erase(std::unique(interval_ends_.begin(), interval_ends_.end()),
+                       interval_ends_.end());
+}
+
+void IslandIntegration::find_loads(const Model& model, const State& state, double from, double to) {
+  loads_.clear();
+  const double middle = 0.5 * (from + to);
+  for (const Wrench& wrench : state.wrenches)
+    if (wrench.start <= middle && middle < wrench.end)
+      loads_.push_back({static_cast<int>(model.index(wrench.body)), wrench.force, wrench.torque});
+}
+
+bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t i,
+                                         const SmoothSpan& span) {
+  const Model& model = in.step.model;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  const IslandParts& parts = lists->island_parts[i];
+  for (const int body : parts.turning_freely) {
+    Vector3d torque = Vector3d::Zero();
+    for (const AppliedWrench& load : loads_)
+      if (load.body == body) torque += load.torque;
+    if (!FreeRotation::turns(torque, state->states[body])) continue;
+    if (!note(lists, i,
+              rotations_[body].advance(span.h, torque, model.masses[body],
+                                       accuracy_within(in, kInfinity), span.stop,
+                                       &state->states[body])))
+      return false;
+  }
+  if (parts.motion >= 0) return integrate_joints(in, i, span);
+
+  const int body = parts.members.bodies.front();
+  Vector3d acceleration = model.options.gravity;
+  for (const AppliedWrench& load : loads_)
+    if (load.body == body) acceleration += model.masses[body].inverse_mass * load.force;
+  integrate_ballistic(span.h, acceleration, &state->states[body]);
+  return true;
+}
+
+// Tries the method of the island first. Where that fails, the other method; and where the joints
+// cannot all be met, the motion that comes nearest to meeting them.
+bool IslandIntegration::integrate_joints(const IntegrationStep& in, std::size_t i,
+                                         const SmoothSpan& span) {
+  const Model& model = in.step.model;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  IslandParts& parts = lists->island_parts[i];
+  Island& island = lists->islands[i];
+  if (island.method == Method::kEventDriven) {
+    const EventDriven::Surroundings around{joint_step(model.options, span.t, span.h),
+                                           state->joint_states, in.rollback.joint_states(),
+                                           model.masses};
+    return note(lists, i,
+                lists->motions[parts.motion].advance(span, accuracy_within(in, kInfinity), around,
+                                                     &state->states));
+  }
+  bool is_met = island.why != MethodReason::kInconsistent;
+  const auto by = [&](Integration way, const IntegratorOptions& accuracy) {
+    const IntegrationResult progress = advance_joints(in, i, way, span, accuracy);
+    is_met = !progress.is_inconsistent;
+    return note(lists, i, progress);
+  };
+  if (is_met && island.method == Method::kRungeKutta) {
+    const bool chooses = model.options.method == Method::kAuto;
+    const double limit =
+        chooses ? stiffness_limit(model.options) / model.options.time_step : kInfinity;
+    if (by(Integration::kSubsteps, accuracy_within(in, limit))) return true;
+    const MethodReason why =
+        chooses && parts.is_stiff ? MethodReason::kStiff : MethodReason::kRefused;
+    if (is_met) switch_method(lists, i, Method::kEnergyMomentum, why);
+  }
+  // A jerk that no step of ordinary length gets across: substeps begin with velocities that fit the
+  // joints, and the energy that this takes is bounded. Steps as short as needed take no such
+  // velocities. Only where these fail, too, an unbounded energy is taken, and reported.
+  const IntegratorOptions ordinary = accuracy_within(in, kInfinity);
+  IntegratorOptions substeps = ordinary, longer = ordinary;
+  // tolerance 0 asks runge_kutta for one substep a step, and no method that it stands in for
+  if (substeps.tolerance == 0.0 && model.options.method != Method::kRungeKutta)
+    substeps.tolerance = WorldOptions{}.tolerance;
+  IntegratorOptions bounded = substeps;
+  bounded.most_projected = longer.most_projected = kMostProjected;
+  longer.most_halvings *= 2;
+  const MethodReason why = island.why;
+  for (const auto& [way, accuracy] :
+       {std::pair{Integration::kGradients, ordinary}, std::pair{Integration::kSubsteps, bounded},
+        std::pair{Integration::kGradients, longer}, std::pair{Integration::kSubsteps, substeps}}) {
+    if (!is_met) break;
+    const Method method =
+        way == Integration::kSubsteps ? Method::kRungeKutta : Method::kEnergyMomentum;
+    if (method != island.method) switch_method(lists, i, method, why);
+    if (by(way, accuracy)) return true;
+  }
+  // soon after a contact impulses have left errors that cannot be met, and close them again
+  if (is_met || state->step_count < parts.touched_until) return false;
+  if (island.why != MethodReason::kInconsistent)
+    switch_method(lists, i, Method::kEnergyMomentum, MethodReason::kInconsistent);
+  return by(Integration::kInconsistent, ordinary);
+}
+
+void IslandIntegration::advance_groups(const IntegrationStep& in, const SmoothSpan& part,
+                                       ContactGroups* groups) {
+  const Model& model = in.step.model;
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  SmoothSpan span = part;
+  if (interval_ends_.size() == 2)
+    span.h = model.options.time_step;  // the whole step, however late it is
+  for (std::size_t g = 0; g < groups->groups().size(); ++g) {
+    const ContactGroup& group = groups->groups()[g];
+    if (group.has_failed) continue;
+    const IntegrationResult progress =
+        groups->advance(g, span, accuracy_within(in, kInfinity), model.options, state);
+    const bool is_done = note(lists, to_index(group.islands.front()), progress);
+    if (group.islands.size() > 1)  // they exchange energy
+      for (const int i : group.islands) lists->island_parts[i].energy.has_changed = true;
+    if (is_done) continue;
+    groups->mark_failed(g);
+    for (const int i : group.islands) reject(in, to_index(i), MethodReason::kContactsGivenUp);
+  }
+}
+
+// Adds up the results of islands in their order, which does not depend on the number of threads.
+// True where the method of an island changed.
+bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactGroups& groups,
+                                       IntegrationWork* work) {
+  const Model& model = in.step.model;
+  IslandLists* const lists = in.lists;
+  StepReport& report = in.output->report;
+  bool any_changed = false;
+  report.rows = 0;
+  for (const int index : partition_.smooth) {
+    Island& island = lists->islands[index];
+    IslandParts& parts = lists->island_parts[index];
+    report.projected_energy += parts.projected_energy;
+    work->corrections += parts.correction_work;
+    parts.energy.corrections += parts.correction_work;
+    report.changes += parts.changes;
+    any_stiff_ = any_stiff_ || parts.needs_method_choice;
+    any_changed = any_changed || parts.changes > 0;
+    if (island.method == Method::kSequentialImpulses) continue;  // rejected within the step
+    if (parts.motion >= 0) {
+      const IslandMotion& motion = lists->motions[parts.motion];
+      const EquationsOfMotion& equations = motion.equations();
+      report.rows += static_cast<std::uint32_t>(equations.rows());
+      island.dependent_rows = static_cast<std::uint32_t>(equations.dependent_rows());
+      island.events = motion.events();
+    }
+    if (groups.contains(to_index(index))) {
+      island.events = groups.events_of(to_index(index));
+      const double driven = groups.driven_work_of(to_index(index));
+      work->drives += driven;
+      parts.energy.corrections += driven;
+    }
+    report.events += island.events;
+    if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
+      island.unresolved_bodies = find_unresolved(model, lists->motions[parts.motion], nullptr);
+    report.unresolved_bodies += island.unresolved_bodies;
+    report.local_error = std::max(report.local_error, island.local_error);
+    report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);
+    report.substeps += island.substeps;
+    report.rejected += island.rejected;
+    report.iterations += island.iterations;
+  }
+  return any_changed;
+}
+
+// Leaves this step of an island, from its start, and some more steps to impulses.
+void IslandIntegration::reject(const IntegrationStep& in, std::size_t i, MethodReason why) {
+  State* const state = in.state;
+  IslandLists* const lists = in.lists;
+  StepReport& report = in.output->report;
+  in.rollback.restore(lists->island_parts[i].members, state);
+  lists->islands[i].method = Method::kSequentialImpulses;
+  lists->islands[i].why = why;
+  lists->island_parts[i].projected_energy = lists->island_parts[i].correction_work = 0.0;
+  if (why == MethodReason::kContactsGivenUp)
+    hand_over(in, i, why);
+  else if (why != MethodReason::kContact)
+    learn_from_refusal(state->step_count, &lists->island_parts[i]);
+  any_refused_ = true;
+  ++lists->island_parts[i].changes;
+  lists->island_parts[i].energy.has_changed = true;
+  report.rejected += lists->islands[i].rejected;
+}
+
+}  // namespace constraint_sim::engine

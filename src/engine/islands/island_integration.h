@@ -1,0 +1,138 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/constraints/course.h"
+#include "engine/dynamics/method.h"
+#include "engine/islands/contact_groups.h"
+#include "engine/islands/contact_reach.h"
+#include "engine/islands/continuous_collision.h"
+#include "engine/islands/island_lists.h"
+#include "engine/islands/method_partition.h"
+#include "engine/islands/rollback.h"
+#include "engine/islands/sleep.h"
+#include "engine/islands/step.h"
+#include "engine/islands/step_output.h"
+#include "engine/math/list.h"
+#include "engine/methods/runge_kutta/runge_kutta.h"
+#include "engine/model/state.h"
+#include "engine/support/workers.h"
+
+namespace constraint_sim::engine {
+
+/// Measures a joint whose bodies were moved, or that was edited. The joint closes its error from
+/// the time `t` [s] on.
+void open_joint(const Model& model, std::size_t j, double t, State* state);
+
+/// Everything that the integration of islands reads and writes in a step beside its own fields.
+struct IntegrationStep {
+  const StepContext& step;
+  const AwakeSets& awake;
+  const Rollback& rollback;
+  State* state;
+  IslandLists* lists;
+  StepOutput* output;
+};
+
+/// Work on integrated islands in a step [J].
+struct IntegrationWork {
+  double corrections = 0.0;
+  double drives = 0.0;  ///< of kinematic bodies on groups of contacts
+};
+
+/// Chooses the method of each awake island, and advances the islands that are integrated.
+class IslandIntegration {
+ public:
+  const MethodPartition& partition() const { return partition_; }
+  /// Prescribed motions of all joints of integrated islands, by joint.
+  const List<PrescribedMotion>& courses() const { return courses_; }
+  /// Joints whose prescribed motion is not constant.
+  const List<int>& time_varying_joints() const { return time_varying_joints_; }
+  /// Free rotations, by body.
+  const List<FreeRotation>& rotations() const { return rotations_; }
+  /// Wrenches in the last interval.
+  const List<AppliedWrench>& loads() const { return loads_; }
+  bool had_wrenches() const { return had_wrenches_; }
+  /// Ends of the intervals of a step in which nothing jumps [s].
+  const List<double>& interval_ends() const { return interval_ends_; }
+
+  /// Begins anew after an edit.
+  void begin();
+  /// Makes room for the bodies after an edit of the topology; `forgets`: free rotations begin anew.
+  void set_bodies(std::size_t bodies, bool forgets);
+  void forget_loads() { loads_.clear(); }
+  /// Goes on from a snapshot that was read.
+  void continue_from(const Model& model, const Topology& topology, const AwakeSets& awake,
+                     const State& state, IslandLists* lists);
+
+  /// Chooses the method of each awake island. `may_change`: contacts or awake sets changed.
+  void choose_methods(const IntegrationStep& in, bool may_change, const ContactReach& reach,
+                      Sleep* sleep, ContactGroups* groups);
+  /// Advances the integrated islands by a step. Islands that cannot be advanced are left to
+  /// impulses at the start of the step.
+  IntegrationWork integrate(const IntegrationStep& in, const ContinuousCollision& continuous,
+                            ContactGroups* groups);
+  /// Compiles islands anew whose joints without axes have closed their errors.
+  void compile_where_closed(const Model& model, const Topology& topology, const JointStep& span,
+                            State* state, IslandLists* lists);
+
+  /// Visits everything that the next step goes on from, as support/memory.h says, in three parts.
+  template <class Self, class Visit>
+  static void visit_motion(Self& self, Visit& visit) {
+    visit(self.rotations_);
+    visit(self.courses_);
+    visit(self.loads_);
+    visit(self.had_wrenches_);
+  }
+  template <class Self, class Visit>
+  static void visit_choice(Self& self, Visit& visit) {
+    visit(self.any_refused_);
+    visit(self.any_stiff_);
+  }
+  template <class Self, class Visit>
+  static void visit_courses(Self& self, Visit& visit) {
+    visit(self.is_partition_new_);
+    visit(self.time_varying_joints_);
+  }
+
+ private:
+  void sort_islands(const IntegrationStep& in, const ContactReach& reach, Sleep* sleep,
+                    ContactGroups* groups);
+  void list_by_method(const Model& model, const Topology& topology, const AwakeSets& awake,
+                      const State& state, const IslandLists& lists);
+  void restart(const IslandParts& parts, List<IslandMotion>* motions);
+  void begin_entering(const IntegrationStep& in);
+  void compile_if_opened(const Model& model, const Topology& topology,
+                         const List<JointState>& joint_states, IslandParts* parts,
+                         List<IslandMotion>* motions);
+  void list_time_varying_joints(const Model& model, const State& state, const IslandLists& lists);
+  void split_step(const IntegrationStep& in);
+  void find_loads(const Model& model, const State& state, double from, double to);
+  bool integrate_island(const IntegrationStep& in, std::size_t i, const SmoothSpan& span);
+  bool integrate_joints(const IntegrationStep& in, std::size_t i, const SmoothSpan& span);
+  void advance_groups(const IntegrationStep& in, const SmoothSpan& part, ContactGroups* groups);
+  void reject(const IntegrationStep& in, std::size_t i, MethodReason why);
+  bool report_islands(const IntegrationStep& in, const ContactGroups& groups,
+                      IntegrationWork* work);
+
+  MethodPartition partition_;
+  bool any_refused_ = false;  // an island is left to impulses for a while
+  bool any_stiff_ = false;    // an island is stiff, or its method has to be chosen again
+  List<bool> in_contact_;     // by island
+  List<int> entering_;        // islands that begin to be integrated, or were edited
+  List<PrescribedMotion> courses_;
+  bool is_partition_new_ = true;  // since time_varying_joints_ was listed
+  List<int> time_varying_joints_;
+  List<FreeRotation> rotations_;
+  List<double> interval_ends_;
+  List<AppliedWrench> loads_;
+  bool had_wrenches_ = false;
+  Workers workers_;
+};
+
+/// Bodies of an island that move faster than the step resolves. Adds them to `bodies` unless null.
+std::uint32_t find_unresolved(const Model& model, const IslandMotion& motion,
+                              List<std::size_t>* bodies);
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,100 @@
+#include "engine/islands/motion_bounds.h"
+
+#include <algorithm>
+
+#include "engine/collision/narrowphase.h"
+#include "engine/math/elementary.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+struct Thickness {
+  double operator()(const Point&) const { return kInfinity; }
+  double operator()(const Sphere& sphere) const { return 2.0 * sphere.radius; }
+  double operator()(const Box& box) const { return box.size.minCoeff(); }
+  double operator()(const Plane&) const { return kInfinity; }
+  double operator()(const Cylinder& cylinder) const {
+    return std::min(2.0 * cylinder.radius, cylinder.length);
+  }
+};
+
+/// Distance from its centre within which rotation moves a shape [m].
+struct Reach {
+  double distance;
+  double operator()(const Point&) const { return 0.0; }
+  double operator()(const Sphere&) const { return 0.0; }
+  double operator()(const Box& box) const { return 0.5 * box.size.norm(); }
+  double operator()(const Plane&) const { return distance; }
+  double operator()(const Cylinder& cylinder) const {
+    return math::hypot(cylinder.radius, 0.5 * cylinder.length);
+  }
+};
+
+}  // namespace
+
+bool may_touch(const Body& body) {
+  return !body.no_collision && !std::holds_alternative<Point>(body.shape);
+}
+
+double thickness(const Shape& shape) { return std::visit(Thickness{}, shape); }
+
+double reach_of(const Body& body, double distance) {
+  const double arm = body.shape_pose ? body.shape_pose->position.norm() : 0.0;
+  return std::visit(Reach{distance}, body.shape) + arm;
+}
+
+double extent(const Body& body) {
+  const auto* sphere = std::get_if<Sphere>(&body.shape);
+  return reach_of(body, kInfinity) + (sphere != nullptr ? sphere->radius : 0.0);
+}
+
+double thinner_of(const Model& model, const std::pair<int, int>& bodies) {
+  return std::min(thickness(model.bodies[bodies.first].shape),
+                  thickness(model.bodies[bodies.second].shape));
+}
+
+double max_center_displacement(const Model& model, const State& state, int body, double duration) {
+  const double fall =
+      model.is_movable(to_index(body)) ? duration * model.options.gravity.norm() : 0.0;
+  return duration * (state.states[body].linear_velocity.norm() + fall);
+}
+
+double max_point_displacement(const Model& model, const State& state, int body, double duration) {
+  const double of_center = max_center_displacement(model, state, body, duration);
+  const Eigen::Vector3d& w = state.states[body].angular_velocity;
+  if (w.isZero(0.0)) return of_center;
+  return of_center + duration * w.norm() * reach_of(model.bodies[body]);
+}
+
+double max_distance(const Model& model, const State& state, int body, double duration) {
+  return std::min(
+      max_point_displacement(model, state, body, duration),
+      max_center_displacement(model, state, body, duration) + reach_of(model.bodies[body]));
+}
+
+Proxy proxy_of(const Model& model, const State& state, int body) {
+  const PlacedShape placed(model.bodies[body], state.states[body]);
+  return {bounds(placed.shape(), placed.state()), body, model.is_movable(to_index(body))};
+}
+
+void widen(double margin, Proxy* proxy) {
+  proxy->box.min -= Eigen::Vector3d::Constant(margin);
+  proxy->box.max += Eigen::Vector3d::Constant(margin);
+}
+
+bool is_fast(const Model& model, const State& state, const std::pair<int, int>& bodies,
+             double duration) {
+  return max_point_displacement(model, state, bodies.first, duration) +
+             max_point_displacement(model, state, bodies.second, duration) >
+         kFastShare * thinner_of(model, bodies);
+}
+
+double gap_of(const Model& model, const State& state, const std::pair<int, int>& bodies) {
+  const auto [a, b] = bodies;
+  const PlacedShape of_a(model.bodies[a], state.states[a]), of_b(model.bodies[b], state.states[b]);
+  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
+}
+
+}  // namespace constraint_sim::engine

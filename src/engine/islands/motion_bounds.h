@@ -1,0 +1,54 @@
+#pragma once
+
+#include <utility>
+
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/shape.h"
+#include "engine/collision/broadphase.h"
+#include "engine/model/model.h"
+#include "engine/model/state.h"
+
+namespace constraint_sim::engine {
+
+// How far bodies can get within a time, and how far apart they are.
+
+/// Whether a body has a shape that may touch other shapes.
+bool may_touch(const Body& body);
+
+/// Least width of a shape [m]; infinite of planes, which are half-spaces, and of points.
+double thickness(const Shape& shape);
+/// The smaller thickness of two bodies [m].
+double thinner_of(const Model& model, const std::pair<int, int>& bodies);
+
+/// Largest displacement of two bodies in a step that is not fast, as a share of the smaller
+/// thickness.
+inline constexpr double kFastShare = 0.25;
+
+/// Distance from the centre of a body within which its rotation moves its shape [m]. A plane is
+/// the same everywhere but at the distance where another shape meets it.
+double reach_of(const Body& body, double distance = 0.0);
+
+/// Radius around the centre of a body that holds its shape [m]; infinite of planes.
+double extent(const Body& body);
+
+/// Largest displacement of the centre of a body within a duration [s], by velocity and gravity [m].
+double max_center_displacement(const Model& model, const State& state, int body, double duration);
+/// Largest displacement of a point of a body [m].
+double max_point_displacement(const Model& model, const State& state, int body, double duration);
+/// Distance from its present place that a body cannot leave, whatever it bounces off [m]: however
+/// fast a body turns, it stays within its reach.
+double max_distance(const Model& model, const State& state, int body, double duration);
+
+/// The bounds of a body in the broadphase.
+Proxy proxy_of(const Model& model, const State& state, int body);
+/// Widens a box by a margin on all sides [m].
+void widen(double margin, Proxy* proxy);
+
+/// Whether two bodies move against each other by more than kFastShare of the thinner body.
+bool is_fast(const Model& model, const State& state, const std::pair<int, int>& bodies,
+             double duration);
+
+/// Gap between the shapes of two bodies [m]; < 0: they overlap.
+double gap_of(const Model& model, const State& state, const std::pair<int, int>& bodies);
+
+}  // namespace constraint_sim::engine

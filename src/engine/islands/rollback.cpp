@@ -1,0 +1,36 @@
+#include "engine/islands/rollback.h"
+
+namespace constraint_sim::engine {
+
+void Rollback::resize(const State& state, std::size_t islands) {
+  states_.resize(state.states.size());
+  joint_states_.resize(state.joint_states.size());
+  memory_.resize(islands);
+}
+
+void Rollback::save(const AwakeSets& awake, const State& state, const List<IslandParts>& islands) {
+  for (const int i : awake.bodies) states_[i] = state.states[i];
+  for (const int j : awake.joints) joint_states_[j] = state.joint_states[j];
+  for (const int i : awake.islands) memory_[i] = islands[i];
+  is_saved_ = true;
+  had_corrections_ = state.any_corrections;
+  if (had_corrections_) corrections_ = state.corrections;
+}
+
+void Rollback::restore(const AwakeSets& awake, State* state, List<IslandParts>* islands) const {
+  for (const int i : awake.bodies) state->states[i] = states_[i];
+  for (const int j : awake.joints) state->joint_states[j] = joint_states_[j];
+  for (const int i : awake.islands) static_cast<IslandMemory&>((*islands)[i]) = memory_[i];
+  if (had_corrections_)
+    state->corrections = corrections_;
+  else if (state->any_corrections)
+    for (Twist& correction : state->corrections) correction.setZero();
+  state->any_corrections = had_corrections_;
+}
+
+void Rollback::restore(const IslandMembers& members, State* state) const {
+  for (const int body : members.bodies) state->states[body] = states_[body];
+  for (const int j : members.joints) state->joint_states[j] = joint_states_[j];
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "engine/islands/island_lists.h"
+#include "engine/islands/sleep.h"
+#include "engine/math/list.h"
+#include "engine/model/state.h"
+
+namespace constraint_sim::engine {
+
+/// The state at the start of a step: a step that fails ends where it began.
+class Rollback {
+ public:
+  /// Makes room for a world with so many bodies, joints and islands.
+  void resize(const State& state, std::size_t islands);
+  /// Nothing is saved for the step that begins.
+  void begin_step() { is_saved_ = false; }
+  bool is_saved() const { return is_saved_; }
+  /// Saves the state of everything awake.
+  void save(const AwakeSets& awake, const State& state, const List<IslandParts>& islands);
+  /// Restores everything that save() saved; the awake sets are those of save().
+  void restore(const AwakeSets& awake, State* state, List<IslandParts>* islands) const;
+  /// Restores the bodies and joints of an island.
+  void restore(const IslandMembers& members, State* state) const;
+
+  /// By index, of bodies and joints that are awake.
+  const List<BodyState>& states() const { return states_; }
+  const List<JointState>& joint_states() const { return joint_states_; }
+
+ private:
+  bool is_saved_ = false, had_corrections_ = false;
+  List<BodyState> states_;
+  List<Twist> corrections_;
+  List<JointState> joint_states_;
+  List<IslandMemory> memory_;
+};
+
+}  // namespace constraint_sim::engine

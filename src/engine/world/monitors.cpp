@@ -1,0 +1,376 @@
+#include "engine/world/monitors.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "engine/constraints/joint.h"
+#include "engine/islands/motion_bounds.h"
+#include "engine/math/numbers.h"
+#include "engine/methods/energy_momentum/energy_momentum.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kPatience = 0.5;     // [s] an error has to fall within, at least
+constexpr int kPatienceTicks = 20;    // the same; Baumgarte's 0.1 leaves an eighth after these
+constexpr double kFallenShare = 0.9;  // what an error that falls is below then
+// Contacts at rest sink in by g h² for each contact of a stack. Overlaps are pushed out within
+// kOverlapPatience.
+constexpr double kMostSunk = 4.0, kOverlapPatience = 0.1;  // [1], [s]
+constexpr int kOverlapTicks = 10;
+// Speed in g h, below which a body rests. Faster bodies slide and roll by what steps leave of their
+// impacts, which is no creep up to kMostSlipShare.
+constexpr double kMostResting = 4.0;  // [1]
+// Slip while a contact sinks in, as a share of the depth that it sinks in by.
+constexpr double kMostCrept = 0.0125;
+// A rise beyond what rounding and tolerance explain: of the largest kinetic energy. Smooth methods
+// keep 1e-9 of it, and no plot shows less.
+constexpr double kRise = 1e-6;
+constexpr double kFits = 1e-6;  // [m] beyond which an error left by an edit is closed
+// Relative roundings of a step: of some ten operations on a body, and of sweeps over rows whose
+// impulses exceed the motion they leave by the ratio of masses.
+constexpr double kRounding = 16.0 * kEpsilon, kRoundingOfSweeps = 1e-11;
+
+/// Adds a gain to a rise, which never falls below zero: the next rise counts from there.
+double gain_of(double before, double gain, double allowed) {
+  return std::isfinite(gain) ? std::max(0.0, before + gain - allowed) : before;
+}
+
+/// How fast A slides on B where they touch, in the middle of their points [m/s].
+Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& b) {
+  Vector3d middle = Vector3d::Zero();
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k)
+    middle += pair.manifold.points[k].position;
+  middle /= pair.manifold.count;
+  const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - a.position) -
+                     b.linear_velocity - b.angular_velocity.cross(middle - b.position);
+  return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
+}
+
+/// Finds the largest errors. True where a joint is off by more than kUnclosedAngle.
+bool find_worst_joint(const Model& model, const State& state, const List<int>& among,
+                      StepReport* worst) {
+  bool is_any_askew = false;
+  for (const int index : among) {
+    const auto j = static_cast<std::size_t>(index);
+    is_any_askew |= state.joint_states[j].angle_error > kUnclosedAngle;
+    const double error = std::abs(state.joint_states[j].error);
+    if (!acts(model.joints[j], state.joint_states[j]) || !is_rigid(model.joints[j])) continue;
+    const bool is_closing = state.joint_states[j].closing;
+    double& largest = is_closing ? worst->closing_error : worst->max_constraint_error;
+    std::optional<JointId>& joint = is_closing ? worst->closing_joint : worst->worst_joint;
+    if (joint && error <= largest) continue;
+    largest = error;
+    joint = model.joint_ids[j];
+  }
+  return is_any_askew;
+}
+
+}  // namespace
+
+std::uint32_t find_spinning(const Model& model, const State& state, const Rollback& rollback,
+                            const IslandMembers& members, List<std::size_t>* bodies) {
+  if (members.joints.empty()) return 0;
+  const double most = EnergyMomentum::kResolved / model.options.time_step;
+  std::uint32_t count = 0;
+  for (const int body : members.bodies) {
+    const double w = std::max(state.states[body].angular_velocity.squaredNorm(),
+                              rollback.states()[body].angular_velocity.squaredNorm());
+    if (!model.masses[body].can_turn() || w <= most * most) continue;
+    ++count;
+    if (bodies != nullptr) bodies->push_back(to_index(body));
+  }
+  return count;
+}
+
+void Monitors::set_resting(const Model& model, const State& state, const RestingSets& resting,
+                           const IslandLists& lists) {
+  awake_changed_ = true;
+  resting_report_ = StepReport{};
+  for (std::size_t i = 0; i < lists.islands.size(); ++i) {
+    if (!state.asleep[lists.island_parts[i].members.bodies.front()]) continue;
+    ++resting_report_.asleep;
+    resting_report_.dependent_rows =
+        std::max(resting_report_.dependent_rows, lists.islands[i].dependent_rows);
+  }
+  for (const TouchingPair& pair : state.resting)
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k)
+      resting_report_.max_penetration =
+          std::max(resting_report_.max_penetration, pair.manifold.points[k].depth);
+  find_worst_joint(model, state, resting.joints, &resting_report_);
+  resting_energy_ = energy_of(model, state, resting.bodies, resting.joints);
+}
+
+void Monitors::measure(const MonitorInput& in, IslandLists* lists, StepReport* report) {
+  report->asleep = resting_report_.asleep;
+  report->dependent_rows = std::max(report->dependent_rows, resting_report_.dependent_rows);
+  report->max_penetration = std::max(report->max_penetration, resting_report_.max_penetration);
+  report->max_constraint_error = resting_report_.max_constraint_error;
+  report->worst_joint = resting_report_.worst_joint;
+  report->closing_error = resting_report_.closing_error;
+  report->closing_joint = resting_report_.closing_joint;
+  const bool is_any_askew = find_worst_joint(in.model, in.state, in.awake.joints, report);
+  const Energy now = energy_of(in.model, in.state, in.awake.bodies, in.awake.joints);
+  largest_kinetic_energy_ = std::max(largest_kinetic_energy_, now.kinetic);
+  report->energy = now.kinetic + now.potential + resting_energy_.potential;
+  if (largest_kinetic_energy_ > 0.0) {
+    constexpr double kMost = std::numeric_limits<double>::max();
+    const double drift = (report->energy - reference_energy_) / largest_kinetic_energy_;
+    report->energy_drift = std::clamp(drift, -kMost, kMost);  // the divisor may be denormal
+  }
+  if (report->failed || report->stopped) return;
+  if (is_any_askew ||
+      std::max(report->max_constraint_error, report->closing_error) > kUnclosedError ||
+      !open_.empty())
+    watch_joints(in, *lists, report);
+  if (!in.partition.impulse_joints.empty()) {
+    for (const int i : in.awake.islands) {
+      Island& island = lists->islands[i];
+      if (island.method != Method::kSequentialImpulses) continue;
+      island.unresolved_bodies =
+          find_spinning(in.model, in.state, in.rollback, lists->island_parts[i].members, nullptr);
+      report->unresolved_bodies += island.unresolved_bodies;
+    }
+  }
+  if (!in.state.touching.empty() || !held_.empty()) watch_contacts(in, report);
+  watch_energy(in, lists, report);
+}
+
+void Monitors::begin(const Model& model, const State& state, const Topology& topology,
+                     IslandLists* lists) {
+  const Energy now = energy_of(model, state);
+  largest_kinetic_energy_ = now.kinetic;
+  reference_energy_ = now.kinetic + now.potential;
+  steps_ = 0;
+  booked_ = gain_ = energy_rise_ = 0.0;
+  has_wrench_ended_ = awake_changed_ = false;
+  has_moved_.assign(model.bodies.size(), 0);
+  for (std::size_t i = 0; i < lists->islands.size(); ++i) {
+    IslandParts& parts = lists->island_parts[i];
+    parts.energy = WatchedEnergy{};
+    parts.energy.was_by_impulses =
+        method_for(parts.nature, model.options) == Method::kSequentialImpulses;
+    parts.energy.was_driven = is_driven(model, state, topology, lists->island_parts[i].members, i);
+    parts.has_limited_spring = false;
+    for (const int index : parts.members.joints) {
+      const Joint& joint = model.joints[index];
+      if (is_rigid(joint))  // closes its error from the first step on
+        parts.energy.was_driven |= std::abs(state.joint_states[index].error) > kFits;
+      else
+        parts.has_limited_spring |= joint.motor.max_force > 0.0;
+    }
+    compare_island(model, state, lists->islands[i], nullptr, &parts);
+  }
+}
+
+void Monitors::watch_energy(const MonitorInput& in, IslandLists* lists, StepReport* report) {
+  if (!in.partition.impulse_bodies.empty())
+    booked_ += report->correction_work + report->driven_work;
+  if (!in.partition.smooth.empty()) {
+    report->correction_work += integrated_corrections_;
+    report->driven_work += integrated_drives_;
+  }
+  if (++steps_ >= kWindow) compare_energies(in, lists);
+  if (energy_rise_ == 0.0) return;
+  report->energy_rise = energy_rise_;
+  report->energy_rise_body = energy_rise_body_;
+}
+
+// Gain of energy of an island since the last comparison [J]. `allowed` is the part that rounding
+// explains, and errors of position and velocity within the tolerance of the method.
+double Monitors::compare_island(const Model& model, const State& state, const Island& island,
+                                double* allowed, IslandParts* parts) const {
+  const Energy now = energy_of(model, state, parts->members.bodies, parts->members.joints);
+  WatchedEnergy& watched = parts->energy;
+  watched.most_kinetic = std::max(watched.most_kinetic, now.kinetic);
+  const double gain = now.kinetic + now.potential - watched.before - watched.corrections;
+  watched.before = now.kinetic + now.potential;
+  watched.corrections = 0.0;
+  if (allowed == nullptr) return gain;
+
+  double mass = 0.0, moment = 0.0;  // Σ m |x|
+  for (const int body : parts->members.bodies) {
+    const double m = 1.0 / model.masses[body].inverse_mass;
+    mass += m;
+    moment += m * state.states[body].position.lpNorm<1>();
+  }
+  const double g = model.options.gravity.norm(), h = model.options.time_step;
+  const double size = now.kinetic + std::abs(now.potential);
+  if (island.method == Method::kSequentialImpulses) {
+    *allowed = steps_ * kRoundingOfSweeps * (size + g * moment);
+    return gain;
+  }
+  const double rate = std::max(1u, island.substeps) / h;
+  const double speed = std::sqrt(2.0 * now.kinetic / mass) + model.options.tolerance;
+  const double off = mass * model.options.tolerance * h + kRounding * moment;
+  *allowed = steps_ * (off * (g + speed * rate) + kRounding * size);
+  return gain;
+}
+
+// Compares integrated islands one by one. Islands that impulses advance exchange energy where they
+// touch, and the work on them is known of all of them together.
+void Monitors::compare_energies(const MonitorInput& in, IslandLists* lists) {
+  const Model& model = in.model;
+  const State& state = in.state;
+  double gain = -booked_, most_kinetic = 0.0;
+  double allowed = steps_ * kRoundingOfSweeps * std::abs(booked_);
+  bool is_known = true;  // the work on islands that impulses advance
+  const IslandParts* most = nullptr;
+  energy_rise_ = 0.0;
+  for (std::size_t i = 0; i < lists->islands.size(); ++i) {
+    if (!awake_changed_ && state.asleep[lists->island_parts[i].members.bodies.front()]) continue;
+    WatchedEnergy& watched = lists->island_parts[i].energy;
+    double allowed_here = 0.0;
+    const double gain_here =
+        compare_island(model, state, lists->islands[i], &allowed_here, &lists->island_parts[i]);
+    const bool was_driven = watched.was_driven || has_wrench_ended_;
+    const bool was_by_impulses = watched.was_by_impulses;
+    watched.was_driven = is_driven(model, state, in.topology, lists->island_parts[i].members, i);
+    watched.was_by_impulses = lists->islands[i].method == Method::kSequentialImpulses;
+    const bool any_driven = was_driven || watched.was_driven;
+    const bool has_changed = watched.has_changed;
+    watched.has_changed = false;
+    if (!was_by_impulses && !watched.was_by_impulses && !has_changed) {
+      if (any_driven) continue;
+      watched.gain = gain_of(watched.gain, gain_here, allowed_here);
+      note_rise(model, lists->island_parts[i], watched.gain,
+                kRise * watched.most_kinetic + allowed_here);
+      continue;
+    }
+    // drives do unknown work on islands that were integrated for a part of the window
+    is_known = is_known && !lists->island_parts[i].has_limited_spring &&
+               !(any_driven && (has_changed || !was_by_impulses));
+    gain += gain_here;
+    allowed += allowed_here;
+    most_kinetic += watched.most_kinetic;
+    watched.gain = watched.was_by_impulses ? watched.gain + gain_here : 0.0;
+    if (most == nullptr || watched.gain > most->energy.gain) most = &lists->island_parts[i];
+  }
+  if (is_known && most != nullptr) {
+    gain_ = gain_of(gain_, gain, allowed);
+    note_rise(model, *most, gain_, kRise * most_kinetic + allowed);
+  }
+  steps_ = 0;
+  booked_ = 0.0;
+  has_wrench_ended_ = awake_changed_ = false;
+}
+
+void Monitors::note_rise(const Model& model, const IslandParts& parts, double gain,
+                         double allowed) {
+  if (gain <= allowed || gain <= energy_rise_) return;
+  energy_rise_ = gain;
+  energy_rise_body_ = model.body_ids[parts.members.bodies.front()];
+}
+
+// Only while a joint is off by more than kUnclosedError or kUnclosedAngle.
+void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, StepReport* report) {
+  const Model& model = in.model;
+  const State& state = in.state;
+  unclosed_.clear();
+  std::swap(open_, open_before_);
+  open_.clear();
+  const double h = model.options.time_step;
+  const double patience = std::max({kPatience, model.options.closing_time, kPatienceTicks * h});
+  double worst = 0.0;
+  auto before = open_before_.begin();  // both lists are in the order of adding
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    const JointState& joint_state = state.joint_states[j];
+    const double error = std::abs(joint_state.error);
+    const bool is_off = error > kUnclosedError || joint_state.angle_error > kUnclosedAngle;
+    if (!is_off || !acts(model.joints[j], joint_state) || !is_rigid(model.joints[j])) continue;
+    Open now{model.joint_ids[j], error, 0.0, joint_state.closing ? joint_state.closing_since : 0.0};
+    while (before != open_before_.end() && before->id.value < now.id.value) ++before;
+    const bool is_known = before != open_before_.end() && before->id == now.id;
+    const bool closes_anew =
+        is_known && joint_state.closing && now.closing_since > before->closing_since;
+    if (is_known && !closes_anew && error > kFallenShare * before->error) {
+      now = *before;
+      now.age += h;
+    }
+    open_.push_back(now);
+    // no time has to pass for joints that cannot be met, or that rest as they are
+    const MethodReason why = lists.islands[in.topology.island_of_joint(model, j)].why;
+    const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
+    // joints that impulses open beside contacts are reported in the first step already
+    const bool is_opened = why == MethodReason::kManyContacts || why == MethodReason::kContact ||
+                           why == MethodReason::kContactsGivenUp || why == MethodReason::kOverlap;
+    if (now.age < patience && ((!stays && !is_opened) || joint_state.closing)) continue;
+    unclosed_.push_back(now.id);
+    if (error <= worst) continue;
+    worst = error;
+    report->unclosed_joint = now.id;
+  }
+  report->unclosed_joints = static_cast<std::uint32_t>(unclosed_.size());
+}
+
+// Contacts that impulses hold have no error estimate.
+void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
+  const Model& model = in.model;
+  const State& state = in.state;
+  std::swap(held_, held_before_);
+  held_.clear();
+  const double h = model.options.time_step;
+  const double sunk = kMostSunk * h * h * model.options.gravity.norm();
+  const double slow = kMostResting * h * model.options.gravity.norm();
+  const double patience = std::max(kOverlapPatience, kOverlapTicks * h);
+  has_moved_.resize(model.bodies.size(), 0);
+  auto before = held_before_.begin();  // both lists are in the order of places
+  for (const TouchingPair& pair : state.touching) {
+    for (const int body : {pair.a, pair.b}) {
+      if (has_moved_[body] != 0) continue;
+      const double thick = thickness(model.bodies[body].shape);
+      const double radius = std::isfinite(thick) ? 0.5 * thick : 0.0;
+      for (const List<BodyState>* all : {&in.rollback.states(), &state.states})
+        if ((*all)[body].linear_velocity.norm() > slow ||
+            radius * (*all)[body].angular_velocity.norm() > slow)
+          has_moved_[body] = 1;
+    }
+    const int island = std::max(in.topology.island_of(pair.a), in.topology.island_of(pair.b));
+    if (pair.manifold.count == 0 || island < 0 || in.groups.contains(to_index(island))) continue;
+    double deepest = 0.0;
+    bool sticks = false;
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
+      deepest = std::max(deepest, pair.manifold.points[k].depth);
+      sticks = sticks || pair.contact_states[k] == ContactState::kSticking;
+    }
+    if (deepest <= sunk && !sticks) continue;
+    HeldPair now{pair.id_a, pair.id_b};
+    const BodyId movable = model.is_movable(pair.a) ? pair.id_a : pair.id_b;
+    const auto is_before = [&](const HeldPair& l) {
+      return model.body_index[l.a.value] >= 0 && model.body_index[l.b.value] >= 0 &&
+             std::pair(model.body_index[l.a.value], model.body_index[l.b.value]) < pair.ends();
+    };
+    while (before != held_before_.end() && !(before->a == now.a && before->b == now.b) &&
+           (is_before(*before) || model.body_index[before->a.value] < 0 ||
+            model.body_index[before->b.value] < 0))
+      ++before;
+    const bool is_known = before != held_before_.end() && before->a == now.a && before->b == now.b;
+    const double thinner = thinner_of(model, pair.ends());
+    if (deepest > std::max(sunk, kMostOverlapShare * thinner)) {
+      now.overlapping = h + (is_known ? before->overlapping : 0.0);
+      if (now.overlapping >= patience && deepest > report->overlap) {
+        report->overlap = deepest;
+        report->overlap_body = movable;
+      }
+    }
+    if (sticks) {
+      if (is_known) now.slid = before->slid;
+      now.slid += h * slip_of(pair, state.states[pair.a], state.states[pair.b]);
+      const double slid = now.slid.norm();
+      const bool has_moved = has_moved_[pair.a] != 0 || has_moved_[pair.b] != 0;
+      const double most =
+          std::max(thinner * (has_moved ? kMostSlipShare : kMostCreepShare), kMostCrept * sunk);
+      if (slid > most && slid > report->creep) {
+        report->creep = slid;
+        report->creep_body = movable;
+      }
+    }
+    held_.push_back(now);
+  }
+}
+
+}  // namespace constraint_sim::engine

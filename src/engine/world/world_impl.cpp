@@ -1,0 +1,217 @@
+#include "engine/world/world_impl.h"
+
+#include <algorithm>
+
+#include "engine/islands/contact_group_reports.h"
+#include "engine/methods/event_driven/contacts/contact_events.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+/// Clears the forces of a joint that does not act.
+void release(JointState* state) {
+  state->force = state->bias = 0.0;
+  state->saturated = false;
+  for (CoordinateState& coordinate : state->coordinates) coordinate.effort = coordinate.bias = 0.0;
+}
+
+}  // namespace
+
+// Rebuilds everything that follows from bodies, joints and options: once after an edit, before the
+// first stage of a step.
+void World::Impl::rebuild_topology() {
+  edits.begin_compiling();
+
+  topology.link_joints(*this, joint_states);
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    if (!acts(joints[j], joint_states[j])) release(&joint_states[j]);
+
+  const auto is_gone = [this](const TouchingPair& pair) { return !is_known(pair); };
+  for (List<TouchingPair>* pairs : {&touching, &resting}) {
+    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
+    for (TouchingPair& pair : *pairs) {
+      pair.a = body_index[pair.id_a.value];
+      pair.b = body_index[pair.id_b.value];
+    }
+  }
+
+  integration.begin();
+
+  if (edits.all())
+    for (IslandParts& parts : island_parts) static_cast<IslandMemory&>(parts) = parts.after_edit();
+  if (edits.any_topology()) {
+    edits.end_topology();
+    integration.set_bodies(bodies.size(), edits.all());
+    regroup(*this, group_bodies(*this, joint_states, topology.joint_ends()), [&](std::size_t body) {
+      return !edits.all() && topology.knows(body) ? topology.island_of(body) : -1;
+    });
+    topology.set_islands(bodies.size(), island_parts);
+    topology.find_loops(*this, joint_states, island_parts);
+  }
+  edits.mark_islands(*this, topology, this);
+  compile_islands(*this, *this, topology, this);
+  spread_waking();
+
+  monitors.begin(*this, *this, topology, this);
+
+  rollback.resize(*this, island_parts.size());
+}
+
+// Wakes everything that joints or contacts connect with bodies that are awake.
+void World::Impl::spread_waking() { list_resting(sleep.spread(*this, topology, this, this)); }
+
+void World::Impl::list_resting(const RestingSets& resting_sets) {
+  pipeline.set_shapes(*this, *this, sleep.awake().bodies, resting_sets.bodies);
+  continuous.set_shapes(*this);
+  monitors.set_resting(*this, *this, resting_sets, *this);
+  set_resting_contacts(resting, options.time_step);
+}
+
+// Stage 1: pairs of shapes that may touch within the step.
+void World::Impl::find_pairs(const StepContext& step) {
+  reach.forget_pairs();
+  const List<int>& shapes = pipeline.moving_shapes();
+  if (shapes.empty()) return;
+  const StageTimer timer(step.clock, Stage::kBroadphase, &report.stage_times);
+  continuous.find_fast_bodies(*this, *this, shapes);
+  if (!follows_contacts(options))
+    return pipeline.find_pairs(*this, *this, continuous.fast_bodies(), nullptr, &report);
+  reach.begin(*this, *this, shapes);
+  pipeline.find_pairs(*this, *this, continuous.fast_bodies(), &reach, &report);
+  // Each round but the last makes a group larger or faster; longer chains are left as they are.
+  constexpr int kMostRounds = 40;
+  for (int round = 0; reach.grow(*this, topology, *this, *this, sleep.awake(), pipeline.pairs()) &&
+                      round < kMostRounds;
+       ++round)
+    pipeline.find_pairs(*this, *this, continuous.fast_bodies(), &reach, &report);
+}
+
+// Stage 2: contacts, and groups of contacts that are event-driven. Wakes everything that is
+// touched.
+void World::Impl::find_contacts(const StepContext& step) {
+  if (pipeline.pairs().empty() && touching.empty() && pipeline.touching_before().empty() &&
+      groups.is_empty())
+    return;
+  pipeline.collide(step, this, &report);
+  find_hits(step);
+  while (wake_touched()) {
+    pipeline.take_back(&touching);
+    spread_waking();
+    save_state();
+    find_pairs(step);
+    pipeline.collide(step, this, &report);
+    find_hits(step);
+  }
+  groups.find(step, *this, rollback, *this, sleep.awake(), reach, pipeline.touching_before());
+}
+
+void World::Impl::find_hits(const StepContext& step) {
+  if (continuous.fast_bodies().empty()) return;
+  continuous.find_hits(step, pipeline.pairs(), *this, this);
+  for (const Broadphase::Pair& pair : continuous.jointed_pairs()) sleep.wake(pair, this);
+}
+
+// Wakes bodies in contact, and bodies that may be touched within the step; true where one slept.
+bool World::Impl::wake_touched() {
+  for (const TouchingPair& pair : touching) sleep.wake(pair.ends(), this);
+  if (!sleep.is_stale() && follows_contacts(options))
+    for (const auto& [pair, gap] : reach.watched_pairs())
+      if (asleep[pair.first] || asleep[pair.second]) sleep.wake(pair, this);
+  return sleep.is_stale();
+}
+
+// Reads the coordinates of a joint that couples, and its force in the step.
+void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
+  CouplingState& coupling = joint_states[j].coupling;
+  if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &coupling);
+  coupling.impulse = impulse;
+  coupling.effort = impulse / h;
+}
+
+void World::Impl::read_smooth_joints(JointStep step) {
+  const bool is_split = integration.interval_ends().size() > 2;
+  for (std::size_t k = 0; is_split && k < integration.time_varying_joints().size(); ++k) {
+    const std::size_t j = to_index(integration.time_varying_joints()[k]);
+    if (islands[topology.island_of_joint(*this, j)].method != Method::kSequentialImpulses)
+      joint_states[j].bias = (joint_states[j].travel - rollback.joint_states()[j].travel) / step.h;
+  }
+  for (const int i : integration.partition().smooth) {
+    if (island_parts[i].motion < 0 || groups.contains(to_index(i))) continue;
+    IslandMotion& motion = motions[island_parts[i].motion];
+    if (const EventDriven* by_events = motion.finish_events(states)) {
+      tell_events(*by_events);
+      for (std::size_t l = 0; l < by_events->joints().size(); ++l) {
+        by_events->write(l, &joint_states[by_events->joints()[l]]);
+        read_smooth_joint(to_index(by_events->joints()[l]), step, by_events->impulse(l),
+                          by_events->coupled_impulse(l));
+      }
+      continue;
+    }
+    const EquationsOfMotion& equations = motion.equations();
+    // least squares have found the shares of joints that cannot all be met
+    const bool shares =
+        equations.redundant_rows() > 0 && islands[i].why != MethodReason::kInconsistent;
+    const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
+    const bool any_coupling = !equations.coupled_rows().empty();
+    const bool any_counted = any_coupling || !equations.soft_coordinates().empty();
+    for (std::size_t l = 0; l < equations.joints().size(); ++l) {
+      std::array<double, kMaxCoordinates> positions;
+      if (any_counted)
+        step.counted = equations.count_turns(l, &positions) ? positions.data() : nullptr;
+      read_smooth_joint(to_index(equations.joints()[l]), step,
+                        shared ? shared->impulse(equations, l) : equations.impulse(l),
+                        !any_coupling ? 0.0
+                        : shared      ? shared->coupled_impulse(equations, l)
+                                      : equations.coupled_impulse(l));
+    }
+    step.counted = nullptr;
+  }
+}
+
+void World::Impl::report_contact_groups(const JointStep& step) {
+  const std::size_t first = touching.size();
+  for (const ContactGroup& group : groups.groups()) {
+    if (group.has_failed) continue;
+    add_group_events(*this, group, integration.interval_ends().back(), &events);
+    add_group_contacts(*this, states, group, &touching);
+    if (group.spheres != nullptr) continue;
+    const ContactEquations& equations = group.events->equations();
+    for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
+      group.events->write(c, &joint_states[equations.joints[equations.coordinates[c].joint].index]);
+    for (const ContactEquations::BodyJoint& joint : equations.joints) {
+      if (joint.is_broken) joint_states[joint.index].broken = true;
+      read_smooth_joint(to_index(joint.index), step, joint.impulse, 0.0);
+    }
+  }
+  for (std::size_t i = first; i < touching.size(); ++i) {
+    const Manifold& manifold = touching[i].manifold;
+    report.contacts += static_cast<std::uint32_t>(manifold.count);
+    for (std::size_t k = 0; k < to_index(manifold.count); ++k)
+      report.max_penetration = std::max(report.max_penetration, manifold.points[k].depth);
+  }
+  std::sort(touching.begin(), touching.end(), TouchingPair::in_order);
+}
+
+void World::Impl::tell_events(const EventDriven& from) {
+  for (const EventDriven::Told& told : from.told()) {
+    const std::size_t j = to_index(from.joints()[told.joint]);
+    events.push_back({told.kind, told.time, joints[j].body_a, joints[j].body_b, joint_ids[j],
+                      told.coordinate, told.impulse});
+  }
+}
+
+// Reads the state and the force of a joint that was integrated.
+void World::Impl::read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
+                                    double coupled_impulse) {
+  const PrescribedMotion& course = integration.courses()[j];
+  const double zeta = course.is_driven() ? course.zeta(step.t + step.h) : 0.0;
+  const bool has_coupling = couples(joints[j].kind);
+  if (has_coupling) note_coupling(j, step.h, coupled_impulse);
+  engine::read_smooth_joint(joints[j], topology.state_a(*this, j), topology.state_b(*this, j), step,
+                            impulse, zeta, joint_states[j]);
+  if (has_coupling && couples_joints(joints[j].kind))
+    add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
+  note_if_broken(j);
+}
+
+}  // namespace constraint_sim::engine

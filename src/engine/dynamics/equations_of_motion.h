@@ -175,8 +175,9 @@ class EquationsOfMotion : public IslandModel {
   bool is_inconsistent() const { return is_inconsistent_; }
   /// Discards the choice of redundant rows, as in equations that were just compiled.
   void forget_redundant_rows();
-  /// Visits all state that outlives an interval, except the inputs of begin(), as engine/support/memory.h
-  /// describes. Includes the forces of the first stage where they are not recomputed.
+  /// Visits all state that outlives an interval, except the inputs of begin(), as
+  /// engine/support/memory.h describes. Includes the forces of the first stage where they are not
+  /// recomputed.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit, bool with_first_stage) {
     if constexpr (Visit::kReads) {

@@ -96,8 +96,8 @@ class ImplicitStep {
   double frequency_of(std::size_t body) const { return std::sqrt(squares_[body]); }
   /// Resets the frequencies to zero.
   void forget();
-  /// Visits all state that outlives an interval, except the bodies, as engine/support/memory.h describes.
-  /// `with_step_before`: includes what BDF2 needs of the previous step.
+  /// Visits all state that outlives an interval, except the bodies, as engine/support/memory.h
+  /// describes. `with_step_before`: includes what BDF2 needs of the previous step.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit, bool with_step_before) {
     visit(self.squares_);

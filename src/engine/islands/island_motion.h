@@ -79,7 +79,8 @@ class IslandMotion {
   /// What the joints share where some rows are redundant, with the bodies where the step ends.
   const LeastNormForces& share_forces(const List<BodyState>& states);
 
-  /// Visits all that the next advance() goes on from, beside the bodies, as engine/support/memory.h says.
+  /// Visits all that the next advance() goes on from, beside the bodies, as engine/support/memory.h
+  /// says.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit, const List<MassProperties>& masses) {
     if (self.events_) EventDriven::visit_rows(*self.events_, visit, masses, self.substeps_);

@@ -42,7 +42,8 @@ class EnergyMomentum {
   }
   /// Whether there is memory of earlier intervals.
   bool has_memory() const { return has_started_ || frequency() > 0.0; }
-  /// Visits the memory of earlier intervals, except the bodies, as engine/support/memory.h describes.
+  /// Visits the memory of earlier intervals, except the bodies, as engine/support/memory.h
+  /// describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit.beside(self.has_started_);  // has_started_ and mode_ decide which data of the step follow

@@ -52,8 +52,8 @@ class RungeKutta {
   void forget() { has_started_ = false; }
   /// Resets to the state after construction.
   void restart();
-  /// Visits all state that the next advance() continues from, except the bodies, as engine/support/memory.h
-  /// describes.
+  /// Visits all state that the next advance() continues from, except the bodies, as
+  /// engine/support/memory.h describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit.beside(self.has_started_);  // has_started_ decides which data of the equations follow

@@ -87,8 +87,8 @@ class EventDriven {
   /// broke.
   void write(std::size_t l, JointState* state) const;
 
-  /// Visits the states of rows, as engine/support/memory.h describes. Reading compiles bare() and `motion`
-  /// for these states.
+  /// Visits the states of rows, as engine/support/memory.h describes. Reading compiles bare() and
+  /// `motion` for these states.
   template <class Self, class Visit, class Motion>
   static void visit_rows(Self& self, Visit& visit, const List<MassProperties>& masses,
                          Motion& motion) {

@@ -74,9 +74,11 @@ include(cmake/panel.cmake)
 
 constraint_sim_add_benchmark(constraint_sim_marker_costs bench/ros/marker_costs.cpp constraint_sim_ros)
 
-# where packages find it that use the devel space
+# In the devel space, where other packages and rosrun look: these targets are defined before catkin says where.
 set_target_properties(constraint_sim_engine PROPERTIES
   ARCHIVE_OUTPUT_DIRECTORY ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_LIB_DESTINATION})
+set_target_properties(constraint_sim_run constraint_sim_error_table PROPERTIES
+  RUNTIME_OUTPUT_DIRECTORY ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_BIN_DESTINATION})
 install(TARGETS constraint_sim_engine EXPORT constraint_sim
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 install(EXPORT constraint_sim NAMESPACE constraint_sim:: FILE constraint_sim_engine_targets.cmake

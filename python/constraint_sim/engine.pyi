@@ -371,7 +371,7 @@ class VerifiedFigures(TypedDict):
     global_error: Optional[float]    # estimate times growth [m]
     half_step: Optional[float]       # distance to the run with half the time step [m]; None: left out
     other_method: Optional[float]    # distance to the run by the other method [m]; None: left out
-    other_error: Optional[float]     # assumed error of the run by the other method [m]; None: left out
+    other_error: Optional[float]     # largest distance of the other method's runs with whole and half step [m]
 
 
 class VerifiedBody(TypedDict):

@@ -10,7 +10,7 @@ namespace {
 constexpr double kStable8 = 5.0, kStable5 = 0.9;
 // Spans in a row with expensive substeps after which an island is stiff. A jerk is over after one
 // or two. A span counts once more for each kOneMore times the cost of a step by energy_momentum.
-constexpr int kStiffFor = 4;  // [spans]
+constexpr int kStiffFor = 4;
 constexpr double kOneMore = 6.0;
 // An island stops being stiff when h ω stays below kCalmShare of the limit for kCalmFor steps.
 constexpr double kCalmShare = 0.5;

@@ -152,7 +152,7 @@ class RowSolver {
   // Per body: v₀, v, w, and the effect of impulses alone.
   List<Twist> before_, velocities_, corrections_, effects_;
   List<Inertia> inertias_;
-  List<int> parents_;  // towards the body that represents the component
+  List<int> parents_;  // union-find: parent of each body; a root, its own parent, is a component
   List<Component> components_;
   List<Rigid> rigid_;
   List<int> loop_rows_of_;

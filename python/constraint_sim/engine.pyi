@@ -1,5 +1,7 @@
-"""The engine of constraint_sim: worlds of rigid bodies, stepped without ROS. SI units, world axes,
-quaternions as x y z w."""
+"""The engine of constraint_sim: worlds of rigid bodies, stepped without ROS.
+
+All quantities are in SI units, vectors in world axes, quaternions as x y z w. docs/python.md is
+the manual."""
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Set, Tuple, TypedDict, Union
 
 import numpy as np
@@ -17,36 +19,50 @@ class SceneError(ValueError):
 
 
 class Point:
-    """Touches nothing, and rotates only with an inertia."""
+    """Point()
+
+    Touches nothing, and rotates only with an inertia."""
     def __init__(self) -> None: ...
 
 
 class Sphere:
-    """Centred on the body."""
+    """Sphere(radius)
+
+    Centred on the body; radius [m] > 0."""
     def __init__(self, radius: float) -> None: ...
     @property
-    def radius(self) -> float: ...  # [m]
+    def radius(self) -> float:
+        """[m]"""
 
 
 class Box:
-    """Centred on the body; whole edge lengths along its axes."""
+    """Box(size)
+
+    Centred on the body, whole edge lengths along its axes [m] > 0."""
     def __init__(self, size: Vector) -> None: ...
     @property
-    def size(self) -> Tuple3: ...  # [m]
+    def size(self) -> Tuple3:
+        """[m]"""
 
 
 class Plane:
-    """Solid below the body's x-y plane; static and kinematic bodies only."""
+    """Plane()
+
+    Solid below the body's x-y plane; static and kinematic bodies only."""
     def __init__(self) -> None: ...
 
 
 class Cylinder:
-    """Centred on the body, along its z axis, with flat ends."""
+    """Cylinder(radius, length)
+
+    Centred on the body, along its z axis, with flat ends; radius and length [m] > 0."""
     def __init__(self, radius: float, length: float) -> None: ...
     @property
-    def radius(self) -> float: ...  # [m]
+    def radius(self) -> float:
+        """[m]"""
     @property
-    def length(self) -> float: ...  # [m]
+    def length(self) -> float:
+        """[m]"""
 
 
 Shape = Union[Point, Sphere, Box, Plane, Cylinder]
@@ -62,8 +78,8 @@ class State(TypedDict):
 class CoordinateState(TypedDict):
     position: float  # whole turns counted [m or rad]
     velocity: float  # [m/s or rad/s]
-    effort: float    # of what acts along it, mean over the step [N or N m]
-    bias: float      # asked of its motor [m/s or rad/s]
+    effort: float    # force or torque of its laws and couplings, mean over the step [N or N m]
+    bias: float      # velocity requested of its motor [m/s or rad/s]
 
 
 class JointWrench(TypedDict):
@@ -74,15 +90,15 @@ class JointWrench(TypedDict):
 class JointState(TypedDict):
     error: float         # [m]
     error_rate: float    # [m/s]
-    angle_error: float   # of joints with axes [rad]
+    angle_error: float   # angle between axes that the joint keeps aligned [rad]
     force: float         # along the joint, mean over the step [N]; < 0 is tension
-    bias: float          # asked of the motor [m/s]
-    reached_rate: float  # [m/s]
-    travel: float        # that the motor has added to the length [m]
+    bias: float          # velocity requested of the motor [m/s]
+    reached_rate: float  # actual velocity [m/s]
+    travel: float        # length that the motor has added [m]
     saturated: bool
     broken: bool
     closing: bool
-    coordinates: List[CoordinateState]  # that are free, as docs/joints.md numbers them
+    coordinates: List[CoordinateState]  # free coordinates, in the order of docs/joints.md
 
 
 class Island(TypedDict):
@@ -91,7 +107,7 @@ class Island(TypedDict):
     joints: int
     method: str
     why: str
-    local_error: Optional[float]  # [m]; None of impulses
+    local_error: Optional[float]  # error estimate [m]; None where impulses advance the island
     substeps: int
     rejected: int
     events: int
@@ -114,171 +130,248 @@ class Contact(TypedDict):
 class Event(TypedDict):
     kind: str                  # broken, rope_taut, ..., contact_began, contact_ended, hit, handed_over, taken_back
     time: float                # simulated [s]
-    body_a: str                # that touch, or that the joint connects; 'world' for the world
-    body_b: str                # of an island its first two; of a body alone that one twice
-    joint: Optional[str]       # whose it is; None of a contact or an island
-    coordinate: Optional[int]  # of the joint; None of a length, of what broke, of a contact or an island
-    impulse: float             # of the impact that it came with [N s or N m s]
+    body_a: str                # first body of the contact, joint or island; 'world' for the world
+    body_b: str                # second body; equal to body_a for an island of one body
+    joint: Optional[str]       # joint of the event; None for contacts and islands
+    coordinate: Optional[int]  # coordinate of the joint; None for lengths, breaking, contacts and islands
+    impulse: float             # impulse of the impact at the event [N s or N m s]
 
 
 class StepReport:
-    """What one step did. A copy: it keeps its values when the world steps on."""
+    """What one step did, how wrong it is and what it cost. A copy: it keeps its values when the
+    world steps on."""
     @property
-    def step(self) -> int: ...
+    def step(self) -> int:
+        """steps since the start, this one included"""
     @property
-    def time(self) -> float: ...  # [s]
+    def time(self) -> float:
+        """simulated time after the step [s]"""
     @property
-    def max_constraint_error(self) -> float: ...  # [m]
+    def max_constraint_error(self) -> float:
+        """largest |error| of the joints, springs and closing_error excepted [m]"""
     @property
-    def worst_joint(self) -> Optional[str]: ...
+    def worst_joint(self) -> Optional[str]:
+        """joint whose error it is, or None"""
     @property
-    def closing_error(self) -> float: ...  # of joints that an edit or a motor is closing [m]
+    def closing_error(self) -> float:
+        """largest |error| of joints that an edit, or a motor sent to a position, is closing [m]"""
     @property
-    def closing_joint(self) -> Optional[str]: ...
+    def closing_joint(self) -> Optional[str]:
+        """joint whose error it is, or None"""
     @property
-    def unclosed_joints(self) -> int: ...  # off by more than 1e-3 m, not being closed
+    def unclosed_joints(self) -> int:
+        """joints off by more than 1e-3 m that are not being closed"""
     @property
-    def max_penetration(self) -> float: ...  # [m]
+    def max_penetration(self) -> float:
+        """deepest contact [m]"""
     @property
-    def overlap(self) -> float: ...  # of a contact that impulses do not push out [m]
+    def overlap(self) -> float:
+        """deepest contact that impulses do not push out [m]; 0: none"""
     @property
-    def overlap_body(self) -> Optional[str]: ...
+    def overlap_body(self) -> Optional[str]:
+        """a body of that contact, or None"""
     @property
-    def creep(self) -> float: ...  # of a contact by impulses that friction holds [m]
+    def creep(self) -> float:
+        """farthest that a contact by impulses has slid while friction holds it [m]; 0: none"""
     @property
-    def creep_body(self) -> Optional[str]: ...
+    def creep_body(self) -> Optional[str]:
+        """a body of that contact, or None"""
     @property
-    def energy(self) -> float: ...  # [J]
+    def energy(self) -> float:
+        """kinetic energy + potential energy of gravity and springs [J]"""
     @property
-    def energy_drift(self) -> float: ...  # over the largest kinetic energy [1]
+    def energy_drift(self) -> float:
+        """change of energy since the last edit over the largest kinetic energy [1]"""
     @property
-    def energy_rise(self) -> float: ...  # without a cause [J]
+    def energy_rise(self) -> float:
+        """rise of an island's energy without a cause [J]; 0: none"""
     @property
-    def local_error(self) -> Optional[float]: ...  # [m]; None with impulses
+    def local_error(self) -> Optional[float]:
+        """largest error estimate of an island for this step [m]; None where impulses advanced
+        one, which have no estimate"""
     @property
-    def dependent_rows(self) -> int: ...
+    def dependent_rows(self) -> int:
+        """redundant equations, at most at once"""
     @property
-    def unresolved_bodies(self) -> int: ...
+    def unresolved_bodies(self) -> int:
+        """bodies of stiff islands that move faster than the step resolves"""
     @property
-    def torn_joints(self) -> int: ...
+    def torn_joints(self) -> int:
+        """joints that broke in this step"""
     @property
-    def projected_energy(self) -> float: ...  # [J]
+    def projected_energy(self) -> float:
+        """kinetic energy lost where velocities were projected onto the joints [J]"""
     @property
-    def correction_work(self) -> float: ...  # [J]
+    def correction_work(self) -> float:
+        """work of closing errors where impulses advance islands: weight times the distance moved
+        [J]"""
     @property
-    def driven_work(self) -> float: ...  # [J]
+    def driven_work(self) -> float:
+        """work of wrenches, motors and kinematic bodies where impulses advance islands [J]"""
     @property
-    def solver_residual(self) -> float: ...  # [m/s]
+    def solver_residual(self) -> float:
+        """largest |J V - target| that the sweeps left [m/s]"""
     @property
-    def failed(self) -> bool: ...
+    def failed(self) -> bool:
+        """the world kept the state before the step"""
     @property
-    def failure(self) -> str: ...
+    def failure(self) -> str:
+        """reason why the step failed; empty where it did not"""
     @property
-    def failed_body(self) -> Optional[str]: ...
+    def failed_body(self) -> Optional[str]:
+        """body whose motion failed, or None where the failure is not of a single body"""
     @property
-    def stopped(self) -> bool: ...
+    def stopped(self) -> bool:
+        """a stop flag ended the step early: the world kept the state before it; C++ alone can
+        set one"""
     @property
-    def islands(self) -> Dict[str, int]: ...  # by method
+    def islands(self) -> Dict[str, int]:
+        """islands advanced by each method"""
     @property
-    def asleep(self) -> int: ...
+    def asleep(self) -> int:
+        """islands at rest, left out"""
     @property
-    def changes(self) -> int: ...
+    def changes(self) -> int:
+        """changes of method"""
     @property
-    def handed_over(self) -> int: ...  # islands whose contacts go from events to impulses
+    def handed_over(self) -> int:
+        """islands whose contacts go from events to impulses"""
     @property
-    def substeps(self) -> int: ...
+    def substeps(self) -> int:
+        """substeps of all islands"""
     @property
-    def events(self) -> int: ...  # at which a one-sided row began or ceased to act
+    def events(self) -> int:
+        """events at which a one-sided row began or ceased to act"""
     @property
-    def hits(self) -> int: ...  # of fast bodies, at their times within the step
+    def hits(self) -> int:
+        """hits of fast bodies, at their times within the step"""
     @property
-    def rejected(self) -> int: ...
+    def rejected(self) -> int:
+        """rejected substeps"""
     @property
-    def iterations(self) -> int: ...
+    def iterations(self) -> int:
+        """sweeps over the rows, and Newton iterations"""
     @property
-    def rows(self) -> int: ...
+    def rows(self) -> int:
+        """scalar equations solved"""
     @property
-    def contacts(self) -> int: ...
+    def contacts(self) -> int:
+        """contact points of islands that are awake"""
     @property
-    def candidate_pairs(self) -> int: ...
+    def candidate_pairs(self) -> int:
+        """pairs after the broadphase"""
 
 
 class RunReport:
     """Outcome of World.run: worst values over its steps, sums, and samples."""
     @property
-    def steps(self) -> int: ...
+    def steps(self) -> int:
+        """steps taken"""
     @property
-    def failed(self) -> bool: ...
+    def failed(self) -> bool:
+        """a step failed: the run ended with the state before it"""
     @property
-    def failure(self) -> str: ...
+    def failure(self) -> str:
+        """reason; empty where no step failed"""
     @property
-    def failed_body(self) -> Optional[str]: ...
+    def failed_body(self) -> Optional[str]:
+        """body whose motion failed, or None where the failure is not of a single body"""
     @property
-    def timed_out(self) -> bool: ...
+    def timed_out(self) -> bool:
+        """time_limit was reached before the end"""
     @property
-    def wall_time(self) -> float: ...  # of the steps alone [s]
+    def wall_time(self) -> float:
+        """run time of the steps alone [s]"""
     @property
-    def max_constraint_error(self) -> float: ...  # [m]
+    def max_constraint_error(self) -> float:
+        """largest over all steps [m]"""
     @property
-    def max_closing_error(self) -> float: ...  # [m]
+    def max_closing_error(self) -> float:
+        """largest StepReport.closing_error [m]"""
     @property
-    def max_penetration(self) -> float: ...  # [m]
+    def max_penetration(self) -> float:
+        """largest over all steps [m]"""
     @property
-    def accumulated_local_error(self) -> Optional[float]: ...  # [m]; None with impulses
+    def accumulated_local_error(self) -> Optional[float]:
+        """sum of the steps' estimates [m]; None where a step had none"""
     @property
-    def energy_initial(self) -> float: ...  # [J]
+    def energy_initial(self) -> float:
+        """before the first step [J]"""
     @property
-    def energy_final(self) -> float: ...  # [J]
+    def energy_final(self) -> float:
+        """after the last step [J]"""
     @property
-    def energy_drift(self) -> float: ...  # [1]
+    def energy_drift(self) -> float:
+        """StepReport.energy_drift of the last step [1]"""
     @property
-    def correction_work(self) -> float: ...  # [J]
+    def correction_work(self) -> float:
+        """work of closing errors where impulses advance islands, sum over all steps [J]"""
     @property
-    def driven_work(self) -> float: ...  # [J]
+    def driven_work(self) -> float:
+        """work of wrenches, motors and kinematic bodies where impulses advance islands, sum over
+        all steps [J]"""
     @property
-    def solver_residual(self) -> float: ...  # [m/s]
+    def solver_residual(self) -> float:
+        """largest |J V - target| that the sweeps left, over all steps [m/s]"""
     @property
-    def methods(self) -> Set[str]: ...
+    def methods(self) -> Set[str]:
+        """methods that advanced an island"""
     @property
-    def unresolved_bodies(self) -> Set[str]: ...
+    def unresolved_bodies(self) -> Set[str]:
+        """names of bodies that moved faster than a step resolves"""
     @property
-    def unclosed_joints(self) -> Set[str]: ...  # off by more than 1e-3 m, not being closed at some step
+    def unclosed_joints(self) -> Set[str]:
+        """names of joints that were off by more than 1e-3 m, or 0.5 rad, and not being closed at
+        some step"""
     @property
-    def energy_rise(self) -> float: ...  # without a cause, largest of all steps [J]
+    def energy_rise(self) -> float:
+        """largest rise of an island's energy without a cause [J]; 0: none"""
     @property
-    def overlap(self) -> float: ...  # largest of all steps [m]
+    def overlap(self) -> float:
+        """largest StepReport.overlap [m]; 0: none"""
     @property
-    def creep(self) -> float: ...  # largest of all steps [m]
+    def creep(self) -> float:
+        """largest StepReport.creep [m]; 0: none"""
     @property
-    def substeps(self) -> int: ...
+    def substeps(self) -> int:
+        """sum over all steps"""
     @property
-    def rejected(self) -> int: ...
+    def rejected(self) -> int:
+        """rejected substeps, sum over all steps"""
     @property
-    def iterations(self) -> int: ...
+    def iterations(self) -> int:
+        """sum over all steps"""
     @property
-    def rows(self) -> int: ...
+    def rows(self) -> int:
+        """sum over all steps"""
     @property
-    def contacts(self) -> int: ...
+    def contacts(self) -> int:
+        """sum over all steps"""
     @property
-    def torn_joints(self) -> int: ...
+    def torn_joints(self) -> int:
+        """joints that broke"""
     @property
-    def changes(self) -> int: ...
+    def changes(self) -> int:
+        """changes of method"""
     @property
-    def dependent_rows(self) -> int: ...
+    def dependent_rows(self) -> int:
+        """redundant equations, at most at once"""
     @property
-    def times(self) -> Optional[np.ndarray]: ...  # [s], (samples,)
+    def times(self) -> Optional[np.ndarray]:
+        """times of the samples [s], shape (samples,); or None"""
     @property
-    def states(self) -> Optional[np.ndarray]: ...  # (samples, bodies, 13)
+    def states(self) -> Optional[np.ndarray]:
+        """samples of all bodies, shape (samples, bodies, 13) as World.states; or None"""
 
 
 class VerifiedFigures(TypedDict):
     time: float                      # simulated [s]
     estimate: Optional[float]        # sum of the local error estimates [m]; None: no method has one
-    growth: float                    # of the perturbed twin [1]
+    growth: float                    # distance to the perturbed twin over its perturbation [1]
     global_error: Optional[float]    # estimate times growth [m]
     half_step: Optional[float]       # distance to the run with half the time step [m]; None: left out
     other_method: Optional[float]    # distance to the run by the other method [m]; None: left out
-    other_error: Optional[float]  # that run may be off by so much [m]
+    other_error: Optional[float]     # largest distance of the other method's runs with whole and half step [m]
 
 
 class VerifiedBody(TypedDict):
@@ -294,34 +387,48 @@ class VerifiedBody(TypedDict):
     exceeded: Optional[VerifiedFigures]  # where a difference first exceeded what is allowed
     chaotic_from: Optional[float]        # simulated [s]; the figures above end there
     unresolved: bool                     # moved faster than a step resolves
-    no_estimate: str                     # why; empty: there is one
-    no_half_step: str                    # why this comparison was left out; empty: it was not
-    no_other_method: str                 # the same of the other method
+    no_estimate: str                     # why the body has no error estimate; empty: it has one
+    no_half_step: str                    # why the half time step was left out; empty: it was not
+    no_other_method: str                 # why the other method was left out; empty: it was not
 
 
 class VerifyReport:
     """Outcome of World.verify. str() is a table."""
     @property
-    def ticks(self) -> int: ...  # done by all runs
+    def ticks(self) -> int:
+        """ticks done by all runs"""
     @property
-    def time_step(self) -> float: ...  # [s]
+    def time_step(self) -> float:
+        """of the verified run [s]"""
     @property
-    def perturbation(self) -> float: ...  # of the twin [m]
+    def perturbation(self) -> float:
+        """of the twin [m]"""
     @property
-    def method(self) -> str: ...
+    def method(self) -> str:
+        """method requested by the options"""
     @property
-    def other_method(self) -> str: ...
+    def other_method(self) -> str:
+        """method requested for the other run"""
     @property
-    def bodies(self) -> Dict[str, VerifiedBody]: ...  # dynamic ones, in the order of adding
+    def bodies(self) -> Dict[str, VerifiedBody]:
+        """dict by name of the dynamic bodies: dicts of time [s], estimate [m], growth,
+        global_error [m], half_step [m], other_method [m], other_error [m], verdict ('holds',
+        'chaotic', 'exceeds'), exceeded, chaotic_from [s], and why something is None"""
     @property
-    def exceeds(self) -> bool: ...  # whether any body does
+    def exceeds(self) -> bool:
+        """whether a difference of any body exceeds what its estimate and growth allow"""
     @property
-    def failure(self) -> str: ...  # why the runs ended early; empty: they did not
+    def failure(self) -> str:
+        """reason why the runs ended early; empty otherwise"""
 
 
 class World:
-    """Bodies, joints and their motion. Options are those of docs/scenes.md. Bad input raises
-    ValueError naming field and value, and changes nothing."""
+    """World(**options)
+
+    Bodies, joints and their motion. Options as in docs/scenes.md: gravity [m/s^2], time_step
+    [s], method, tolerance [m/s], order, ... Bad input raises ValueError naming field and value
+    and changes nothing. Different worlds may be stepped on different threads; one world by one
+    thread at a time."""
     def __init__(self, *, gravity: Vector = ..., time_step: float = ..., method: str = ...,
                  closing_time: float = ..., sleep_after: float = ..., sleep_speed: float = ...,
                  threads: int = ..., order: int = ..., tolerance: float = ...,
@@ -329,43 +436,86 @@ class World:
                  iterations: int = ..., warm_starting: bool = ..., baumgarte: float = ...) -> None:
         ...
     @property
-    def options(self) -> Dict[str, Any]: ...
+    def options(self) -> Dict[str, Any]:
+        """All options, as a dict."""
     def set_options(self, *, gravity: Vector = ..., time_step: float = ..., method: str = ...,
                     closing_time: float = ..., sleep_after: float = ..., sleep_speed: float = ...,
                     threads: int = ..., order: int = ..., tolerance: float = ...,
                     stiff_order: int = ..., dissipation: bool = ..., stiffness_limit: float = ...,
                     iterations: int = ..., warm_starting: bool = ..., baumgarte: float = ...
-                    ) -> None: ...
+                    ) -> None:
+        """set_options(**options)
 
-    def copy(self) -> World: ...
+        Sets the options that are named and keeps the others."""
+
+    def copy(self) -> World:
+        """A snapshot: an independent world that goes on with the same bits."""
     def __copy__(self) -> World: ...
     def __deepcopy__(self, memo: Dict[int, Any]) -> World: ...
-    def restore(self, snapshot: World) -> None: ...
+    def restore(self, snapshot: World) -> None:
+        """Becomes a copy of a snapshot; arrays follow."""
 
     def add_body(self, name: str, *, type: str = ..., shape: Shape = ..., mass: float = ...,
                  inertia: Vector = ..., position: Vector = ..., orientation: Vector = ...,
                  linear_velocity: Vector = ..., angular_velocity: Vector = ...,
                  friction: float = ..., restitution: float = ..., no_collision: bool = ...,
-                 shape_pose: Optional[Mapping[str, Vector]] = ...) -> None: ...
-    def remove_body(self, name: str) -> List[str]: ...
-    def body(self, name: str) -> Dict[str, Any]: ...
-    def state(self, name: str) -> State: ...
+                 shape_pose: Optional[Mapping[str, Vector]] = ...) -> None:
+        """add_body(name, *, type='dynamic', shape=Point(), mass [kg], inertia=(0, 0, 0) [kg m^2]
+        principal, zero: from the shape, position [m], orientation x y z w, linear_velocity
+        [m/s], angular_velocity [rad/s] in world axes, friction=0, restitution=0,
+        no_collision=False, shape_pose=None: a dict of position [m] and orientation (x, y, z, w)
+        of a sphere or box in the body's frame)
+
+        Adds a body. Raises ValueError naming field and value."""
+    def remove_body(self, name: str) -> List[str]:
+        """Removes a body and its joints; returns the names of those joints."""
+    def body(self, name: str) -> Dict[str, Any]:
+        """The body as it was added: the keywords of add_body."""
+    def state(self, name: str) -> State:
+        """State now: position [m], orientation x y z w, linear_velocity [m/s], angular_velocity
+        [rad/s], world axes."""
     def set_state(self, name: str, *, position: Vector = ..., orientation: Vector = ...,
-                  linear_velocity: Vector = ..., angular_velocity: Vector = ...) -> None: ...
+                  linear_velocity: Vector = ..., angular_velocity: Vector = ...) -> None:
+        """set_state(name, *, position [m], orientation x y z w, linear_velocity [m/s],
+        angular_velocity [rad/s])
+
+        Sets the given parts and keeps the others."""
     @property
-    def body_names(self) -> List[str]: ...
-    def index(self, name: str) -> int: ...
+    def body_names(self) -> List[str]:
+        """Names in the order of adding, which is the order of rows of the arrays."""
+    def index(self, name: str) -> int:
+        """Row of a body in the arrays."""
 
     @property
-    def states(self) -> np.ndarray: ...  # (bodies, 13)
+    def states(self) -> np.ndarray:
+        """Positions, orientations, linear and angular velocities, shape (bodies, 13).
+
+        A read-only view, no copy: it follows the world until a body is added or removed, then
+        keeps the last state. Its memory outlives the world."""
     @property
-    def positions(self) -> np.ndarray: ...  # [m], (bodies, 3)
+    def positions(self) -> np.ndarray:
+        """Centres of mass, world [m], shape (bodies, 3).
+
+        A read-only view, no copy: it follows the world until a body is added or removed, then
+        keeps the last state. Its memory outlives the world."""
     @property
-    def orientations(self) -> np.ndarray: ...  # x y z w, (bodies, 4)
+    def orientations(self) -> np.ndarray:
+        """Orientations, body to world, x y z w, shape (bodies, 4).
+
+        A read-only view, no copy: it follows the world until a body is added or removed, then
+        keeps the last state. Its memory outlives the world."""
     @property
-    def linear_velocities(self) -> np.ndarray: ...  # [m/s], (bodies, 3)
+    def linear_velocities(self) -> np.ndarray:
+        """Velocities of the centres of mass, world [m/s], shape (bodies, 3).
+
+        A read-only view, no copy: it follows the world until a body is added or removed, then
+        keeps the last state. Its memory outlives the world."""
     @property
-    def angular_velocities(self) -> np.ndarray: ...  # [rad/s], (bodies, 3)
+    def angular_velocities(self) -> np.ndarray:
+        """Angular velocities, world axes [rad/s], shape (bodies, 3).
+
+        A read-only view, no copy: it follows the world until a body is added or removed, then
+        keeps the last state. Its memory outlives the world."""
 
     def add_joint(self, name: str, *, type: str = ..., body_a: str = ..., anchor_a: Vector = ...,
                   body_b: str = ..., anchor_b: Vector = ..., axis_a: Vector = ...,
@@ -381,21 +531,51 @@ class World:
                   rest: float = ..., position: Optional[float] = ..., zero: float = ...,
                   coordinates: Sequence[Mapping[str, Any]] = ..., free: bool = ...,
                   joints: Sequence[str] = ..., ratio: float = ..., value: Optional[float] = ...,
-                  pitch: float = ...) -> None: ...
-    def remove_joint(self, name: str) -> None: ...
-    def joint(self, name: str) -> Dict[str, Any]: ...
-    def joint_state(self, name: str) -> JointState: ...
-    def joint_wrench(self, name: str) -> JointWrench: ...
-    def opening(self, name: str) -> str: ...  # of a joint that closes, in words
+                  pitch: float = ...) -> None:
+        """add_joint(name, *, type='distance', 'ball', 'hinge', 'slider', 'cylindrical',
+        'planar', 'universal', 'weld', 'point_on_line', 'point_on_plane' or 'parallel',
+        body_a='world', anchor_a=(0, 0, 0) [m] in the body's frame, body_b='world', anchor_b, for
+        types with axes axis_a=(0, 0, 1) and axis_b or frame_a and frame_b (x, y, z, w),
+        length=None [m] None: the present distance, min_length=0, max_length=inf [m], frequency
+        [Hz] and damping_ratio, or stiffness [N/m] and damping [N s/m], baumgarte=None,
+        break_force=0 [N], break_torque=0 [N m], collide_connected=False, enabled=True,
+        broken=False, motor={}; of types with free coordinates, for the first: lower, upper [m or
+        rad], limit_restitution=0, friction, damping, stiffness, rest, frequency, damping_ratio,
+        position, motor; or coordinates=[{...}, ...], these for each)
+
+        Adds a joint; the motor's keywords are those of set_motor."""
+    def remove_joint(self, name: str) -> None:
+        """Removes a joint."""
+    def joint(self, name: str) -> Dict[str, Any]:
+        """The joint with its length and stiffness filled in: the keywords of add_joint."""
+    def joint_state(self, name: str) -> JointState:
+        """State after the last step: error [m], error_rate [m/s], angle_error [rad], force [N]
+        along the joint, < 0 is tension, bias and reached_rate [m/s], travel of the motor [m],
+        saturated, broken, closing, and coordinates, a list of those that are free: position,
+        velocity, bias [m or rad, a second], effort [N or N m] of what acts along each."""
+    def joint_wrench(self, name: str) -> JointWrench:
+        """What the joint does to body B, mean over the last step: force [N], and torque [N m]
+        about anchor B, in the joint's frame on B, of types without axes in that of the body."""
+    def opening(self, name: str) -> str:
+        """How far a joint that closes is open now, in words; '' where it fits."""
     @property
-    def joint_names(self) -> List[str]: ...
+    def joint_names(self) -> List[str]:
+        """In the order of adding."""
     def set_motor(self, name: str, *, bias: float = ..., amplitude: float = ...,
                   frequency: float = ..., phase: float = ..., max_force: float = ...,
                   timeout: float = ..., coordinate: int = ...,
                   position: Optional[float] = ..., servo_frequency: float = ...,
                   servo_damping_ratio: float = ..., servo_stiffness: float = ...,
                   servo_damping: float = ..., force: Optional[float] = ...,
-                  removed: bool = ...) -> None: ...
+                  removed: bool = ...) -> None:
+        """set_motor(name, *, bias=0 [m/s or rad/s] > 0 lengthens or turns positively about the
+        axis, amplitude=0 [m/s or rad/s], frequency=0 [Hz], phase=0 [rad], max_force=0 [N or N m]
+        0: no limit, timeout=0 [s] 0: never), and of types with free coordinates coordinate=0,
+        position=None [m or rad], servo_frequency=0 [Hz], servo_damping_ratio=1,
+        servo_stiffness=0, servo_damping=0, force=None [N or N m], removed=False: free from now
+        on
+
+        Replaces the motor; its timeout counts from now."""
     def set_joint(self, name: str, *, baumgarte: Optional[float] = ..., break_force: float = ...,
                   break_torque: float = ..., collide_connected: bool = ..., enabled: bool = ...,
                   length: Optional[float] = ..., min_length: float = ..., max_length: float = ...,
@@ -403,43 +583,108 @@ class World:
                   damping: float = ..., coordinate: int = ..., lower: float = ...,
                   upper: float = ..., limit_restitution: float = ..., friction: float = ...,
                   rest: float = ..., position: Optional[float] = ..., zero: float = ...,
-                  motor: Optional[Mapping[str, Optional[float]]] = ...) -> str: ...
-    def set_broken(self, name: str, broken: bool) -> None: ...
-    def set_enabled(self, name: str, enabled: bool) -> str: ...  # opening(), once it acts again
+                  motor: Optional[Mapping[str, Optional[float]]] = ...) -> str:
+        """set_joint(name, *, baumgarte, break_force, break_torque, collide_connected, enabled;
+        of a distance joint length, min_length, max_length, frequency, damping_ratio, stiffness,
+        damping, motor; of types with free coordinates coordinate=0, and of that one lower,
+        upper, limit_restitution, friction, damping, stiffness, rest, frequency, damping_ratio,
+        position, motor={...} or None)
+
+        Sets the given settings and keeps the others; returns opening(): an error that the joint
+        then has is closed."""
+    def set_broken(self, name: str, broken: bool) -> None:
+        """Marks a joint as broken, or whole again."""
+    def set_enabled(self, name: str, enabled: bool) -> str:
+        """Disables a joint, which then does not act, or enables it again, and returns opening():
+        an error that it then has is closed."""
 
     def add_wrench(self, body: str, *, force: Vector = ..., torque: Vector = ...,
-                   start: float = ..., duration: float = ...) -> None: ...
-    def clear_wrenches(self, body: str) -> None: ...
+                   start: float = ..., duration: float = ...) -> None:
+        """add_wrench(body, *, force=(0, 0, 0) [N], torque=(0, 0, 0) [N m], start=now [s],
+        duration=inf [s])
 
-    def step(self) -> StepReport: ...
-    def run(self, duration: float, *, every: int = ..., time_limit: float = ...) -> RunReport: ...
+        Force at the centre of mass and torque, world axes, for an interval of simulated time.
+        Several add up."""
+    def clear_wrenches(self, body: str) -> None:
+        """Removes all wrenches of a body."""
+
+    def step(self) -> StepReport:
+        """Advances the world by one tick, without the GIL; returns its StepReport."""
+    def run(self, duration: float, *, every: int = ..., time_limit: float = ...) -> RunReport:
+        """run(duration [s], *, every=0, time_limit=inf [s])
+
+        Advances the world by this simulated time, to the nearest tick, without the GIL; ends
+        early when a step fails or the run time exceeds time_limit. With `every` the RunReport
+        has samples: the start and each `every`-th tick."""
     def verify(self, duration: float, *, perturbation: float = ..., least: float = ...,
-               margin: float = ...) -> VerifyReport: ...
-    @property
-    def report(self) -> StepReport: ...
-    @property
-    def time(self) -> float: ...  # [s]
-    @property
-    def step_count(self) -> int: ...
-    @property
-    def energy(self) -> float: ...  # [J]
-    @property
-    def state_hash(self) -> int: ...
-    def reset(self) -> None: ...
-    def set_time(self, time: float, step_count: int) -> None: ...
+               margin: float = ...) -> VerifyReport:
+        """verify(duration [s], *, perturbation=1e-10 [m], least=1e-6 [m], margin=100)
 
-    def islands(self) -> List[Island]: ...
-    def contacts(self) -> List[Contact]: ...
-    def events(self) -> List[Event]: ...  # of the last step
-    def unresolved_bodies(self) -> List[str]: ...
-    def explain(self) -> str: ...
-    def left_out(self) -> List[str]: ...
-    def warnings(self) -> List[str]: ...
-    def save_scene(self) -> str: ...
-    def save_scene_file(self, path: str) -> None: ...
+        Runs copies of the world for this simulated time: as it is, with half the time step, by
+        another method, and from a perturbed state; compares the differences of each body with
+        its error estimate times the growth of the perturbation (docs/verify.md). The world stays
+        as it is."""
+    @property
+    def report(self) -> StepReport:
+        """StepReport of the last step."""
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+    @property
+    def step_count(self) -> int:
+        """Steps since the start."""
+    @property
+    def energy(self) -> float:
+        """Kinetic energy + potential energy of gravity and springs, now [J]."""
+    @property
+    def state_hash(self) -> int:
+        """64-bit hash of time, bodies, joints, wrenches and their state, as constraint_sim_run
+        prints it."""
+    def reset(self) -> None:
+        """Returns bodies and joints to what they were when added; time goes on."""
+    def set_time(self, time: float, step_count: int) -> None:
+        """Continues from this simulated time [s] and step."""
+
+    def islands(self) -> List[Island]:
+        """Islands with method, reason and cost, as of the last step; before the first as it
+        begins."""
+    def contacts(self) -> List[Contact]:
+        """Contact points of the last step: bodies, position [m], normal from B to A, depth [m],
+        normal_force [N], force of both normal and friction on A [N], state."""
+    def events(self) -> List[Event]:
+        """What happened within the last step, in the order of time: kind ('broken', 'rope_taut',
+        'rope_slack', 'limit_reached', 'limit_left', 'saturated', 'released', 'slips', 'sticks',
+        'contact_began', 'contact_ended', 'hit', 'handed_over', 'taken_back'), time [s], bodies,
+        joint or None of a contact or an island, coordinate of the joint or None, impulse of an
+        impact [N s or N m s]."""
+    def unresolved_bodies(self) -> List[str]:
+        """Names of bodies of stiff islands that the last step was too long to resolve."""
+    def explain(self) -> str:
+        """Plan: what the world uses, what it leaves out and why, as YAML."""
+    def left_out(self) -> List[str]:
+        """What the world leaves out and why, one line each."""
+    def warnings(self) -> List[str]:
+        """What the world has that may not be meant, one line each: inertias that no distribution
+        of mass has."""
+    def save_scene(self) -> str:
+        """The world as it is now, as text of a scene; every number to 4 ulp."""
+    def save_scene_file(self, path: str) -> None:
+        """The same into a file."""
 
 
-def load_scene(text: str, source: str = ..., **defaults: Any) -> World: ...
-def load_scene_file(path: str, **defaults: Any) -> World: ...
+def load_scene(text: str, source: str = ..., **defaults: Any) -> World:
+    """load_scene(text, source='scene', **defaults)
+
+    World of a scene in YAML (docs/scenes.md). `source` names it in errors; `defaults` are
+    options that hold where the scene sets none. Raises SceneError, a ValueError, with line, key
+    and value."""
+def load_scene_file(path: str, **defaults: Any) -> World:
+    """load_scene_file(path, **defaults)
+
+    World of a scene in a file, as load_scene."""
 def verify(scene: str, duration: float, *, perturbation: float = ..., least: float = ...,
-           margin: float = ..., **defaults: Any) -> VerifyReport: ...
+           margin: float = ..., **defaults: Any) -> VerifyReport:
+    """verify(scene, duration [s], *, perturbation=1e-10 [m], least=1e-6 [m], margin=100,
+    **defaults)
+
+    World.verify of a scene in YAML."""

@@ -57,7 +57,7 @@ class Hands {
   using Feedback = visualization_msgs::InteractiveMarkerFeedbackConstPtr;
   struct Press {
     engine::BodyId body;
-    double last_feedback;  ///< steady clock [s]
+    double last_feedback;  ///< time of the last feedback, by the steady clock [s]
   };
   struct Drag {
     engine::BodyId body;  ///< tells another body of that name apart

@@ -62,7 +62,7 @@ void find_reach(const engine::World& world, const engine::Joint& joint, JointSiz
   double least = -1.0;
   for (const auto& [id, anchor] :
        {std::pair{joint.body_b, joint.anchor_b}, std::pair{joint.body_a, joint.anchor_a}}) {
-    // a sliding body carries its sign along
+    // The sign of a sliding joint moves with one body, so only that body limits its size.
     if (id == engine::kWorldBody || (least >= 0.0 && slides_along_axis(joint.kind))) continue;
     const engine::Body& body = world.body(id);
     const engine::BodyState& state = world.state(id);

@@ -19,7 +19,7 @@ namespace {
 
 std::string shipped_folder() { return ros::package::getPath("constraint_sim") + "/config/scenes/"; }
 
-// Returns whether a path leaves its start, as in a/../../b.
+// Returns whether a relative path leaves its folder by "..", as a/../../b does.
 bool leaves_its_start(const std::string& path) {
   int depth = 0;
   for (std::size_t begin = 0; begin <= path.size();) {

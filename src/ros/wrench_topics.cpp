@@ -62,7 +62,8 @@ void WrenchTopics::update(const engine::World& world) {
   std::swap(topics_, next);
 }
 
-// Advertises the topic of a constraint; none where the name is not allowed, or the topic is taken.
+// Advertises the topic of a constraint. Returns an empty publisher where ROS does not allow the
+// name or the topic is taken.
 ros::Publisher WrenchTopics::advertise(const std::string& constraint, bool is_free) {
   const std::string topic = topic_of(kForceTorque, constraint);
   std::string why;

@@ -286,7 +286,7 @@ class EquationsOfMotion : public IslandModel {
   // ---- for kernels, which implement System for islands of one common shape
 
   KernelView kernel_view();
-  /// Whether lengths, coordinates or frames have prescribed motions.
+  /// Whether lengths, coordinates or frames have prescribed motions ("courses" in code).
   bool has_courses() const { return !courses_.empty(); }
   /// Angular velocity of the body of a fixed point [rad/s].
   const Eigen::Vector3d& fixed_angular_velocity(std::size_t fixed_point) const {

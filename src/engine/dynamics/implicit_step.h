@@ -83,7 +83,7 @@ class ImplicitStep {
   /// Removes or restores the force of momentary rows. With a force energy is kept: the mean
   /// Jacobian over the step has a direction where the Jacobian at its start has none.
   void leave_out_momentary_rows(bool are_out, const EquationsOfMotion& equations);
-  /// Whether redundant rows are met at the current pose. Unmet ones become ordinary rows again.
+  /// Whether redundant rows are met at the current pose. Makes unmet rows ordinary rows again.
   bool redundant_rows_are_met(double t, EquationsOfMotion* equations) const {
     return equations->redundant_rows_are_met(t, x_, q_);
   }
@@ -134,7 +134,7 @@ class ImplicitStep {
     Kind kind = Kind::kRod;
     std::array<End, 2> ends;
     double stiffness = 0.0, damping = 0.0;
-    int unknown = 0;  // first row
+    int unknown = 0;  // index of its first row among the unknowns
     int rows = 1;
     std::size_t slot = 0;  // first entry in slots_
     bool is_between_points = false;

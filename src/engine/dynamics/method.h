@@ -29,7 +29,7 @@ struct SmoothSpan {
   /// Time since the start of the tick, at which kinematic bodies are given [s].
   double since_tick = 0.0;
 
-  /// Interval for an island that was edited since the last step.
+  /// Returns a copy of this interval for an island that was edited since the last step.
   SmoothSpan after_edit() const {
     return {t, h, gravity, loads, courses, true, true, stop, since_tick};
   }

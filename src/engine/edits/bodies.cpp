@@ -42,7 +42,7 @@ BodyId World::add_body(const Body& body) {
   impl_->corrections.push_back(Twist::Zero());
   impl_->asleep.push_back(false);
   if (body.type != BodyType::kDynamic)
-    impl_->sleep.wake_all(impl_.get());  // it may be put into one of them
+    impl_->sleep.wake_all(impl_.get());  // an immovable body may overlap sleeping bodies
   impl_->body_by_name.emplace(body.name, id);
   impl_->edits.note_topology();
   return id;
@@ -63,8 +63,8 @@ void World::body_ids(std::vector<BodyId>* ids) const {
   ids->assign(impl_->body_ids.begin() + 1, impl_->body_ids.end());
 }
 
-// Continues a saved body, of whose velocity the next step takes out a part. A
-// reset returns to the velocity without that part.
+// Continues a saved body. The next step takes `correction` out of its velocity; reset() returns to
+// the velocity without `correction`.
 void World::Impl::continue_correction(std::size_t i, const Twist& correction) {
   if (!is_movable(i) || asleep[i]) refuse("correction", "is of a dynamic body that is awake");
   for (const Eigen::Vector3d& part :
@@ -124,7 +124,7 @@ void World::set_state(BodyId id, const BodyState& state) {
     impl_->sleep.wake(i, impl_.get());
   else
     impl_->sleep.wake_all(impl_.get());
-  // of a body that only moves on at another twist, what joints are closing they go on to close
+  // Joints on an immovable body that keeps its pose, and gets another twist, go on closing.
   const bool stays = !impl_->is_movable(i) && impl_->states[i].position == placed.position &&
                      impl_->states[i].orientation.coeffs() == placed.orientation.coeffs();
   impl_->states[i] = placed;

@@ -1,4 +1,4 @@
-// Gears and pulleys in loops: whether one more can be met with those that act.
+// Loops of gears and pulleys: whether a new coupling contradicts the acting couplings.
 
 #include "engine/edits/coupling_loops.h"
 
@@ -17,24 +17,25 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kLoopFits = 1e-6;  // what a coupling may be off by [unit of q₁]
-constexpr double kParallel = 1e-9;  // share of its terms up to which a sum of ratios is zero
-constexpr double kSumRounding =
-    1.001;  // of the present errors, which are summed up in another order
+constexpr double kLoopFits = 1e-6;  // error up to which a coupling fits a loop [unit of q₁]
+constexpr double kParallel = 1e-9;  // a sum of ratios below this share of its terms is zero
+// Margin for the rounding of the present errors, which are summed in another order.
+constexpr double kSumRounding = 1.001;
 
-/// A coordinate by that of the root: q = share · q_root + constant. `off`: by how much it reads
-/// otherwise now, where the couplings on the way are not met yet.
+/// A coordinate as a function of the root coordinate: q = share · q_root + constant. `off`: bound
+/// of its present error, since couplings on the path to the root may still be closing.
 struct Implied {
   double share = 1.0, constant = 0.0, off = 0.0;
 };
 
-/// A coupling that acts: q₁ + ratio q₂ = constant of the first coordinates of these joints.
+/// An acting coupling q₁ + ratio q₂ = constant of the first coordinates of the joints `first` and
+/// `second`, by index. `error`: its present error.
 struct Acting {
   std::size_t joint, first, second;
   double ratio, constant, error;
 };
 
-/// What couplings say of the coordinates that one leads to.
+/// All coordinates that couplings connect with a root coordinate, as functions of the root.
 class CoupledCoordinates {
  public:
   CoupledCoordinates(std::size_t root, const List<Acting>& couplings) {
@@ -42,8 +43,9 @@ class CoupledCoordinates {
     for (std::size_t i = 0; i < couplings.size(); ++i)
       for (const std::size_t joint : {couplings[i].first, couplings[i].second})
         on[joint].push_back(i);
-    // In the order of passes over all couplings that each follow what leads on from the passes
-    // before, without the passes: by number of the pass and index.
+    // Pairs (pass, coupling) to follow. Repeated passes over all couplings, each following
+    // couplings with a known coordinate, would have the same order; this queue skips idle
+    // couplings.
     std::set<std::pair<std::size_t, std::size_t>> next;
     List<bool> is_followed(couplings.size());
     known_[root] = {};
@@ -66,7 +68,7 @@ class CoupledCoordinates {
 
   bool leads_to(std::size_t joint) const { return known_.count(joint) > 0; }
 
-  /// q₁ + ratio q₂; nothing where it depends on q_root, of which nothing is said.
+  /// Returns q₁ + ratio q₂; empty where the sum depends on q_root and no loop determines q_root.
   std::optional<Implied> sum(std::size_t first, double ratio, std::size_t second) const {
     Implied all = by_root(first, ratio, second);
     if (all.share == 0.0) return all;
@@ -76,7 +78,7 @@ class CoupledCoordinates {
     return all;
   }
 
-  /// The couplings by which it is so.
+  /// Returns the couplings that determine q₁ + ratio q₂.
   std::set<std::size_t> reasons(std::size_t first, double ratio, std::size_t second) const {
     std::set<std::size_t> names;
     for (const std::size_t joint : {first, second}) add_way(joint, &names);
@@ -89,7 +91,7 @@ class CoupledCoordinates {
  private:
   struct Known {
     Implied q{};
-    std::optional<Acting> by{};  ///< not of the root
+    std::optional<Acting> by{};  ///< coupling that determines q; empty for the root
   };
 
   Implied by_root(std::size_t first, double ratio, std::size_t second) const {
@@ -101,7 +103,7 @@ class CoupledCoordinates {
     return all;
   }
 
-  /// `coupling`: one with a coordinate that is known.
+  /// Follows a coupling with one or two known coordinates.
   void follow(const Acting& coupling) {
     const bool has_first = leads_to(coupling.first), has_second = leads_to(coupling.second);
     const double ratio = coupling.ratio, constant = coupling.constant;
@@ -132,7 +134,7 @@ class CoupledCoordinates {
   }
 
   std::map<std::size_t, Known> known_;
-  std::optional<Implied> root_;  // where a loop says what it is
+  std::optional<Implied> root_;  // value of q_root, if a loop (loop_) determines it
   std::optional<Acting> loop_;
 };
 

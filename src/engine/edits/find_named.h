@@ -7,7 +7,7 @@
 
 namespace constraint_sim::engine {
 
-/// The value of `name` in a map by names. Throws std::invalid_argument about `field` without one.
+/// Returns the value of `name` in a map; throws std::invalid_argument about `field` without such.
 template <class Map>
 auto find_named(const Map& map, std::string_view name, const char* field) {
   const auto found = map.find(std::string(name));

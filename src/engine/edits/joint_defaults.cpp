@@ -19,9 +19,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kCoincident = 1e-9;  // of the anchors' coordinates: nearer than this is one point
+constexpr double kCoincident = 1e-9;  // anchors within this share of their coordinates coincide
 
-// Two axes that are to be at a right angle: along each other nothing says where to turn to.
+// Refuses parallel axes that have to become perpendicular, since their direction of rotation would
+// be undefined.
 void check_apart(const Eigen::Quaterniond& frame_a, const Eigen::Quaterniond& frame_b,
                  const Vector3d& axis_b) {
   const Vector3d z_a = frame_a * Vector3d::UnitZ(), z_b = frame_b * Vector3d::UnitZ();
@@ -51,7 +52,7 @@ double inverse_effective_mass(const Model& model, const State& state, const Join
   const JointVectors vectors(joint, state.states[a], state.states[b]);
   using Row = Eigen::Matrix<double, 1, 12>;
   const int rows = kind.rows + (has_pitch(joint.kind) ? 1 : 0);
-  Eigen::Matrix<double, Eigen::Dynamic, 12> G(rows + 1, 12);  // times the root of M⁻¹
+  Eigen::Matrix<double, Eigen::Dynamic, 12> G(rows + 1, 12);  // G M^(-1/2), and g M^(-1/2)
   for (int k = 0; k <= rows; ++k) {
     const int function = k < rows ? k : kind.rows + coordinate;
     Jacobian J = jacobian(kind.function[static_cast<std::size_t>(function)], vectors);
@@ -82,7 +83,7 @@ double inverse_effective_mass(const Model& model, const State& state, const Join
   return left > 1e-20 * g.squaredNorm() ? left : 0.0;
 }
 
-/// Fills in frame B where it is left out, from how the bodies lie.
+/// Fills in frame B where it is left out, from the present poses of the bodies.
 void fill_in_frames(const Model& model, const State& state, Joint* joint) {
   joint->distance = DistanceJoint{};
   const JointKindInfo& kind = info(joint->kind);

@@ -6,8 +6,8 @@
 
 namespace constraint_sim::engine {
 
-// Settings that a joint leaves out, from where its bodies are. Each throws std::invalid_argument
-// where the result is invalid.
+// Fills in settings that a joint leaves out, from the poses of its bodies. Each function throws
+// std::invalid_argument where the result is invalid.
 
 /// Fills in the length, frames, zeros of coordinates and constants of springs. A distance joint of
 /// length 0 becomes a ball joint.

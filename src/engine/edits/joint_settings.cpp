@@ -14,11 +14,12 @@
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
-// by one that has been checked and filled in
+// Replaces the settings of a joint by `joint`, which is valid and filled in.
 void World::Impl::replace_joint(std::size_t j, const Joint& joint,
                                 const std::array<LawChange, kMaxCoordinates>& changes) {
   wake_ends(joint);
-  if (is_always_rigid(joint) != is_always_rigid(joints[j])) edits.note_topology();  // loops
+  if (is_always_rigid(joint) != is_always_rigid(joints[j]))
+    edits.note_topology();  // only rigid joints close loops
   const Joint before = std::exchange(joints[j], joint);
   bool begins = false;
   for (std::size_t i = 0; i < changes.size(); ++i)
@@ -28,7 +29,8 @@ void World::Impl::replace_joint(std::size_t j, const Joint& joint,
   edits.note_laws_of(*this, joint);
 }
 
-// the state of a coordinate whose law is another; true where that has to be closed
+// Updates the state of a coordinate to a changed law. Returns whether the joint has to close an
+// error, since a motor holds another position.
 bool World::Impl::follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before,
                              bool is_motor_set) {
   const CoordinateLaw& law = joints[j].coordinates[i];
@@ -52,7 +54,8 @@ bool have_same_length(const DistanceJoint& a, const DistanceJoint& b) {
          std::tie(b.length, b.min_length, b.max_length);
 }
 
-// a new frequency beside what followed from the one before
+// Clears stiffness and damping that followed from the old frequency, so that they follow from the
+// new frequency.
 template <class Spring>
 void replace_spring(const Spring& before, Spring* spring) {
   if (spring->frequency == 0.0 || spring->stiffness != before.stiffness ||
@@ -90,7 +93,7 @@ void check_same_place(const Joint& joint, const Joint& before) {
   check("pitch", joint.pitch == before.pitch);
 }
 
-/// Joints that a coupling couples act as long as the coupling does.
+/// Checks that joints stay enabled as long as an enabled coupling couples them.
 void check_coupled_act(const Model& model, std::size_t j, bool enabled) {
   if (enabled && couples_joints(model.joints[j].kind))
     for (const JointId id : {model.joints[j].coupling.first, model.joints[j].coupling.second})
@@ -106,7 +109,7 @@ void check_coupled_act(const Model& model, std::size_t j, bool enabled) {
 
 }  // namespace
 
-// `is_motor_set`: its timeout begins now.
+// Sets the law of a coordinate. `is_motor_set`: the timeout of the motor begins now.
 void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set) {
   const std::size_t j = index(id);
   Joint joint = joints[j];
@@ -174,7 +177,7 @@ void World::set_enabled(JointId id, bool enabled) {
   set_joint(id, changed);
 }
 
-// one that begins to act, or to act no longer
+// Begins a joint anew that starts or ceases to act.
 void World::Impl::restart_joint(std::size_t j) {
   const Joint& joint = joints[j];
   JointState& state = joint_states[j];
@@ -186,7 +189,7 @@ void World::Impl::restart_joint(std::size_t j) {
   edits.note_islands_of(*this, joint);
 }
 
-// motors by velocity of a joint that has just been measured
+// Lets the velocity motors of a joint that was just measured hold its present coordinates.
 void World::Impl::hold_from_here(std::size_t j) {
   const Joint& joint = joints[j];
   JointState& state = joint_states[j];

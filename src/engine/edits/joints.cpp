@@ -26,7 +26,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// apart, or each index() would make room for the text
+// Kept out of line: inlined, each index() would reserve stack for the text.
 [[noreturn, gnu::noinline]] void refuse_unknown(JointId id) {
   refuse("constraint", "there is none with id " + std::to_string(id.value));
 }
@@ -173,7 +173,7 @@ std::array<BodyId, 4> Model::holders(std::size_t joint) const {
   return {first->body_a, first->body_b, second->body_a, second->body_b};
 }
 
-// The joints with this body among their holders(), in their order.
+// Returns the joints with a body among their holders(), by index. Lists all bodies on first use.
 const List<std::size_t>& World::Impl::joints_on(std::size_t body) {
   if (joints_of_bodies.get() == nullptr) {
     joints_of_bodies.make();
@@ -188,7 +188,7 @@ const List<std::size_t>& World::Impl::joints_on(std::size_t body) {
   return body < joints_of_bodies->size() ? (*joints_of_bodies.get())[body] : kNone;
 }
 
-// the state of a joint just added
+// Sets the state of a joint that was just added.
 void World::Impl::start_joint(std::size_t j) {
   JointState& state = joint_states[j] = JointState{};
   state.broken = joint_starts[j].broken;
@@ -206,7 +206,7 @@ void World::Impl::start_joint(std::size_t j) {
   state.closing_since += elapsed;
 }
 
-// continues a saved joint
+// Continues the state of a joint of a saved scene.
 void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   JointState& state = joint_states[j];
   state.travel = saved.travel;
@@ -216,7 +216,7 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   state.impulse = saved.impulse;
   state.coupling.constant = saved.coupling.constant;
   state.coupling.impulse = saved.coupling.impulse;
-  open_joint(*this, j, time(), this);  // measures it with this travel
+  open_joint(*this, j, time(), this);  // measures the error with the saved travel
   state.closing = saved.closing && is_rigid(joints[j]) && acts(joints[j], state);
   if (state.closing) {
     state.closing_since = saved.closing_since;
@@ -227,7 +227,7 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
     state.closing_share = saved.closing_share;
     state.initial_error = saved.initial_error;
   }
-  state.coordinates = saved.coordinates;  // read by the frame that is being closed, or by none
+  state.coordinates = saved.coordinates;  // open_joint() read them in another closing frame
   measure_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)],
                 joint_step(options, time(), options.time_step), state);
   for (std::size_t i = 0; i < kMaxCoordinates; ++i)
@@ -237,13 +237,13 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   edits.note_islands_of(*this, joints[j]);
 }
 
-// whether a joint added now, as this one is, would begin with the same state
+// Whether a joint with the settings of this joint, added now, would begin with the same state.
 bool World::Impl::is_as_added(JointId id) const {
   const std::size_t j = index(id);
   const JointState& state = joint_states[j];
   Joint joint = joints[j];
   if (couples(joint.kind))
-    joint.coupling.value = state.coupling.constant;  // which is saved with it
+    joint.coupling.value = state.coupling.constant;  // scenes save the constant as `value`
   JointState added;
   added.broken = state.broken;
   set_ends(joint, time(), &added);
@@ -331,7 +331,7 @@ void World::set_motor(JointId id, const Motor& motor) {
 
   impl_->wake_ends(joint);
   if (is_always_rigid(joint) != is_always_rigid(impl_->joints[j]))
-    impl_->edits.note_topology();  // loops
+    impl_->edits.note_topology();  // only rigid joints close loops
   const bool was_one_sided = has_one_sided_law(std::exchange(impl_->joints[j], joint));
   impl_->joint_states[j].expires_at = end_of(motor, time());
   if (was_one_sided || has_one_sided_law(joint)) return impl_->edits.note_laws_of(*impl_, joint);
@@ -353,7 +353,7 @@ void World::set_law(JointId id, int coordinate, const CoordinateLaw& law) {
   impl_->set_law(id, coordinate, changed, law.motor.has_value() != before.motor.has_value());
 }
 
-// a coordinate reads otherwise than it did, and so do the couplings that have it
+// Adds the change of a coordinate's zero to the values and constants of its couplings.
 void World::Impl::shift_couplings(std::size_t j, int coordinate, double change) {
   if (change == 0.0) return;
   List<std::size_t> affected = couplings_of(j);

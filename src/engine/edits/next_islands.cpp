@@ -1,5 +1,5 @@
-// The islands that the next step begins with, where edits have not been compiled yet. A question:
-// it changes nothing, and goes by the functions that compile.cpp and a step go by.
+// Finds the islands with which the next step will begin, while edits are not compiled yet. Queries
+// use this file: it changes nothing, and calls the functions that compile.cpp and a step call.
 
 #include <algorithm>
 
@@ -34,7 +34,8 @@ List<World::Impl::NextIsland> World::Impl::next_islands() const {
   return next;
 }
 
-// as it was before, where it has the same bodies and joints
+// Returns the island of these members: unchanged where the members are unchanged, else a new
+// island.
 World::Impl::NextIsland World::Impl::next_island(IslandMembers members) const {
   const std::size_t first = to_index(members.bodies.front());
   const int old = !edits.all() && topology.knows(first) ? topology.island_of(first) : -1;

@@ -1,5 +1,5 @@
-// Bodies and joints that are taken out of a world. All lists are compacted once, however many are
-// removed, so that the cost is linear in the size of the world and of the request.
+// Removal of bodies and joints. All lists are compacted once per request, so the cost is linear in
+// the sizes of the world and of the request.
 
 #include <algorithm>
 #include <limits>
@@ -13,7 +13,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// Joints that others couple, with the coupling, by index: sorted.
+/// Pairs (coupled joint, coupling) by index, sorted.
 using CouplingsOfJoints = List<std::pair<std::size_t, std::size_t>>;
 
 CouplingsOfJoints couplings_by_joint(const Model& model) {
@@ -49,7 +49,7 @@ void compact_list(const List<bool>& is_removed, std::vector<Id>* ids, List<int>*
   for (std::size_t i = 0; i < ids->size(); ++i) (*index)[(*ids)[i].value] = static_cast<int>(i);
 }
 
-/// Sets which joints are removed. A joint that is coupled stays, unless its couplings go before it.
+/// Marks the joints to remove. Refuses a coupled joint whose couplings are not before it in `ids`.
 void mark_removed(const Model& model, const std::vector<JointId>& ids, List<bool>* is_removed) {
   const CouplingsOfJoints couplings = couplings_by_joint(model);
   for (const JointId id : ids) {
@@ -65,8 +65,8 @@ void mark_removed(const Model& model, const std::vector<JointId>& ids, List<bool
   }
 }
 
-/// Sets which bodies are removed, and which joints with them; returns the names of these joints in
-/// the order of the bodies.
+/// Marks the bodies to remove and all joints on them. Returns the names of these joints, in the
+/// order of the bodies.
 std::vector<std::string> mark_removed(const Model& model, const std::vector<BodyId>& ids,
                                       List<bool>* is_body_removed, List<bool>* is_joint_removed) {
   constexpr std::size_t kStays = std::numeric_limits<std::size_t>::max();
@@ -78,7 +78,8 @@ std::vector<std::string> mark_removed(const Model& model, const std::vector<Body
     order[i] = k;
     (*is_body_removed)[i] = true;
   }
-  List<std::pair<std::size_t, std::size_t>> held;  // by the first body that goes, and index
+  // Pairs (place of the first removed body in the request, joint).
+  List<std::pair<std::size_t, std::size_t>> held;
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     if ((*is_joint_removed)[j]) continue;
     std::size_t first = kStays;
@@ -154,7 +155,7 @@ void World::Impl::erase_bodies(const List<bool>& is_removed) {
   compact_list(is_removed, &asleep);
   compact_list(is_removed, &body_ids, &body_index);
   joints_of_bodies = {};
-  integration.forget_loads();  // the last step's, by indices of bodies; all islands begin anew
+  integration.forget_loads();  // loads of the last step have indices of bodies, which have changed
   contacts.clear();
   events.clear();
   edits.note_topology();

@@ -7,7 +7,7 @@
 
 namespace constraint_sim::engine {
 
-// Whether settings are the same, number by number.
+// Exact equality of settings, number by number.
 
 inline auto numbers_of(const Motor& m) {
   return std::tie(m.bias, m.amplitude, m.frequency, m.phase, m.max_force, m.timeout);

@@ -1,5 +1,5 @@
-// A World as a whole: options, time, starting anew, asking. All files of this folder check
-// everything first and change something only when nothing can fail any more.
+// Functions of World that concern no single body or joint: copies, options, time, reset, queries.
+// All files of this folder check everything first, and change data only when nothing can fail.
 
 #include <array>
 #include <cmath>
@@ -31,7 +31,7 @@ World::World(const World& other) : impl_(std::make_unique<Impl>(*other.impl_)) {
 World::World(World&&) noexcept = default;
 World& World::operator=(const World& other) {
   if (impl_)
-    *impl_ = *other.impl_;  // reuses what is allocated
+    *impl_ = *other.impl_;  // reuses allocated memory
   else
     impl_ = std::make_unique<Impl>(*other.impl_);
   return *this;
@@ -42,7 +42,7 @@ World::~World() = default;
 void World::take_snapshot(World* snapshot) const {
   const Impl& from = *impl_;
   if (snapshot == this) return;
-  if (from.edits.answers()) {  // is a snapshot
+  if (from.edits.answers()) {  // only snapshots have answers
     *snapshot = *this;
     return;
   }
@@ -101,7 +101,7 @@ void World::set_time(double time, std::uint64_t step_count) {
   const double now = this->time();
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     JointState& state = impl_->joint_states[j];
-    // to the bit the timeout of a motor set now
+    // A motor that was set just now keeps its timeout to the bit.
     visit_motors(impl_->joints[j], state, [&](const Motor& motor, double& end) {
       end = time + (end == now + motor.timeout ? motor.timeout : end - now);
     });
@@ -144,7 +144,7 @@ void World::continue_from(const World& other) {
     renumber(joint.body_b);
     if (couples_joints(joint.kind))
       for (JointId* id : {&joint.coupling.first, &joint.coupling.second}) id->value += new_joints;
-    // a sinusoid goes on as it would have from the time of this world
+    // Shifts the phase, so that a sinusoid continues although time jumps.
     const auto shift = [&](Motor* motor) {
       if (motor->frequency > 0.0 && elapsed != 0.0)
         motor->phase =
@@ -187,14 +187,14 @@ bool World::Impl::is_known(const TouchingPair& pair) const {
   return Model::is_known(pair.id_a) && Model::is_known(pair.id_b);
 }
 
-// those that slept when the scene was saved, with all that they hang on
+// Puts the bodies to sleep that slept when the scene was saved. `ids`: these bodies.
 void World::Impl::continue_asleep(const std::vector<BodyId>& ids) {
   for (const BodyId id : ids) asleep[index(id)] = true;
   sleep.continue_from(!ids.empty());  // wakes bodies whose neighbours do not sleep
   edits.note_all();
 }
 
-// what was touching when the scene was saved
+// Adds a contact that existed when the scene was saved.
 void World::Impl::continue_contact(TouchingPair pair) {
   pair.a = static_cast<int>(index(pair.id_a));
   pair.b = static_cast<int>(index(pair.id_b));
@@ -206,14 +206,14 @@ void World::Impl::continue_contact(TouchingPair pair) {
   pairs.push_back(pair);
 }
 
-// this one, or where edits have not been compiled yet a copy in which they are
+// Returns this world if its edits are compiled, else `copy`, a copy with compiled edits.
 const World::Impl& World::Impl::compiled(std::optional<Impl>* copy) const {
   if (!edits.any()) return *this;
   copy->emplace(*this).rebuild_topology();
   return **copy;
 }
 
-// what islands remember, as far as it outlives the next step; in their order
+// Returns the memories of islands that are not empty, by first body, in the order of islands.
 List<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
   List<std::pair<BodyId, IslandMemory>> memories;
   for (std::size_t i = 0; i < island_parts.size(); ++i)
@@ -221,7 +221,7 @@ List<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
   return memories;
 }
 
-// those that the next step begins with
+// Returns the memories with which the next step begins, after pending edits are compiled.
 List<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const {
   if (!edits.any()) return memories();
   List<std::pair<BodyId, IslandMemory>> memories;
@@ -230,8 +230,8 @@ List<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const {
   return memories;
 }
 
-// whether something that could go on from the step before will not; without it the next step
-// depends on nothing but what is saved
+// Whether the method of an island begins anew in the next step although it has memory that could
+// continue. Otherwise the next step of a fresh island depends only on saved state.
 bool World::Impl::restarts_methods(std::size_t i) const {
   const IslandParts& parts = island_parts[i];
   if (!parts.is_fresh || options.method == Method::kSequentialImpulses) return false;
@@ -260,7 +260,7 @@ void World::reset() {
   impl_->edits.note_all();
 }
 
-// ---- asking
+// ---- queries
 
 const StepReport& World::report() const { return impl_->report; }
 std::optional<JointId> World::failed_joint() const {
@@ -294,7 +294,7 @@ void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const
 
 std::vector<BodyId> World::unresolved_bodies() const {
   if (impl_->edits.answers()) return impl_->edits.answers()->unresolved_bodies;
-  if (impl_->edits.any()) return {};  // islands and bodies may be others now
+  if (impl_->edits.any()) return {};  // indices of islands and bodies may be stale
   List<std::size_t> indices;
   for (std::size_t i = 0; i < impl_->islands.size(); ++i)
     if (impl_->islands[i].unresolved_bodies > 0) impl_->list_unresolved(i, &indices);

@@ -18,8 +18,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kLeastWork = 100;  // of each group where all groups share, as GroupLimits::work
-constexpr double kBack = 0.85;      // of the limits, below which islands come back from impulses
+constexpr double kLeastWork = 100;  // least work limit of a group, in the unit of GroupLimits::work
+constexpr double kBack = 0.85;      // share of the limits within which impulses return islands
 
 /// Whether events advance a joint with all its laws beside contacts.
 bool can_be_beside_contacts(const Joint& joint) {
@@ -75,8 +75,9 @@ void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquation
   }
 }
 
-/// Notes whether a pair touched in the step before, and whether friction was within its cone at a
-/// point. `mass` takes the impulses [kg].
+/// Notes whether a pair touched in the last step, and whether friction was within its cone at a
+/// point. `mass`: reduced mass of the pair [kg], which turns a rounding of velocity into an
+/// impulse.
 void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends, double mass,
                       ContactEvents::Pair* pair) {
   constexpr double kAtCone = 1e-6;
@@ -94,8 +95,8 @@ void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends
   }
 }
 
-/// Whether a group is small enough for events. Islands that impulses took over come back to smaller
-/// groups, so that they do not come and go.
+/// Whether a group is small enough for events. A group with an island that impulses took over has
+/// smaller limits (kBack), so that its method does not change back and forth.
 bool is_few(const GroupSize& size, const GroupLimits& most) {
   const double share = size.was_handed ? kBack : 1.0;
   return static_cast<double>(size.bodies) <= share * static_cast<double>(most.bodies) &&
@@ -143,7 +144,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
     const BodyState& plane = state.states[body];
     planes.push_back({body, plane.orientation * Vector3d::UnitZ(), plane.position});
   }
-  // spheres that are alone with their planes meet nothing else however fast they get
+  // Where only these spheres and planes collide, a sphere meets nothing else at any speed.
   const bool is_all = std::count_if(model.bodies.begin(), model.bodies.end(), may_touch) ==
                       static_cast<std::ptrdiff_t>(spheres.size() + planes.size());
   const double most_speed =
@@ -230,7 +231,7 @@ bool ContactGroups::is_left_in_contact(const Topology& topology, const ContactRe
   });
 }
 
-// Keeps the first groups alone.
+// Removes all groups but the first `kept`. Later groups reuse the storage of removed groups.
 void ContactGroups::clear(std::size_t kept) {
   while (groups_.size() > kept) {
     unused_.push_back(std::move(groups_.back()));
@@ -342,7 +343,8 @@ bool ContactGroups::add_pairs(const Model& model, const List<TouchingPair>& touc
   return true;
 }
 
-// The work that a group may still take in this step. Where the world chooses, all groups share.
+// Returns the work that a group may take in this step. With `method: auto` all groups share a
+// limit.
 double ContactGroups::most_work_of(const WorldOptions& options, const ContactGroup& of) const {
   double left = group_limits(options).work;
   if (options.method == Method::kEventDriven) return left;

@@ -97,12 +97,12 @@ class ContactGroups {
   double most_work_of(const WorldOptions& options, const ContactGroup& of) const;
 
   List<ContactGroup> groups_;
-  List<ContactGroup> unused_;    // for their storage
-  List<int> group_of_;           // of islands; -1: none
+  List<ContactGroup> unused_;    // groups kept for their storage
+  List<int> group_of_;           // group of each island; -1: none
   List<int> group_at_;           // by leader of islands; -1: none
   List<MethodReason> left_for_;  // by leader: why its islands are in no group
-  List<int> place_;              // of bodies in the group that is compiled; -1: none
-  List<OneSidedLaw> laws_;       // of a joint
+  List<int> place_;              // place of each body in the group being compiled; -1: none
+  List<OneSidedLaw> laws_;       // laws of the joint being compiled; scratch
   std::vector<BodyId> bodies_;
   bool had_groups_ = false;
 };

@@ -13,7 +13,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Where the world chooses the method, groups share the work, and each has at least some of its own.
+// Limits with `method: event_driven` and with `method: auto`. With `auto` all groups of a step
+// share the work, and each group has at least kLeastWork.
 constexpr GroupLimits kForced{32, 64, 2e4}, kAuto{8, 48, 1.5e3};
 // Impulses leave contacts at rest with overlaps of ½ g h² to g h² in each contact of a stack.
 // Events close overlaps up to a multiple of that, and up to a share of the thinner shape, that
@@ -68,7 +69,8 @@ bool is_elastic_sphere(const Model& model, std::size_t body) {
          inertia.y() == inertia.z();
 }
 
-// Elastic spheres may be very many, and are as fast as the fastest of them from the start.
+// Gives all elastic spheres the reach of the fastest elastic sphere from the start, since a group
+// of very many spheres would grow too slowly.
 void ContactReach::begin(const Model& model, const State& state, const List<int>& moving_shapes) {
   reach_.assign(model.bodies.size(), 0.0);
   double of_elastic = 0.0;
@@ -102,7 +104,7 @@ bool ContactReach::grow(const Model& model, const Topology& topology, const Stat
   return any_grown;
 }
 
-// Connects the islands of pairs that may touch, by union-find: the leader of islands is the first.
+// Connects the islands of pairs that may touch, by union-find. The first island of a set leads it.
 void ContactReach::watch_pairs(const Model& model, const Topology& topology, const State& state,
                                std::size_t islands, const List<Broadphase::Pair>& pairs) {
   watched_pairs_.clear();
@@ -136,7 +138,7 @@ void ContactReach::list_group_sizes(const Model& model, const Topology& topology
     size.has_pairs = true;
     for (const int body : {pair.first, pair.second})  // kinematic bodies may hit the others
       if (!model.is_movable(to_index(body))) size.reach = std::max(size.reach, reach_[body]);
-    // pairs farther apart count only for bodies that may be driven at them
+    // Points count where the pair can touch without a third body that hits one of both.
     if (gap <= own_reach_[pair.first] + own_reach_[pair.second])
       size.points += ContactEvents::most_points(model.bodies[pair.first].shape,
                                                 model.bodies[pair.second].shape);
@@ -155,7 +157,7 @@ void ContactReach::list_group_sizes(const Model& model, const Topology& topology
   }
 }
 
-// The gap of a pair that may touch within the step.
+// Returns the gap of a pair that may touch within the step; empty for other pairs.
 std::optional<double> ContactReach::gap_to_watch(const Model& model, const Topology& topology,
                                                  const State& state,
                                                  const Broadphase::Pair& pair) const {

@@ -33,7 +33,7 @@ struct GroupSize {
   double reach = 0.0;  ///< largest reach of its bodies [m]
   bool has_pairs = false, overlaps = false, is_elastic = true;
   bool is_settled = true;   ///< overlaps are no deeper than impulses leave them at rest
-  bool was_handed = false;  ///< an island of it was left to impulses, and is not back
+  bool was_handed = false;  ///< impulses have taken over an island of the group, and still have it
 };
 
 /// Which bodies may meet within a step, where contacts are event-driven. A body that is hit gets up
@@ -67,10 +67,10 @@ class ContactReach {
                                      const State& state, const Broadphase::Pair& pair) const;
 
   List<std::pair<Broadphase::Pair, double>> watched_pairs_;
-  List<int> leader_of_;     // of islands
+  List<int> leader_of_;     // first island of the possible group of each island
   List<GroupSize> sizes_;   // by leader
-  List<double> reach_;      // [m] of bodies, whoever hits them
-  List<double> own_reach_;  // [m] where nobody does
+  List<double> reach_;      // reach of each body, whatever hits the body [m]
+  List<double> own_reach_;  // reach of each body while nothing hits the body [m]
 };
 
 }  // namespace constraint_sim::engine

@@ -13,14 +13,14 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kNear = 1e-9;      // of the thinner body, within which a hit happens
-constexpr double kInstant = 1e-9;   // of a step, that a hit takes
-constexpr double kMostTurn = 0.5;   // [rad] of a body in a part of a step
-constexpr int kMostAdvances = 100;  // towards one hit
+constexpr double kNear = 1e-9;      // gap at which a hit happens, as a share of the thinner body
+constexpr double kInstant = 1e-9;   // duration of a hit, as a share of the time step
+constexpr double kMostTurn = 0.5;   // largest rotation of a body in a part of a step [rad]
+constexpr int kMostAdvances = 100;  // conservative advances towards a hit
 constexpr int kMostLegs = 1000;     // parts of a step
-constexpr int kMostPlaces = 20000;  // along a path
+constexpr int kMostPlaces = 20000;  // poses tried along the paths of a pair
 
-/// Where a step of impulses of length t leaves a body that nothing but gravity acts on.
+/// Returns the state after a step of impulses of duration t [s] under gravity alone.
 BodyState moved(const BodyState& state, const MassProperties& mass, const Vector3d& gravity,
                 double t) {
   BodyState later = state;
@@ -29,8 +29,8 @@ BodyState moved(const BodyState& state, const MassProperties& mass, const Vector
   return later;
 }
 
-/// The most that a body may turn by without torque, by its moments, and what the rotation of a step
-/// of up to kMostTurn is beyond that of the motion [rad/s].
+/// Returns a bound of the angular speed of a body without torque [rad/s]: |ω| I_max / I_min, and a
+/// tenth of it for the error of a rotation by a step of up to kMostTurn.
 double fastest_turn(const BodyState& state, const MassProperties& mass) {
   const double w = state.angular_velocity.norm();
   if (!mass.can_turn() || mass.is_isotropic()) return w;
@@ -47,12 +47,12 @@ const TouchingPair* find(const List<TouchingPair>& pairs, const std::pair<int, i
   return found != pairs.end() && found->ends() == ends ? &*found : nullptr;
 }
 
-/// Where a body is within a step, by where it is at both ends and how it moves there: on a cubic,
-/// and turning evenly. At a share s of the step.
+/// Path of a body within a step, at the share s in [0, 1] of the step. Positions lie on the cubic
+/// with the positions and velocities of both ends; the body turns evenly.
 struct Path {
   Vector3d x0, x1, m0, m1;
   Quaterniond q0;
-  Vector3d turn, rest;  // what it turns by [rad], and what that is off by
+  Vector3d turn, rest;  // rotation by the mean angular velocity, and from there to the end [rad]
 
   Path(const BodyState& from, const BodyState& to, double h)
       : x0(from.position),
@@ -71,7 +71,7 @@ struct Path {
     state.orientation = rotation(s * rest) * (rotation(s * turn) * q0);
     return state;
   }
-  // what its centre moves by at most for a unit of s, and what it turns by
+  // Bounds of the derivatives by s: of the centre [m] and, as angle(), of the orientation [rad].
   double way() const {
     return std::max({m0.norm(), m1.norm(), (3.0 * (x1 - x0) - m0 - m1).norm()});
   }
@@ -147,11 +147,11 @@ std::optional<double> time_of_hit(const StepContext& step, const State& state,
     t += std::max(apart.gap, near) / closing;
     if (t >= duration) return std::nullopt;
   }
-  return t;  // apart until then; the search goes on from there
+  return t;  // The pair is apart until t; the next part of the step searches on.
 }
 
-/// Time within which a pair that touches moves no farther into each other than the rows of a
-/// contact hold, whatever corner comes round [s]; 0 for a pair about to hit.
+/// Time within which a touching pair overlaps by no more than contact rows can hold, whichever
+/// corner turns towards the other body [s]; 0 for a pair about to hit.
 double time_to_watch(const StepContext& step, const State& state, const IslandLists& lists,
                      const TouchingPair& pair) {
   const Model& model = step.model;
@@ -184,7 +184,8 @@ bool is_hit(const Model& model, const State& state, const TouchingPair& pair, do
   return closing * duration > kFastShare * thinner_of(model, pair.ends());
 }
 
-/// Whether two bodies that took their step have met within; false in a step that is to stop.
+/// Whether two bodies that have taken their step met within the step; false once a stop flag is
+/// set.
 bool passes(const StepContext& step, const State& state, const Rollback& rollback,
             const Broadphase::Pair& pair) {
   const Model& model = step.model;
@@ -192,7 +193,7 @@ bool passes(const StepContext& step, const State& state, const Rollback& rollbac
   const std::size_t i = to_index(pair.first), j = to_index(pair.second);
   const auto path_of = [&](std::size_t body) {
     if (model.is_movable(body)) return Path(rollback.states()[body], state.states[body], h);
-    BodyState later = state.states[body];  // what moves by itself does so at the end of the step
+    BodyState later = state.states[body];  // kinematic bodies have not moved yet
     later.position += h * later.linear_velocity;
     later.orientation = rotation(h * later.angular_velocity) * later.orientation;
     return Path(state.states[body], later, h);
@@ -213,7 +214,7 @@ bool passes(const StepContext& step, const State& state, const Rollback& rollbac
     if (gap > (1.0 - s) * bound) return false;
     s += std::max(gap, least) / bound;
   }
-  return s < 1.0;  // too long a way along each other to be followed
+  return s < 1.0;  // After kMostPlaces poses a pair counts as passing.
 }
 
 /// Time for which a group with joints can go on so that no fast pair moves by more than its gap, or
@@ -230,7 +231,8 @@ double time_on_joints(const Model& model, const State& state, const List<Broadph
   return longest;
 }
 
-/// Whether joints have made a pair that is apart so fast that it moved by twice its way and more.
+/// Whether a pair without contact has moved by more than twice its entry of `ways`, driven by
+/// joints.
 bool has_outrun(const Model& model, const State& state, const List<Broadphase::Pair>& near,
                 const List<double>& ways, double duration) {
   for (std::size_t k = 0; k < ways.size(); ++k) {
@@ -319,7 +321,8 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
   const Model& model = step.model;
   const double h = model.options.time_step;
   list_jointed_pairs(step, near, *state, lists);
-  // event-driven groups widen the boxes of the broadphase
+  // Whether a pair may hit within the step. may_meet() drops pairs that are near only by the bounds
+  // that event-driven groups widen.
   const auto is_open = [&](const Broadphase::Pair& pair) {
     return !has_joints(model, step.topology, lists, pair) && is_fast(model, *state, pair, h) &&
            find(state->touching, pair) == nullptr && !step.topology.is_unpaired(pair) &&
@@ -462,7 +465,7 @@ List<Broadphase::Pair> ContinuousCollision::pairs_of_group(const StepContext& st
   return pairs;
 }
 
-// Adds the impulses of a part of the step to those before.
+// Adds the contact impulses of a part of the step to the impulses of the parts before (`hits_`).
 void ContinuousCollision::gather_hits(const State& state) {
   List<TouchingPair> all;
   for (const TouchingPair& pair : hits_)
@@ -478,7 +481,7 @@ void ContinuousCollision::gather_hits(const State& state) {
       all.back().impulses[k] += same;
       sum -= same;
     }
-    all.back().impulses[0] += sum;  // of points that are no longer there
+    all.back().impulses[0] += sum;  // impulses of points that no longer exist
   }
   std::sort(all.begin(), all.end(), TouchingPair::in_order);
   hits_ = std::move(all);
@@ -549,7 +552,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   joint_sums_.assign(is_on_joints ? group_.joints.size() : 0, {});
 
   const double h = model.options.time_step;
-  const List<BodyState> at_start = state->states;  // of kinematic bodies
+  const List<BodyState> at_start = state->states;  // kinematic bodies are moved from here
   bool was_hit = false;
   double done = 0.0;
   List<double> ways;

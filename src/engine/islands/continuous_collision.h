@@ -103,13 +103,13 @@ class ContinuousCollision {
                      SequentialImpulses* method, ImpulseReport* report, State* state);
   void gather_hits(const State& state);
 
-  double thinnest_ = 0.0;     // [m] of all shapes
-  double fast_square_ = 0.0;  // of the speed above which bodies are fast [m²/s²]
+  double thinnest_ = 0.0;     // least thickness of all shapes [m]
+  double fast_square_ = 0.0;  // square of the speed above which bodies are fast [m²/s²]
   List<int> fast_bodies_;
   List<Broadphase::Pair> jointed_pairs_;
   ImpulseGroup group_, rest_;
-  List<bool> is_member_;       // of the group, by body
-  List<JointSum> joint_sums_;  // of the joints of the group
+  List<bool> is_member_;       // by body: whether it belongs to the group
+  List<JointSum> joint_sums_;  // results of the group's joints, summed over the parts of the step
   List<TouchingPair> hits_;    // contacts of the group, with the impulses of all its hits
   List<Proxy> proxies_;
 };

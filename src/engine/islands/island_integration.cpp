@@ -16,10 +16,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-// What substeps may lose when they take over within a tick, as a share of the kinetic energy.
+// Largest loss by projection when substeps take over within a step, as a share of the kinetic
+// energy.
 constexpr double kMostProjected = 1e-9;
-// Substeps of an island in one span; of all bodies together; and what each has at least, so that a
-// step of any number of bodies has an end.
+// Limit on attempted substeps of an island in an interval: kMostAttemptsOfAll over the number of
+// awake bodies, within [kLeastAttempts, kMostAttempts]. A step of any number of bodies thus ends.
 constexpr int kMostAttempts = 50000, kLeastAttempts = 100;
 constexpr std::size_t kMostAttemptsOfAll = 300000;
 
@@ -42,7 +43,7 @@ bool note(IslandLists* lists, std::size_t i, const IntegrationResult& progress) 
   return true;
 }
 
-/// How islands are integrated: the more bodies there are, the fewer substeps an island gets.
+/// Returns options of the integration. The limit on substeps falls with the number of bodies.
 IntegratorOptions accuracy_within(const IntegrationStep& in, double most_frequency) {
   const Model& model = in.step.model;
   ImplicitMode mode =
@@ -279,7 +280,7 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
   if (changed) list_by_method(model, topology, in.awake, *state, *lists);
 }
 
-// Forgets the steps before, so that a world that was saved and loaded goes on alike.
+// Clears the memory of an island's method, so that a loaded scene continues with the same bits.
 void IslandIntegration::restart(const IslandParts& parts, List<IslandMotion>* motions) {
   for (const int body : parts.turning_freely) rotations_[body] = FreeRotation{};
   if (parts.motion >= 0) (*motions)[parts.motion].restart();

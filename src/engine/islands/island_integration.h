@@ -37,8 +37,8 @@ struct IntegrationStep {
 
 /// Work on integrated islands in a step [J].
 struct IntegrationWork {
-  double corrections = 0.0;
-  double drives = 0.0;  ///< of kinematic bodies on groups of contacts
+  double corrections = 0.0;  ///< work of position corrections
+  double drives = 0.0;       ///< work of kinematic bodies on event-driven groups
 };
 
 /// Chooses the method of each awake island, and advances the islands that are integrated.
@@ -122,7 +122,7 @@ class IslandIntegration {
   List<bool> in_contact_;     // by island
   List<int> entering_;        // islands that begin to be integrated, or were edited
   List<PrescribedMotion> courses_;
-  bool is_partition_new_ = true;  // since time_varying_joints_ was listed
+  bool is_partition_new_ = true;  // whether the partition changed since time_varying_joints_
   List<int> time_varying_joints_;
   List<FreeRotation> rotations_;
   List<double> interval_ends_;

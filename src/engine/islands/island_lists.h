@@ -14,17 +14,17 @@
 
 namespace constraint_sim::engine {
 
-/// Energy of an island, which the monitors compare every EnergyMonitor::kWindow steps.
+/// Energy of an island, which the monitors compare every Monitors::kWindow steps.
 struct WatchedEnergy {
   double before = 0.0;  ///< at the last comparison [J]
   /// Rise without a cause [J]: above its minimum where the island is integrated, since the last
   /// comparison where impulses advance the island.
   double gain = 0.0;
-  double most_kinetic = 0.0;     ///< since the last edit [J]
-  double corrections = 0.0;      ///< work of corrections of integrated motion since then [J]
-  bool was_driven = false;       ///< at the last comparison
-  bool was_by_impulses = false;  ///< at the last comparison
-  bool has_changed = false;      ///< to or from impulses, since then
+  double most_kinetic = 0.0;  ///< since the last edit [J]
+  double corrections = 0.0;   ///< work of corrections since the last comparison, if integrated [J]
+  bool was_driven = false;    ///< whether it was driven (is_driven()) at the last comparison
+  bool was_by_impulses = false;  ///< whether impulses advanced it at the last comparison
+  bool has_changed = false;  ///< whether it changed to or from impulses since the last comparison
 };
 
 /// Members of an island, and its memory from step to step.
@@ -36,15 +36,15 @@ struct IslandParts : IslandMemory {
 
   // Results of a step. Each island writes its own entry, so islands can be advanced in parallel.
   double projected_energy = 0.0, correction_work = 0.0;  ///< [J]
-  std::uint32_t changes = 0;                             ///< of the method
-  bool needs_method_choice = false;                      ///< in the next step
+  std::uint32_t changes = 0;                             ///< number of changes of the method
+  bool needs_method_choice = false;                      ///< the next step chooses a method anew
   bool has_failed = false;
 
   bool is_fresh = true;   ///< no step since an edit of the island
   bool is_stale = false;  ///< laws of joints differ from the compiled laws
   List<int> open_points;  ///< joints without axes that were open when the island was compiled
   WatchedEnergy energy;
-  bool has_limited_spring = false;  ///< a spring with a force limit, whose energy is not ½ k C²
+  bool has_limited_spring = false;  ///< has a spring with a force limit: its energy is not ½ k C²
 };
 
 /// The islands of a world, in the order of their first bodies.

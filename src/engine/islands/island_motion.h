@@ -14,15 +14,15 @@
 
 namespace constraint_sim::engine {
 
-/// A way to carry an island with joints through a span.
+/// A method that advances an island with joints over an interval.
 enum class Integration {
   kSubsteps,      ///< runge_kutta
   kGradients,     ///< energy_momentum
   kInconsistent,  ///< energy_momentum where the joints cannot all be met
 };
 
-/// An island with joints, compiled: its equations (where rows are one-sided, those that act now),
-/// and what each way to carry it goes on from. What the island never needed is not there.
+/// A compiled island with joints: its equations of motion, and the memory of each method. Equations
+/// have the one-sided rows that act now. A method is constructed when it is first used.
 class IslandMotion {
  public:
   // Defined in the .cpp file: copies of so many fields are compiled once.
@@ -33,7 +33,7 @@ class IslandMotion {
   ~IslandMotion();
 
   explicit IslandMotion(EquationsOfMotion equations) : substeps_(std::move(equations)) {}
-  /// One with one-sided rows.
+  /// Makes a motion of an island with one-sided rows.
   explicit IslandMotion(EventDriven events)
       : substeps_(events.bare()), events_(std::move(events)) {}
 
@@ -50,15 +50,15 @@ class IslandMotion {
     else
       substeps_.begin_step(joints);
   }
-  /// As method.h says.
+  /// Advances the bodies, as engine/dynamics/method.h says.
   IntegrationResult advance(Integration way, const SmoothSpan& span,
                             const IntegratorOptions& accuracy, List<BodyState>* states);
-  /// The same from event to event; only of an island with one-sided rows, which has no other way.
+  /// Advances an island with one-sided rows from event to event, the only method of such islands.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             const EventDriven::Surroundings& around, List<BodyState>* states) {
     return events_->advance(span, accuracy, around, &substeps_, states);
   }
-  /// What events last went by, with all that was done; nullptr of an island without one-sided rows.
+  /// Returns the results of the event-driven step; nullptr for an island without one-sided rows.
   const EventDriven* finish_events(const List<BodyState>& states) {
     if (!events_) return nullptr;
     events_->collect(states, &substeps_);
@@ -66,21 +66,20 @@ class IslandMotion {
   }
   /// Events since begin_step().
   std::uint32_t events() const { return events_ ? events_->events() : 0; }
-  /// Somebody else has moved the bodies.
+  /// Clears the memory of all methods, since something else moved the bodies.
   void forget();
-  /// Another of these ways goes on with the bodies as they are.
+  /// Clears the memory of all methods, since another of these methods continues the motion.
   void change_way();
-  /// Goes on as one just made, but for what is compiled.
+  /// Returns to the state after compilation.
   void restart();
-  /// What gradients last went by; only after they were used.
+  /// The method energy_momentum. Undefined before its first use.
   const EnergyMomentum& gradients() const { return *gradients_; }
   /// Whether inconsistent joints could be met at the end of the last span.
   bool can_be_met() const { return inconsistent_->can_be_met(); }
-  /// What the joints share where some rows are redundant, with the bodies where the step ends.
+  /// Distributes the forces among redundant rows by least norm, at the bodies' final states.
   const LeastNormForces& share_forces(const List<BodyState>& states);
 
-  /// Visits all that the next advance() goes on from, beside the bodies, as engine/support/memory.h
-  /// says.
+  /// Visits everything that the next advance() reads beside the bodies (engine/support/memory.h).
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit, const List<MassProperties>& masses) {
     if (self.events_) EventDriven::visit_rows(*self.events_, visit, masses, self.substeps_);
@@ -93,8 +92,8 @@ class IslandMotion {
     if (self.events_) EventDriven::visit_memory(*self.events_, visit);
     visit.beside(self.follows_gradients_);
   }
-  /// After these were read: lets the equations go on from `t`, where a span begins; `courses` are
-  /// those of the span before.
+  /// Prepares the equations for an interval from `t` [s], after a snapshot was read. `courses`:
+  /// prescribed motions of the last interval.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
                      const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses) {
     if (!substeps_.has_started() && !(gradients_ && gradients_->has_started())) return;
@@ -113,7 +112,7 @@ class IslandMotion {
   std::optional<EnergyMomentum> gradients_;
   std::optional<InconsistentMotion> inconsistent_;
   std::optional<LeastNormForces> least_forces_;
-  bool follows_gradients_ = false;  // these moved the bodies last: as gradients_ has_started() says
+  bool follows_gradients_ = false;  // whether energy_momentum moved the bodies last
 };
 
 }  // namespace constraint_sim::engine

@@ -6,7 +6,7 @@
 
 namespace constraint_sim::engine {
 
-/// What belongs together, as indices, each list ascending.
+/// Bodies and joints of an island, by index, ascending.
 struct IslandMembers {
   List<int> bodies;
   List<int> joints;
@@ -16,9 +16,8 @@ struct IslandMembers {
   }
 };
 
-/// The islands that joints make of the bodies of [0, movable.size()), in the order of their first
-/// bodies. Immovable bodies are in none, and connect nothing. Union-find: Tarjan, J. ACM 22 (1975)
-/// 215.
+/// Returns the islands that acting joints make of the bodies, in the order of their first bodies.
+/// Immovable bodies are in no island and connect none. Union-find: Tarjan, J. ACM 22 (1975) 215.
 List<IslandMembers> find_islands(const List<bool>& movable, const List<bool>& acting,
                                  const List<std::pair<std::size_t, std::size_t>>& joint_ends);
 

@@ -6,30 +6,31 @@
 namespace constraint_sim::engine {
 namespace {
 
-// What h ω one substep is stable up to, with some room.
+// Largest h ω at which a substep of order 8 or 5 is stable, with a margin.
 constexpr double kStable8 = 5.0, kStable5 = 0.9;
-// A jerk is over after a tick or two; what goes on for longer makes an island stiff. A tick that
-// costs as many times a tick by gradients counts twice, and so on.
-constexpr int kStiffFor = 4;  // [spans]
+// Spans in a row with expensive substeps after which an island is stiff. A jerk is over after one
+// or two. A span counts once more for each kOneMore times the cost of a step by energy_momentum.
+constexpr int kStiffFor = 4;
 constexpr double kOneMore = 6.0;
-// An island is no longer stiff when h ω stays below this share of the limit for so long.
+// An island stops being stiff when h ω stays below kCalmShare of the limit for kCalmFor steps.
 constexpr double kCalmShare = 0.5;
 constexpr std::uint64_t kCalmFor = 50;  // [steps]
-// How long an island that could not be integrated is left to the other method [steps].
+// Duration for which an island that could not be integrated is left to impulses [steps].
 constexpr std::uint64_t kRefusedFor = 100;
-// How long contacts that events have left are not by events [s].
+// Duration for which impulses keep contacts that they took over from events [s].
 constexpr double kHandedOverFor = 0.5;
-// How long constraints that were inconsistent have to be consistent [steps].
+// Duration for which inconsistent joints have to be consistent before the method changes [steps].
 constexpr std::uint64_t kInconsistentFor = 3;
-// Where gradients are given up at once: substeps would cost less than this share of them.
+// An island stops being stiff at once when substeps cost less than 1/kMuchCheaper of a step by
+// energy_momentum.
 constexpr double kMuchCheaper = 4.0;
-// What a tick by gradients usually takes, and what one of Newton's iterations costs beside an
-// evaluation of the equations of motion: of points on a tree of rods, and of all others.
+// Usual Newton iterations of a step by energy_momentum, and the cost of an iteration in evaluations
+// of the equations of motion: for points on a tree of rods, and for other islands.
 constexpr double kUsualIterations = 15.0;
 constexpr double kPointIteration = 6.0, kIteration = 20.0;
 
-// What h ω substeps follow of springs and servos with a force limit, which no other method of that
-// order does: some 350 substeps a tick, those tried in vain among them.
+// Largest h ω of springs and servos with a force limit that event_driven advances, by some 350
+// substeps a step with rejected substeps. No other method of this order advances them.
 constexpr double kMostLimited = 5000.0;
 
 double stable(const WorldOptions& options) { return options.order == 5 ? kStable5 : kStable8; }

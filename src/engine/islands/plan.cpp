@@ -18,9 +18,9 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kTold = 1e-6;  // [m or rad] of an opening joint: smaller parts are not told
+constexpr double kTold = 1e-6;  // error of a joint below which it is not reported [m or rad]
 
-/// What there is of each kind.
+/// Numbers of bodies, joints and islands of a world, by kind.
 struct Counts {
   int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
   int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, colliding_cylinders = 0, rough = 0,
@@ -29,7 +29,7 @@ struct Counts {
   std::array<int, kShapeNames.size()> shapes{};  // by kind
   int rubbing = 0;                               // coordinates with friction
   std::array<int, kJointKindCount> joints{};     // by kind
-  std::array<int, kMethodCount> islands{};       // that are awake
+  std::array<int, kMethodCount> islands{};       // awake islands, by method
   int asleep = 0;
 
   bool collides() const { return colliding >= 2 && colliding_dynamic >= 1; }
@@ -96,7 +96,7 @@ std::string shown_value(bool value) { return value ? "true" : "false"; }
 std::string shown_value(int value) { return std::to_string(value); }
 std::string shown_value(double value) { return std::isinf(value) ? ".inf" : shortest(value); }
 
-/// The method asked for, and the options that methods for islands without contacts read.
+/// Writes the requested method, and the options of methods for islands without contacts.
 void write_method(const WorldOptions& options, std::ostream& out) {
   out << "method: {asked_for: " << name(options.method);
   visit_options(options, [&](const OptionInfo& info, const auto& value, auto) {
@@ -107,7 +107,7 @@ void write_method(const WorldOptions& options, std::ostream& out) {
   out << "}\n";
 }
 
-/// One line for all islands that have the same method for the same reason.
+/// Writes a line for all islands with equal method and reason.
 void write_islands(const World& world, std::ostream& out) {
   struct Sum {
     int islands = 0;
@@ -189,7 +189,7 @@ std::vector<std::string> left_out(const World& world) {
 }
 
 std::vector<std::string> warnings(const World& world) {
-  constexpr double kRounding = 1e-9;  // of inertias typed by hand
+  constexpr double kRounding = 1e-9;  // relative rounding of inertias typed by hand
   std::vector<std::string> lines;
   for (const BodyId id : world.body_ids()) {
     const Body& body = world.body(id);
@@ -255,7 +255,7 @@ std::string shown_figure(double value) {
   return figure;
 }
 
-/// What a joint with rows of the table, as the bodies lie, is off by: one entry for each part.
+/// Describes the errors of a joint of the kind table at the current poses, one entry per part.
 std::vector<std::string> open_parts(const World& world, const Joint& joint,
                                     const JointState& state) {
   constexpr double kDegrees = 180.0 / kPi;
@@ -286,7 +286,7 @@ std::vector<std::string> open_parts(const World& world, const Joint& joint,
 
 namespace {
 
-// whether the unit of a coupling is that of an angle
+// Whether the value of a coupling is an angle.
 bool starts_with_angle(const World& world, const Joint& joint) {
   return couples_joints(joint.kind) && is_angle(world.joint(joint.coupling.first).kind, 0);
 }

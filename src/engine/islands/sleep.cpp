@@ -114,7 +114,7 @@ std::optional<RestingSets> Sleep::fall_asleep(
 
 bool Sleep::is_quiet(const Model& model, const State& state, const Island& island,
                      const IslandMembers& members) const {
-  // most move faster than any limit
+  // The first body decides in most islands, since most bodies are fast.
   const std::size_t first = to_index(members.bodies.front());
   if (state.states[first].linear_velocity.squaredNorm() >
       model.options.sleep_speed * model.options.sleep_speed)

@@ -33,7 +33,8 @@ void spread_waking(const Model& model, const List<const List<int>*>& groups,
 /// Whether a kinematic body moves.
 bool is_moving_by_itself(const Model& model, const State& state, std::size_t body);
 
-/// Whether something will move an island that its velocities do not show.
+/// Whether something drives an island, which may then begin to move from rest: a joint that closes,
+/// a motor, a force of a plugin, a wrench, or a joint to a moving kinematic body.
 bool is_driven(const Model& model, const State& state, const Topology& topology,
                const IslandMembers& members, std::size_t island);
 

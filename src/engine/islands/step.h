@@ -28,7 +28,7 @@ struct StepFailed {
   Failure why;
 };
 
-/// The interval of `h` [s] from `t` [s] as joints read it.
+/// Returns the interval of `h` [s] from `t` [s], with the world's settings for closing errors.
 inline JointStep joint_step(const WorldOptions& options, double t, double h) {
   const bool by_baumgarte = options.method == Method::kSequentialImpulses;
   return {t, h, options.baumgarte, by_baumgarte ? 0.0 : options.closing_time};

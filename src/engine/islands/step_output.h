@@ -18,8 +18,8 @@ struct StepOutput {
   std::vector<Contact> contacts;     ///< contacts of sleeping islands first
   std::size_t resting_contacts = 0;  ///< number of contacts of sleeping islands
   std::vector<Event> events;
-  std::optional<JointId> failed_joint;  ///< of a step that failed by Failure::kCustom
-  std::string failed_why;               ///< of the same step
+  std::optional<JointId> failed_joint;  ///< joint whose plugin failed the step (Failure::kCustom)
+  std::string failed_why;               ///< message of the plugin that failed the step
 
   /// Reports the contacts of sleeping islands, and no others.
   void set_resting_contacts(const List<TouchingPair>& resting, double time_step);

@@ -34,7 +34,7 @@ class LeastNormSolver {
 
   std::size_t n_ = 0, rank_ = 0;
   bool is_lu_ = false, is_finite_ = true;
-  List<double> A_;                  // reflections below, R or T above; or L and U
+  List<double> A_;                  // QR: reflections below the diagonal, R or T above; LU: L and U
   List<double> diagonal_;           // diagonal of R or T
   List<double> beta_;               // factors of the reflections of columns
   List<double> head_, tau_, tail_;  // reflections of rows; tail_ has n − rank numbers per row

@@ -19,7 +19,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-// What a snapshot begins with: another format, compiler or Eigen makes other bits.
+// Returns the first line of a snapshot. Another format, compiler or Eigen makes other bits.
 const std::string& build() {
   static const std::string kBuild =
       "constraint_sim snapshot 5, compiled by " __VERSION__ " with Eigen " +
@@ -34,7 +34,7 @@ template <class T>
 struct HasFields<T, std::void_t<decltype(fields(std::declval<T&>(), Of<std::remove_const_t<T>>{}))>>
     : std::true_type {};
 
-/// How many values there are of a type that snapshots have.
+/// Number of enumerators of an enum in snapshots.
 template <class Enum>
 constexpr long kCount = 0;
 template <>
@@ -56,15 +56,15 @@ constexpr long kCount<ContactState> = static_cast<long>(ContactState::kSlipping)
 template <>
 constexpr long kCount<ImplicitMode> = static_cast<long>(ImplicitMode::kDissipate) + 1;
 
-/// The shape with this index in Shape, of size 0.
+/// Returns the shape with an index in the variant Shape, with dimensions 0.
 template <std::size_t... kIndex>
 Shape shape_of_kind(std::size_t index, std::index_sequence<kIndex...> /*kinds*/) {
   const std::array<Shape, sizeof...(kIndex)> kinds{Shape(std::in_place_index<kIndex>)...};
   return kinds[index];
 }
 
-/// Visits values of all types that snapshots have, down to numbers, which `Bytes` then has in
-/// bytes(&number, size). Bytes::kReads: sizes of lists are read as well.
+/// Visits values of all types in snapshots, down to numbers, and passes each number to
+/// bytes(&number, size). Bytes::kReads: bytes are read into the values, with the sizes of lists.
 template <class Bytes>
 class Visitor {
  public:
@@ -78,8 +78,8 @@ class Visitor {
     (*this)(value);
   }
 
-  /// Lists that are read from now on have the sizes that they have here already, if they are not
-  /// empty: then who reads them asks for their size.
+  /// `keep`: lists that are read, and are not empty, must keep their sizes, since compiled data
+  /// depend on these sizes. Empty lists take the size that is read.
   void keep_sizes(bool keep) { keeps_sizes_ = keep; }
   const MostIds& most_ids() const { return most_ids_; }
 
@@ -98,7 +98,7 @@ class Visitor {
   }
 
  private:
-  /// `T`, const where it is not read.
+  /// `T` for a reader, const `T` for a writer.
   template <class T>
   using Value = std::conditional_t<kReads, T, const T>;
 
@@ -112,7 +112,7 @@ class Visitor {
     is_report_ = was_report;
   }
 
-  // what is read is checked before it is a value of its type
+  // Checks a byte before it becomes a bool.
   template <class T>
   void visit_flag(T& flag) {
     auto byte = static_cast<unsigned char>(flag);
@@ -142,7 +142,7 @@ class Visitor {
   void visit(Id<Tag>& id) {
     (*this)(id.value);
     std::uint32_t& most = std::is_same_v<Id<Tag>, BodyId> ? most_ids_.body : most_ids_.joint;
-    // a coupling of a joint that couples none has the id 0, which need not be there
+    // Joints that couple no joints have the id 0 there, which need not exist.
     if (id.value > 0) most = std::max(most, id.value + 1);
     if (id.value == std::numeric_limits<std::uint32_t>::max()) fail_damaged("an id");
   }
@@ -191,7 +191,8 @@ class Visitor {
     bytes_(matrix.data(), sizeof(Scalar) * kRows * kColumns);
   }
   void visit(Value<Eigen::Quaterniond>& q) { visit(q.coeffs()); }
-  // with a field more this does not compile; beyond the points that there are is nothing
+  // Structured bindings name all fields, so a new field does not compile. Only `count` points
+  // exist.
   void visit(Value<TouchingPair>& pair) {
     auto& [a, b, id_a, id_b, manifold, impulses, contact_states] = pair;
     auto& [normal, count, points] = manifold;
@@ -266,11 +267,11 @@ class Visitor {
     if (is_there) (*this)(*value);
   }
 
-  /// What a course has of a joint: it is a size of lists that are no longer than these.
+  /// Visits a prescribed motion, and checks its numbers of coordinates and rows of the joint.
   struct CourseVisitor {
     static constexpr bool kReads = Bytes::kReads;
     Visitor* all;
-    std::size_t coordinates;  ///< read first
+    std::size_t coordinates;  ///< number of coordinates; read before the number of rows
 
     void beside(std::size_t& count) {
       (*all)(count);
@@ -313,7 +314,7 @@ struct ReadBytes {
     std::memcpy(data, text.data() + at, size);
     at += size;
   }
-  /// The size of something that needs a byte an element at least.
+  /// Returns the size of a list; throws where fewer bytes are left than elements.
   std::size_t checked(std::size_t size) const {
     if (size > text.size() - at) throw SnapshotError("snapshot: is damaged, or cut off");
     return size;
@@ -326,7 +327,7 @@ void name_all(const Container& list, const Ids& ids, Map* by_name) {
   for (std::size_t i = 0; i < list.size(); ++i) by_name->emplace(list[i].name, ids[i]);
 }
 
-// of plugins, which have to be there
+// Makes the code of plugin joints; throws SnapshotError where a plugin is missing.
 void make_custom_codes(List<Joint>* joints) {
   for (Joint& joint : *joints) {
     if (!is_custom(joint.kind)) continue;
@@ -338,11 +339,11 @@ void make_custom_codes(List<Joint>* joints) {
   }
 }
 
-// what acted in the last step, by body and joint
+// Checks the indices in the results of the last step.
 template <class Impl>
 void check_rest(const Impl& impl) {
   if (impl.integration.rotations().size() != impl.bodies.size()) fail_damaged("its lists");
-  // of joints that were added since the last step there are none yet; their islands are fresh
+  // Joints added since the last step have no prescribed motion yet; their islands are fresh.
   for (std::size_t i = 0; i < impl.islands.size(); ++i) {
     const auto& parts = impl.island_parts[i];
     const bool is_smooth = impl.islands[i].method != Method::kSequentialImpulses;
@@ -368,8 +369,8 @@ std::uint64_t checksum(const char* bytes, std::size_t size) {
 
 }  // namespace
 
-// All that outlives a step, of a world whose edits are compiled: first what was added and what
-// moves, then, once islands are compiled from that, what goes on from step to step.
+// Visits all data that outlive a step, in a world with compiled edits: first model and state, then,
+// once a reader has compiled islands from these, the memory of islands and methods.
 template <class Self, class Visit>
 void World::Impl::visit_memory(Self& self, Visit& visit) {
   using ModelOf = std::conditional_t<Visit::kReads, Model, const Model>;
@@ -403,13 +404,13 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     visit(parts.has_limited_spring);
     bool has_motion = parts.motion >= 0;
     visit(has_motion);
-    List<int> open_points = parts.open_points;  // maybe not those that are open by now
+    List<int> open_points = parts.open_points;  // open when the island was compiled
     visit(open_points);
     if constexpr (Visit::kReads) check_indices(open_points, self.joints.size());
     if constexpr (Visit::kReads)
       if (has_motion && (parts.motion < 0 || open_points != parts.open_points))
         compile_island(self, self.topology, open_points, &parts, &self.motions);
-    visit.keep_sizes(true);  // as it is compiled
+    visit.keep_sizes(true);  // compilation sets the sizes
     if (has_motion)
       IslandMotion::visit_memory(self.motions[static_cast<std::size_t>(parts.motion)], visit,
                                  self.masses);

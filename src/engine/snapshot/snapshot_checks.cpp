@@ -16,7 +16,7 @@ void check(bool is_right, const char* what) {
   if (!is_right) fail_damaged(what);
 }
 
-// index[ids[i]] is i, and no other id is there
+// Checks that index[ids[i]] is i, and that no other id has an index.
 template <class Ids>
 void check_index(const Ids& ids, const List<int>& index, const char* what) {
   for (std::size_t i = 0; i < ids.size(); ++i)
@@ -79,7 +79,7 @@ void check_joint(const Model& model, std::size_t j) {
         "its couplings");
 }
 
-// what couples joints acts only while these do
+// Checks that each acting coupling couples acting joints.
 void check_acting(const Model& model, const State& state) {
   const auto acts = [&](std::size_t j) {
     return model.joints[j].enabled && !state.joint_states[j].broken;
@@ -99,7 +99,7 @@ void check_joints(const Model& model) {
   for (std::size_t j = 0; j < m; ++j) {
     check_joint(model, j);
     check(names.insert(model.joints[j].name).second, "its names");
-    Joint start = model.joints[j];  // what reset() makes of it
+    Joint start = model.joints[j];  // the joint after a reset(), which has to be valid
     start.motor = model.joint_starts[j].motor;
     start.coordinates = model.joint_starts[j].coordinates;
     validate(start);

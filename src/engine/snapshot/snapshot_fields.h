@@ -12,13 +12,13 @@
 
 namespace constraint_sim::engine {
 
-// The fields of all structs in snapshots. Each is taken apart into as many names as it has fields:
-// with a field more or less this does not compile.
+// The fields of all structs in snapshots. Structured bindings need exactly as many names as a
+// struct has fields: a struct with another number of fields does not compile.
 
 template <class T>
 struct Of {};
 
-/// Ties the fields of a struct, by names that mean nothing but how many there are.
+/// Ties the fields of a struct. Only the number of the names matters.
 #define CONSTRAINT_SIM_FIELDS(Struct, ...) \
   template <class T>                       \
   auto fields(T& value, Of<Struct>) {      \
@@ -49,7 +49,7 @@ CONSTRAINT_SIM_FIELDS(Joint, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, 
 CONSTRAINT_SIM_FIELDS(CustomParameter, a, b)
 template <class T>
 auto fields(T& value, Of<CustomElement>) {
-  auto& [a, b, c] = value;  // the third is made from the first two
+  auto& [a, b, c] = value;  // a reader makes the code (c) from type and parameters
   static_cast<void>(c);
   return std::tie(a, b);
 }
@@ -71,7 +71,7 @@ CONSTRAINT_SIM_FIELDS(Monitors::HeldPair, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(StepReport, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v,
                       w, x, y, z, A, B, C, D, E, F, G, H, I, J, K, L, M, N, O, P, Q, R, S)
 CONSTRAINT_SIM_FIELDS(State, a, b, c, d, e, f, g, h, i, j, k, l)
-// what follows from these, maps by name and indices by id, are made again
+// Leaves out the options, which snapshots visit before, and the maps by name, which a reader makes.
 template <class T>
 auto fields(T& value, Of<Model>) {
   auto& [options, bodies, masses, body_ids, joints, joint_starts, joint_ids, body_index,

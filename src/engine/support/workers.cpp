@@ -96,7 +96,7 @@ class Workers::Team {
   std::exception_ptr thrown_;  // by a task of this round; null: none
   std::size_t busy_ = 0;       // others that have not finished this round
 
-  // of a round; set before it begins
+  // Task and counts of a round; set before the round begins.
   const AnyTask* task_ = nullptr;
   std::size_t count_ = 0, piece_ = 1;
   std::atomic<std::size_t> next_{0};

@@ -9,7 +9,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// 64-bit FNV-1a (Fowler, Noll & Vo) over the bytes of what it is fed.
+/// 64-bit FNV-1a (Fowler, Noll & Vo) over the bytes of all added values.
 class Fnv1a {
  public:
   void add(const void* data, std::size_t size) {
@@ -33,7 +33,7 @@ class Fnv1a {
   std::uint64_t hash_ = 0xcbf29ce484222325ULL;
 };
 
-/// Adds what methods remember to a hash, as engine/support/memory.h says.
+/// Visitor that adds the memory of methods to a hash (engine/support/memory.h).
 class MemoryHash {
  public:
   static constexpr bool kReads = false;
@@ -64,7 +64,7 @@ class MemoryHash {
   Fnv1a* hash_;
 };
 
-// indices of a list in the order of its names
+// Returns the indices of a list from `first` on, in the alphabetical order of its names.
 template <class Container>
 List<std::size_t> by_name(const Container& list, std::size_t first) {
   List<std::size_t> order;
@@ -76,7 +76,7 @@ List<std::size_t> by_name(const Container& list, std::size_t first) {
 
 void add(Fnv1a& hash, const WorldOptions& options) {
   WorldOptions deciding = options;
-  deciding.threads = 1;  // whose number makes no difference
+  deciding.threads = 1;  // the number of threads changes no result
   visit_options(deciding, [&](const OptionInfo&, const auto& value, auto) { hash.add(value); });
 }
 
@@ -111,7 +111,7 @@ void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodySt
   hash.add(state.angular_velocity);
 }
 
-// a ball joint's three numbers, and what other kinds have beside these
+// Adds rows 1 to 3, and rows 4 to 6 where one of them is not zero: a ball joint has three rows.
 void add(Fnv1a& hash, const RowVector& rows) {
   hash.add(Eigen::Vector3d(rows.head<3>()));
   if (!rows.tail<3>().isZero(0.0)) hash.add(Eigen::Vector3d(rows.tail<3>()));
@@ -138,7 +138,8 @@ void add_settings(Fnv1a& hash, const Joint& joint) {
   }
 }
 
-// nothing of a coordinate that is free, in its first turn
+// Adds a law and the state of its coordinate. A coordinate without a law, in its first turn, adds
+// nothing.
 void add(Fnv1a& hash, const CoordinateLaw& law, const CoordinateState& state) {
   if (law.is_none() && std::abs(state.position) <= 3.2) return;
   for (const double number :
@@ -226,8 +227,9 @@ void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body)
   hash.add(memory.substep_cost);
 }
 
-// What methods go on from beside the state, or that they begin anew. Islands at rest do so once
-// they wake.
+// Adds the memory of the method of each awake island. A fresh island adds its index instead, where
+// its method would have continued from memory. Sleeping islands add nothing: their methods begin
+// anew when they wake.
 template <class Impl>
 void add_methods(Fnv1a& hash, const Impl& world) {
   const MemoryHash add(&hash);
@@ -245,7 +247,7 @@ void add_methods(Fnv1a& hash, const Impl& world) {
       add(body);
       FreeRotation::visit_memory(rotation, add);
     }
-    // impulses go on from nothing of it, and others forget it when they follow these
+    // Sequential impulses use no IslandMotion; the next other method resets it.
     if (parts.motion < 0 || island.method == Method::kSequentialImpulses) continue;
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
@@ -260,7 +262,7 @@ void add(Fnv1a& hash, const Wrench& wrench, const std::string& body, double now)
   hash.add(body);
   hash.add(wrench.force);
   hash.add(wrench.torque);
-  hash.add(std::max(wrench.start, now));  // before now it makes no difference
+  hash.add(std::max(wrench.start, now));  // a start in the past changes no later step
   hash.add(wrench.end);
 }
 
@@ -281,7 +283,8 @@ std::uint64_t World::Impl::hash() const {
   const auto name_of = [&](BodyId id) -> const std::string& {
     return world.bodies[world.index(id)].name;
   };
-  // rows are solved in the order of adding, which therefore decides the last bits
+  // Indices are hashed as well: rows are solved in the order of adding, which decides the last
+  // bits.
   const List<std::size_t> body_order = by_name(world.bodies, 1);
   for (const std::size_t i : body_order) {
     hash.add(std::uint64_t{i});

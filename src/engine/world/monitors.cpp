@@ -15,9 +15,12 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kPatience = 0.5;     // [s] an error has to fall within, at least
-constexpr int kPatienceTicks = 20;    // the same; Baumgarte's 0.1 leaves an eighth after these
-constexpr double kFallenShare = 0.9;  // what an error that falls is below then
+// A joint is unclosed when its error stays above kFallenShare of an earlier value for the longest
+// of kPatience [s], closing_time and kPatienceTicks steps. Baumgarte's factor 0.1 leaves an eighth
+// of an error after 20 steps.
+constexpr double kPatience = 0.5;
+constexpr int kPatienceTicks = 20;
+constexpr double kFallenShare = 0.9;
 // Contacts at rest sink in by g h² for each contact of a stack. Overlaps are pushed out within
 // kOverlapPatience.
 constexpr double kMostSunk = 4.0, kOverlapPatience = 0.1;  // [1], [s]
@@ -27,12 +30,13 @@ constexpr int kOverlapTicks = 10;
 constexpr double kMostResting = 4.0;  // [1]
 // Slip while a contact sinks in, as a share of the depth that it sinks in by.
 constexpr double kMostCrept = 0.0125;
-// A rise beyond what rounding and tolerance explain: of the largest kinetic energy. Smooth methods
-// keep 1e-9 of it, and no plot shows less.
+// Reported rise of energy beyond rounding and tolerance, as a share of the largest kinetic energy.
+// Smooth methods stay within 1e-9, and no plot shows less than 1e-6.
 constexpr double kRise = 1e-6;
-constexpr double kFits = 1e-6;  // [m] beyond which an error left by an edit is closed
-// Relative roundings of a step: of some ten operations on a body, and of sweeps over rows whose
-// impulses exceed the motion they leave by the ratio of masses.
+constexpr double kFits =
+    1e-6;  // error of an edited joint up to which there is nothing to close [m]
+// Relative roundings of a step: kRounding for some ten operations on a body, kRoundingOfSweeps for
+// sweeps over rows, whose impulses exceed the resulting motion by the ratio of masses.
 constexpr double kRounding = 16.0 * kEpsilon, kRoundingOfSweeps = 1e-11;
 
 /// Adds a gain to a rise, which never falls below zero: the next rise counts from there.
@@ -40,7 +44,7 @@ double gain_of(double before, double gain, double allowed) {
   return std::isfinite(gain) ? std::max(0.0, before + gain - allowed) : before;
 }
 
-/// How fast A slides on B where they touch, in the middle of their points [m/s].
+/// Tangential velocity of A relative to B at the mean of their contact points, world [m/s].
 Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& b) {
   Vector3d middle = Vector3d::Zero();
   for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k)
@@ -51,7 +55,8 @@ Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& 
   return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
 }
 
-/// Finds the largest errors. True where a joint is off by more than kUnclosedAngle.
+/// Writes the joints with the largest errors to `worst`. Returns whether the angle error of any
+/// joint exceeds kUnclosedAngle.
 bool find_worst_joint(const Model& model, const State& state, const List<int>& among,
                       StepReport* worst) {
   bool is_any_askew = false;
@@ -158,7 +163,7 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
     parts.has_limited_spring = false;
     for (const int index : parts.members.joints) {
       const Joint& joint = model.joints[index];
-      if (is_rigid(joint))  // closes its error from the first step on
+      if (is_rigid(joint))  // a rigid joint closes its error from the first step on
         parts.energy.was_driven |= std::abs(state.joint_states[index].error) > kFits;
       else
         parts.has_limited_spring |= joint.motor.max_force > 0.0;
@@ -180,8 +185,9 @@ void Monitors::watch_energy(const MonitorInput& in, IslandLists* lists, StepRepo
   report->energy_rise_body = energy_rise_body_;
 }
 
-// Gain of energy of an island since the last comparison [J]. `allowed` is the part that rounding
-// explains, and errors of position and velocity within the tolerance of the method.
+// Returns the gain of energy of an island since the last comparison [J], and begins the next
+// comparison. `allowed`: gain by rounding, and by errors of position and velocity within the
+// tolerance of the method [J]; null: not needed.
 double Monitors::compare_island(const Model& model, const State& state, const Island& island,
                                 double* allowed, IslandParts* parts) const {
   const Energy now = energy_of(model, state, parts->members.bodies, parts->members.joints);
@@ -211,14 +217,14 @@ double Monitors::compare_island(const Model& model, const State& state, const Is
   return gain;
 }
 
-// Compares integrated islands one by one. Islands that impulses advance exchange energy where they
-// touch, and the work on them is known of all of them together.
+// Compares integrated islands one by one, and all islands that impulses advance as one sum: these
+// islands exchange energy in contacts, and only the sum of the work on them is known.
 void Monitors::compare_energies(const MonitorInput& in, IslandLists* lists) {
   const Model& model = in.model;
   const State& state = in.state;
   double gain = -booked_, most_kinetic = 0.0;
   double allowed = steps_ * kRoundingOfSweeps * std::abs(booked_);
-  bool is_known = true;  // the work on islands that impulses advance
+  bool is_known = true;  // whether the work on islands that impulses advance is known
   const IslandParts* most = nullptr;
   energy_rise_ = 0.0;
   for (std::size_t i = 0; i < lists->islands.size(); ++i) {
@@ -241,7 +247,7 @@ void Monitors::compare_energies(const MonitorInput& in, IslandLists* lists) {
                 kRise * watched.most_kinetic + allowed_here);
       continue;
     }
-    // drives do unknown work on islands that were integrated for a part of the window
+    // The work of drives on islands that were integrated in a part of the window is unknown.
     is_known = is_known && !lists->island_parts[i].has_limited_spring &&
                !(any_driven && (has_changed || !was_by_impulses));
     gain += gain_here;
@@ -266,7 +272,8 @@ void Monitors::note_rise(const Model& model, const IslandParts& parts, double ga
   energy_rise_body_ = model.body_ids[parts.members.bodies.front()];
 }
 
-// Only while a joint is off by more than kUnclosedError or kUnclosedAngle.
+// Lists the joints whose errors nothing closes. Called only while the error of a joint exceeds
+// kUnclosedError or kUnclosedAngle.
 void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, StepReport* report) {
   const Model& model = in.model;
   const State& state = in.state;
@@ -292,10 +299,10 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
       now.age += h;
     }
     open_.push_back(now);
-    // no time has to pass for joints that cannot be met, or that rest as they are
+    // Joints of inconsistent or sleeping islands are unclosed at once, since their errors stay.
     const MethodReason why = lists.islands[in.topology.island_of_joint(model, j)].why;
     const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
-    // joints that impulses open beside contacts are reported in the first step already
+    // Joints that impulses open beside contacts are unclosed from the first step.
     const bool is_opened = why == MethodReason::kManyContacts || why == MethodReason::kContact ||
                            why == MethodReason::kContactsGivenUp || why == MethodReason::kOverlap;
     if (now.age < patience && ((!stays && !is_opened) || joint_state.closing)) continue;
@@ -307,7 +314,7 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
   report->unclosed_joints = static_cast<std::uint32_t>(unclosed_.size());
 }
 
-// Contacts that impulses hold have no error estimate.
+// Finds contacts that overlap or creep, since contacts by impulses have no error estimate.
 void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
   const Model& model = in.model;
   const State& state = in.state;

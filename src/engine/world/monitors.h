@@ -114,10 +114,12 @@ class Monitors {
   List<HeldPair> held_, held_before_;  // in the order of places
   // Bodies that moved faster than bodies at rest since the last edit; by index, or empty.
   List<char> has_moved_;
-  int steps_ = 0;        // since the last comparison of energies
-  double booked_ = 0.0;  // work on islands that impulses advance, since then [J]
-  bool has_wrench_ended_ = false, awake_changed_ = false;  // since then
-  double integrated_corrections_ = 0.0;  // work on integrated islands in this step [J]
+  // Since the last comparison of energies: steps, work on islands that impulses advance [J], and
+  // whether a wrench ended or the awake sets changed.
+  int steps_ = 0;
+  double booked_ = 0.0;
+  bool has_wrench_ended_ = false, awake_changed_ = false;
+  double integrated_corrections_ = 0.0;  // work of corrections on integrated islands, this step [J]
   double integrated_drives_ = 0.0;
   double gain_ = 0.0;         // rise of all islands that impulses advance, above its minimum [J]
   double energy_rise_ = 0.0;  // largest rise without a cause [J]

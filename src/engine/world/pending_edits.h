@@ -12,7 +12,7 @@
 
 namespace constraint_sim::engine {
 
-/// Answers of a snapshot to questions that its state does not answer.
+/// Answers to queries that a snapshot stores, since it has no islands to answer from.
 struct SnapshotAnswers {
   bool is_edited = false;  ///< the world was edited since its last step
   std::vector<Island> islands;
@@ -43,13 +43,14 @@ class PendingEdits {
     note();
     all_ = true;
   }
-  /// The island that a body is in by the next step begins anew.
+  /// Marks the island of a body, as of the next step: its method begins anew. Ignores bodies that
+  /// are not dynamic.
   void note_island_of(const Model& model, BodyId body);
   void note_islands_of(const Model& model, const Joint& joint);
-  /// The islands of a body or joint begin anew, and their laws are compiled anew.
+  /// Marks the islands of a body or joint: methods begin anew, and laws are compiled anew.
   void note_laws_of(const Model& model, BodyId body);
   void note_laws_of(const Model& model, const Joint& joint);
-  /// The model has other ids than its copies in snapshots.
+  /// Separates the model from its copies in snapshots, whose ids differ now.
   void forget_model_mark() { model_mark_.reset(); }
 
   /// Begins to compile the edits.
@@ -58,13 +59,13 @@ class PendingEdits {
   /// Marks the islands of edited bodies, once it is known which islands there are.
   void mark_islands(const Model& model, const Topology& topology, IslandLists* lists);
 
-  /// Whether the model is known to be the same as another.
+  /// Whether the model is known to equal the model of `other`.
   bool has_model_of(const PendingEdits& other) const {
     return model_mark_ != nullptr && model_mark_ == other.model_mark_;
   }
-  /// Becomes a snapshot of a world, whose answers have to be filled in.
+  /// Turns these edits into those of a snapshot of `of`'s world. The caller fills in the answers.
   SnapshotAnswers* begin_snapshot(const PendingEdits& of);
-  /// Only of snapshots.
+  /// Stored answers of a snapshot; empty for other worlds.
   const std::optional<SnapshotAnswers>& answers() const { return answers_; }
   bool is_edited() const { return answers_ ? answers_->is_edited : any_; }
 

@@ -1,4 +1,5 @@
-// Runs a world several times and compares: World::step() is not concerned.
+// Runs copies of a world by several methods and compares them. World::step() does not use this
+// file.
 
 #include "constraint_sim/engine/verify.h"
 
@@ -17,14 +18,15 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Growth beyond which the twin is as far away as a fault would be: nothing can be told apart.
+/// Growth of a perturbation beyond which a run is chaotic: the perturbed twin is then as far away
+/// as the run of a faulty engine.
 constexpr double kMostVerifiedGrowth = 1e7;
-/// Times the distance between two runs of the other method that the other method may be off by.
+/// Assumed error of the other method, in distances between its runs with the whole and half step.
 constexpr double kOtherMargin = 10.0;
 /// Largest change of velocity by which the twin is perturbed [m/s].
 constexpr double kMostPerturbingPush = 1e-6;
 
-/// Method of the comparison run. Impulses are compared with what the world chooses by itself.
+/// Returns the method of the comparison run. Sequential impulses are compared with `method: auto`.
 Method method_to_compare_with(const World& world) {
   const Method method = world.options().method;
   if (method == Method::kSequentialImpulses) return Method::kAuto;
@@ -35,7 +37,8 @@ Method method_to_compare_with(const World& world) {
   return Method::kRungeKutta;
 }
 
-/// Numbers in [-1, 1) by splitmix64 (Steele, Lea & Flood 2014), the same on every machine.
+/// Draws numbers in [-1, 1) by splitmix64 (Steele, Lea & Flood 2014), which is equal on all
+/// machines.
 class PerturbationDraw {
  public:
   double number() {
@@ -68,7 +71,7 @@ double verified_distance(const BodyState& a, const BodyState& b, double radius) 
 struct VerifiedRun {
   World world;
   List<double> estimates;                     // [m], by id of the body
-  std::vector<std::string> without_estimate;  // why, by id; empty: there is an estimate
+  std::vector<std::string> without_estimate;  // why a body has no estimate, by id; empty: it has
   std::string end;                            // why the run ended early; empty: it did not
 
   VerifiedRun(const World& of, StopFlag stop) : world(of) {
@@ -184,7 +187,7 @@ class Verification {
  private:
   struct Tracked {
     BodyId id;
-    double radius;  // of gyration [m]
+    double radius;  // radius of gyration [m]: turns an angle into a distance
   };
 
   static void halve_step(WorldOptions options, VerifiedRun* run) {
@@ -196,7 +199,8 @@ class Verification {
     }
   }
 
-  // Bodies that sleep stay asleep: another body that reaches them brings its perturbation.
+  // Perturbs the velocities of the twin's awake dynamic bodies by wrenches of one step. Sleeping
+  // bodies stay asleep until a perturbed body reaches them.
   void perturb() {
     World& world = twin_.world;
     const auto& impl = twin_.insides();
@@ -232,7 +236,7 @@ class Verification {
     }
   }
 
-  // Commands may remove a body: the comparison ends there.
+  // Whether a command has removed a compared body from a run, where the comparison ends.
   bool is_body_lost() {
     for (std::size_t k = 0; k < bodies_.size(); ++k) {
       for (const VerifiedRun* of : {&base_, &half_, &other_, &other_half_, &twin_}) {
@@ -293,7 +297,7 @@ class Verification {
     if (verified->no_other_method.empty()) verified->no_other_method = why_not_other(body.id);
     const bool has_other = verified->no_other_method.empty();
     figures.other_method = has_other ? distance_to(other_half_) : VerifiedFigures::kNone;
-    // the largest so far: two errors may be equal for a moment
+    // The largest distance so far, since two wrong runs may coincide for a moment.
     const double known = std::isnan(figures.other_error) ? 0.0 : figures.other_error;
     figures.other_error =
         has_other ? std::max(known, distance_between(other_, other_half_)) : VerifiedFigures::kNone;
@@ -304,14 +308,14 @@ class Verification {
       verified->exceeded = figures;
   }
 
-  // Where no method has an estimate the run claims to be exact.
+  // Returns 0 for a missing estimate: a run without an estimate claims to be exact.
   static double estimate_or_zero(double estimate) { return std::isnan(estimate) ? 0.0 : estimate; }
 
   bool exceeds(double difference, double error, double of_other) const {
     return difference > options_.least && difference > options_.margin * error + of_other;
   }
 
-  // Why the body is not compared with the other method from now on; empty: it is compared.
+  // Returns the reason why a body is not compared with the other method from now on, or "".
   std::string why_not_other(BodyId body) const {
     for (const VerifiedRun* of : {&other_, &other_half_}) {
       const std::string why = why_not(*of, body);

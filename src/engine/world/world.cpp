@@ -19,8 +19,8 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// Checks that the states of bodies are finite and in range: one sum over all bodies, two numbers
-/// at a time; only where the sum is too large, body by body.
+/// Checks that the states of bodies are finite and in range. The sum of squares over all bodies
+/// decides in most steps; only a too large sum is searched for the body.
 Failure failure_of_motion(const Model& model, const State& state, const List<int>& awake_bodies,
                           std::optional<BodyId>* failed_body) {
   Eigen::Array2d squares(0.0, 0.0);
@@ -90,7 +90,9 @@ bool are_finite(const Model& model, const State& state, const AwakeSets& awake,
 
 }  // namespace
 
-// A whole physics engine in six steps, as the tutorial has it.
+// The numbers are the six stages of the tutorial (docs/tutorial.md). Impl inherits Model, State,
+// IslandLists and StepOutput, so one `world` is passed as each of them. A stage that throws ends
+// the step where it began; only exceptions of the system leave step().
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {
@@ -99,10 +101,10 @@ const StepReport& World::step() {
     world.find_contacts(step);  // 2. narrowphase: accurate but slow
     if (world.any_corrections)
       world.State::take_out_corrections(
-          world.sleep.awake().bodies);  // what closed errors a step ago
+          world.sleep.awake().bodies);  // velocities that closed errors in the last step
     world.choose_methods(step);
-    world.integrate(step);            //    smooth islands part here from the tutorial
-    world.advance_by_impulses(step);  // 3. to 6. of the others: SequentialImpulses
+    world.integrate(step);            //    islands of runge_kutta, energy_momentum, event_driven
+    world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
     world.advance_kinematic_bodies();
     world.finish_step(step);
   } catch (const StepFailed& failed) {
@@ -119,7 +121,7 @@ const StepReport& World::step() {
   return world.report;
 }
 
-// of whatever thread it was thrown in
+// Ends a step in which the code of a plugin threw, on any thread.
 void World::Impl::fail_by(const CustomFailure& failed) {
   if (rollback.is_saved())
     keep_state_before(Failure::kCustom);
@@ -132,7 +134,8 @@ void World::Impl::fail_by(const CustomFailure& failed) {
   if (found != joint_by_name.end()) failed_joint = found->second;
 }
 
-// where what the system threw may have left anything half done: as after an edit
+// Ends a step in which the system threw, as for lack of memory. Data of the step may be half
+// written, so contacts are forgotten and all islands are compiled anew.
 void World::Impl::abandon_step() {
   if (rollback.is_saved()) restore_state();
   forget_contacts();
@@ -181,14 +184,15 @@ void World::Impl::integrate(const StepContext& step) {
   monitors.set_work(work.corrections, work.drives);
 }
 
-// those that act in this step on bodies that impulses carry: how long
+// Lists the wrenches that act within the step on bodies that impulses advance, with the duration of
+// each within the step.
 void World::Impl::find_acting_wrenches(const StepContext& step) {
   for (const Wrench& wrench : wrenches) {
     const bool acts_throughout = wrench.start <= step.tick.start && wrench.end >= step.tick.end;
     const double duration = acts_throughout ? options.time_step
                                             : std::min(wrench.end, step.tick.end) -
                                                   std::max(wrench.start, step.tick.start);
-    if (duration <= 0.0) continue;  // not yet
+    if (duration <= 0.0) continue;  // begins after this step
     const std::size_t i = index(wrench.body);
     if (islands[static_cast<std::size_t>(topology.island_of(i))].method ==
         Method::kSequentialImpulses)
@@ -196,7 +200,8 @@ void World::Impl::find_acting_wrenches(const StepContext& step) {
   }
 }
 
-// as they are at the start of the step
+// Adds the forces of plugins on bodies that impulses advance, as wrenches that stay constant from
+// the start of the step.
 void World::Impl::find_custom_forces(const StepContext& step) {
   for (const int index : integration.partition().impulse_joints) {
     const auto j = static_cast<std::size_t>(index);
@@ -239,7 +244,8 @@ void World::Impl::finish_impulses(const StepContext& step) {
     note_if_broken(static_cast<std::size_t>(j));
 }
 
-// Impulses have no estimate of their error, and so has a step with them.
+// Sets the error estimates of islands that impulses advance, and of the step, to NaN: impulses have
+// no estimate.
 void World::Impl::leave_out_estimates() {
   for (const int body : integration.partition().impulse_bodies)
     islands[static_cast<std::size_t>(topology.island_of(static_cast<std::size_t>(body)))]
@@ -317,8 +323,8 @@ void World::Impl::note_if_broken(std::size_t j) {
   if (joint_states[j].broken) give_up(j);
 }
 
-// A joint that broke in this step, and what couples it, which is read after it. Neither closes
-// anything from now on.
+// Marks a joint that broke in this step, and the couplings on it, as broken: impulses are cleared,
+// errors are left open, and the islands are compiled anew. Couplings are read after their joints.
 void World::Impl::give_up(std::size_t j) {
   forget_impulses(&joint_states[j]);
   joint_states[j].closing = false;
@@ -333,7 +339,7 @@ void World::Impl::give_up(std::size_t j) {
   ++report.torn_joints;
 }
 
-// at the end of the step, unless it broke at a moment within
+// Reports that a joint broke, at the end of the step, unless event_driven reported an earlier time.
 void World::Impl::tell_broken(std::size_t j) {
   const bool is_told = std::any_of(events.begin(), events.end(), [&](const Event& event) {
     return event.kind == EventKind::kBroken && event.joint == joint_ids[j];

@@ -57,7 +57,7 @@ void World::Impl::rebuild_topology() {
   rollback.resize(*this, island_parts.size());
 }
 
-// Wakes everything that joints or contacts connect with bodies that are awake.
+// Wakes everything that joints or contacts connect with awake bodies, and lists all sets anew.
 void World::Impl::spread_waking() { list_resting(sleep.spread(*this, topology, this, this)); }
 
 void World::Impl::list_resting(const RestingSets& resting_sets) {
@@ -67,7 +67,8 @@ void World::Impl::list_resting(const RestingSets& resting_sets) {
   set_resting_contacts(resting, options.time_step);
 }
 
-// Stage 1: pairs of shapes that may touch within the step.
+// Stage 1: pairs of shapes that may touch within the step. With event-driven contacts, bounds are
+// widened until no group grows any more (ContactReach).
 void World::Impl::find_pairs(const StepContext& step) {
   reach.forget_pairs();
   const List<int>& shapes = pipeline.moving_shapes();
@@ -78,7 +79,8 @@ void World::Impl::find_pairs(const StepContext& step) {
     return pipeline.find_pairs(*this, *this, continuous.fast_bodies(), nullptr, &report);
   reach.begin(*this, *this, shapes);
   pipeline.find_pairs(*this, *this, continuous.fast_bodies(), &reach, &report);
-  // Each round but the last makes a group larger or faster; longer chains are left as they are.
+  // Each round but the last makes a group larger or faster. Groups still growing after kMostRounds
+  // stay as they are.
   constexpr int kMostRounds = 40;
   for (int round = 0; reach.grow(*this, topology, *this, *this, sleep.awake(), pipeline.pairs()) &&
                       round < kMostRounds;
@@ -86,8 +88,8 @@ void World::Impl::find_pairs(const StepContext& step) {
     pipeline.find_pairs(*this, *this, continuous.fast_bodies(), &reach, &report);
 }
 
-// Stage 2: contacts, and groups of contacts that are event-driven. Wakes everything that is
-// touched.
+// Stage 2: contacts where shapes touch now, hits of fast bodies, and event-driven groups. Repeats
+// both stages while a touched body wakes up.
 void World::Impl::find_contacts(const StepContext& step) {
   if (pipeline.pairs().empty() && touching.empty() && pipeline.touching_before().empty() &&
       groups.is_empty())
@@ -111,7 +113,8 @@ void World::Impl::find_hits(const StepContext& step) {
   for (const Broadphase::Pair& pair : continuous.jointed_pairs()) sleep.wake(pair, this);
 }
 
-// Wakes bodies in contact, and bodies that may be touched within the step; true where one slept.
+// Wakes bodies in contact, and sleeping bodies that may be touched within the step. Returns whether
+// a body slept.
 bool World::Impl::wake_touched() {
   for (const TouchingPair& pair : touching) sleep.wake(pair.ends(), this);
   if (!sleep.is_stale() && follows_contacts(options))
@@ -148,7 +151,7 @@ void World::Impl::read_smooth_joints(JointStep step) {
       continue;
     }
     const EquationsOfMotion& equations = motion.equations();
-    // least squares have found the shares of joints that cannot all be met
+    // With inconsistent joints, least_squares has already distributed the forces.
     const bool shares =
         equations.redundant_rows() > 0 && islands[i].why != MethodReason::kInconsistent;
     const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;

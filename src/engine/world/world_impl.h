@@ -47,14 +47,14 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   // ---- awake sets; rebuilt when an island wakes or falls asleep
   Sleep sleep;
 
-  // ---- the stages of a step, in their order
+  // ---- owners of the stages of a step, in the order of the stages
   Rollback rollback;
   ContactPipeline pipeline;
   ContactReach reach;
   ContactGroups groups;
   IslandIntegration integration;
   ContinuousCollision continuous;
-  List<ActingWrench> acting_wrenches;  // on bodies that impulses advance
+  List<ActingWrench> acting_wrenches;  // wrenches and plugin forces on bodies that impulses advance
   SequentialImpulses sequential_impulses;
   Monitors monitors;
 
@@ -78,8 +78,8 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   struct NextIsland {
     IslandMembers members;
     Island island;
-    IslandMemory memory;  // at the start of the step
-    bool is_fresh;        // edited since the last step
+    IslandMemory memory;  // memory with which the next step begins
+    bool is_fresh;        // the island was edited since the last step
   };
   List<NextIsland> next_islands() const;
   NextIsland next_island(IslandMembers members) const;
@@ -110,7 +110,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void spread_waking();
   void list_resting(const RestingSets& resting_sets);
 
-  // ---- stepping (world.cpp), in the order of a step
+  // ---- stepping: step() in world.cpp calls these; stages 1 and 2 are in world_impl.cpp
   void abandon_step();
   void fail_by(const CustomFailure& failed);
   StepContext begin_step();
@@ -129,7 +129,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void find_acting_wrenches(const StepContext& step);
   void find_custom_forces(const StepContext& step);
 
-  // ---- the end of a step
+  // ---- the end of a step: results of joints and contacts, events, failures
   void report_contact_groups(const JointStep& step);
   void advance_kinematic_bodies();
   void finish_step(const StepContext& step);
@@ -144,7 +144,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void drop_spent_wrenches(double now);
   void keep_state_before(Failure why);
 
-  // ---- asking
+  // ---- queries
   void list_unresolved(std::size_t island, List<std::size_t>* found) const;
   double time() const;
 };

@@ -26,7 +26,8 @@ class EnergyMomentum {
   /// intervals have to be short enough for other motion.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             EquationsOfMotion* equations, List<BodyState>* states);
-  /// Whether the last interval was a first one, made of two halves.
+  /// Whether the last interval began without history, as after an edit or a jump. Such an interval
+  /// is made of two halves.
   bool was_first() const { return was_first_; }
   /// Largest frequency ω of the bodies under the forces of the last step [rad/s].
   double frequency() const { return step_equations_.frequency(); }

@@ -67,8 +67,9 @@ class RowSolver {
   /// Stage 5: sweeps over the rows and leaves the impulses in them. Ends early once `stop` is set.
   Outcome solve(const List<int>& moved, List<Row>& rows, int iterations, StopFlag stop = nullptr);
 
-  /// Stage 6: x += h (v + w), q by the rotation h (ω + w); conserves the angular momentum of every
-  /// free body. Sets velocities of bodies to v + w. Returns the work of the motion by w [J].
+  /// Stage 6: x += h (v + w), and q by the rotation h (ω + w), with w the correction velocities.
+  /// Conserves the angular momentum of every free body. Sets velocities of bodies to v + w. Returns
+  /// the work of the motion by w [J].
   double update_positions(const List<int>& moved, const Masses& masses,
                           const Eigen::Vector3d& gravity, double h, Bodies& bodies);
 
@@ -151,7 +152,7 @@ class RowSolver {
   // Per body: v₀, v, w, and the effect of impulses alone.
   List<Twist> before_, velocities_, corrections_, effects_;
   List<Inertia> inertias_;
-  List<int> parents_;  // towards the body that represents the component
+  List<int> parents_;  // union-find: parent of each body; a root, its own parent, is a component
   List<Component> components_;
   List<Rigid> rigid_;
   List<int> loop_rows_of_;

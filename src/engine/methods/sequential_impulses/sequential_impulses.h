@@ -76,7 +76,7 @@ class SequentialImpulses {
   List<Row> rows_;
   List<std::size_t> joint_rows_;    // first row of each joint, and one past the last
   List<std::size_t> contact_rows_;  // row of the normal of each contact point
-  List<LoopRow> loop_rows_;         // only with warm starting
+  List<LoopRow> loop_rows_;         // rows of joints in loops; empty without warm starting
   RowSolver solver_;
 };
 

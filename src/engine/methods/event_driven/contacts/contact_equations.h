@@ -175,9 +175,9 @@ class ContactEquations {
   };
   /// Reads a coordinate, with the given accelerations of bodies or with zero accelerations.
   Reading read(const Coordinate& coordinate, const Accelerations* rates) const;
-  /// Position of a limit of a coordinate and its motion; zeta(): rate and acceleration that the
-  /// motor of a coordinate demands.
+  /// Returns position, rate and acceleration of the upper or lower limit of a coordinate.
   Prescribed limit(const Coordinate& coordinate, bool upper_one) const;
+  /// Returns the rate and acceleration that the motor of a coordinate demands.
   Prescribed zeta(const Coordinate& coordinate) const;
   /// Rest position of a servo.
   Prescribed rest(const Coordinate& coordinate) const {

@@ -27,8 +27,9 @@ constexpr double kSameTime = 1e-6;    // share of an interval
 
 }  // namespace
 
-// Decides all states at an event. `event`: value whose event ended the last substep; kNothing at
-// the start of an interval. `jams`: slipping contacts have no motion to continue.
+// Decides the states of all contacts and laws at an event. `event`: the watched value that passed
+// zero and ended the last substep; kNothing at the start of an interval. `jams`: slipping contacts
+// have no motion to continue.
 bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
   double* const y = numbers_.data();
   has_stages_ = equations_.is_straight = false;

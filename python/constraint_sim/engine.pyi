@@ -464,7 +464,7 @@ class World:
         principal, zero: from the shape, position [m], orientation x y z w, linear_velocity
         [m/s], angular_velocity [rad/s] in world axes, friction=0, restitution=0,
         no_collision=False, shape_pose=None: a dict of position [m] and orientation (x, y, z, w)
-        of a sphere or box in the body's frame)
+        of a sphere, box or cylinder in the body's frame)
 
         Adds a body. Raises ValueError naming field and value."""
     def remove_body(self, name: str) -> List[str]:

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <filesystem>
 #include <limits>
+#include <regex>
 #include <tuple>
 
 #include "constraint_sim/engine/scene.h"
@@ -310,6 +311,27 @@ TEST(Saved, KeepsWhatIsClosing) {
     EXPECT_EQ(b.error, a.error);
   }
   EXPECT_LT(apart_after(world, 0, 100), 1e-9);  // the tolerance over a second
+}
+
+TEST(Saved, RejectsClosingsBeyondTheBoundOfNumbers) {
+  World world;
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 1.0}));
+  world.add_joint(
+      make_joint("hook", kWorldBody, {0.0, 0.25, 1.5}, ball, {0.0, 0.0, 0.1}, JointKind::kHinge));
+  world.step();
+  const std::string text = save_scene(world);
+  for (const auto& [key, value] :
+       {std::pair{"closing_shift", "[0, 1e300, 0]"}, std::pair{"closing_turn", "[0, 1e300, 0]"},
+        std::pair{"closing_share", "1e300"}}) {
+    const std::regex field(std::string(key) + ": (\\[[^\\]]*\\]|[^\n,}]+)");
+    ASSERT_TRUE(std::regex_search(text, field)) << key;
+    try {
+      load_scene(std::regex_replace(text, field, std::string(key) + ": " + value));
+      ADD_FAILURE() << key << " was accepted";
+    } catch (const std::exception& error) {
+      EXPECT_NE(std::string(error.what()).find(key), std::string::npos) << error.what();
+    }
+  }
 }
 
 // A joint that breaks while its error is closing closes nothing from then on.

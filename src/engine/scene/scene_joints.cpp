@@ -335,6 +335,9 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
     check_finite("closing_coupling", state.coupling.offset);
     if (std::isfinite(state.expires_at)) check_finite("expires_at", state.expires_at);
     check_finite("closing_since", state.closing_since);
+    check_finite("closing_shift", state.closing_shift);
+    check_finite("closing_turn", state.closing_turn);
+    check_finite("closing_share", state.closing_share);
     check_finite("initial_error", state.initial_error);
   });
   return state;

@@ -14,6 +14,7 @@
 #include "engine/math/numbers.h"
 #include "joint_type.h"
 #include "problems.h"
+#include "rotation_between.h"
 
 namespace constraint_sim::engine::redundant {
 
@@ -315,7 +316,7 @@ inline World n_four_bar(int windows) {
   World world;
   const auto add_bar = [&](const std::string& name, const Vector3d& from, const Vector3d& to,
                            const Vector3d& v, const Vector3d& w) {
-    const Quaterniond q = Quaterniond::FromTwoVectors(Vector3d::UnitX(), to - from);
+    const Quaterniond q = rotation_between(Vector3d::UnitX(), to - from);
     Body bar = body_at(name, {1.0, 0.1, 0.1}, 1.0, 0.5 * (from + to), q);
     bar.inertia = Vector3d::Constant(1.0 / 12.0);
     bar.state.linear_velocity = v;

@@ -7,6 +7,7 @@
 
 #include "engine/collision/narrowphase.h"
 #include "parts.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -107,7 +108,7 @@ inline Body plane(const std::string& name, const Eigen::Vector3d& point,
   body.type = BodyType::kStatic;
   body.shape = Plane{};
   body.state.position = point;
-  body.state.orientation = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normal);
+  body.state.orientation = rotation_between(Eigen::Vector3d::UnitZ(), normal);
   return with_surface(body, friction, restitution);
 }
 

@@ -5,6 +5,7 @@
 #include "bouncing.h"
 #include "by_events.h"
 #include "pendulum.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -18,7 +19,7 @@ Joint slider_along_x(BodyId body, const Vector3d& place) {
   joint.name = "slider";
   joint.kind = JointKind::kSlider;
   joint.anchor_a = place;
-  joint.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitX());
+  joint.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitX());
   joint.body_b = body;
   return joint;
 }
@@ -162,7 +163,7 @@ TEST_P(ContactsWithLawsAt, ABallBouncesOnAnArmAtItsStop) {
     hinge.name = "hinge";
     hinge.kind = JointKind::kHinge;
     hinge.anchor_a = {0.0, 0.0, -0.1};
-    hinge.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
+    hinge.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitY());
     hinge.body_b = arm_id;
     hinge.anchor_b = {-0.5, 0.0, 0.0};
     hinge.coordinates[0].upper = 0.0;  // turning about y lowers the arm

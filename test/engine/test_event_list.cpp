@@ -5,6 +5,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "pendulum.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -113,7 +114,7 @@ JointId push_into_limit(World* world) {
   const BodyId id = world->add_body(load);
   Joint joint =
       make_joint("slider", kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(), JointKind::kSlider);
-  joint.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitX());
+  joint.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitX());
   joint.coordinates[0].upper = 0.2;
   joint.coordinates[0].motor.emplace();
   joint.coordinates[0].motor->bias = 5.0;

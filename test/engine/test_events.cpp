@@ -8,6 +8,7 @@
 #include "constraint_sim/engine/plan.h"
 #include "pendulum.h"
 #include "problems.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -75,7 +76,7 @@ void hang_bar(World* world, double rate, const CoordinateLaw& law) {
   Joint hinge;
   hinge.name = "hinge";
   hinge.kind = JointKind::kHinge;
-  hinge.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
+  hinge.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitY());
   hinge.body_b = world->add_body(bar);
   hinge.anchor_b = {-0.5, 0.0, 0.0};
   hinge.coordinates[0] = law;

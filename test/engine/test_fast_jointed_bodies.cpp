@@ -3,6 +3,7 @@
 // energy, an impact of a body that misses.
 
 #include "constraint_sim/engine/plan.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -132,7 +133,7 @@ TEST(FastJointedBodies, ABarOnAHingeStopsAtAPlate) {
       Joint hinge;
       hinge.name = "hinge";
       hinge.kind = JointKind::kHinge;
-      hinge.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
+      hinge.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitY());
       hinge.body_b = id;
       world.add_joint(hinge);
       const double before = world.energy();

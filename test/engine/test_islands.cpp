@@ -5,6 +5,7 @@
 
 #include "engine/islands/islands.h"
 #include "engine/math/list.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -235,7 +236,7 @@ TEST(Islands, ComeBackFromImpulsesByClosingWhatTheseLeftOpen) {
   World world(options);
   Body wall = make_body("wall", Plane{}, 0.0, {-0.2, 0.0, 0.0});
   wall.type = BodyType::kStatic;
-  wall.state.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitX());
+  wall.state.orientation = rotation_between(Vector3d::UnitZ(), Vector3d::UnitX());
   wall.restitution = 0.5;
   world.add_body(wall);
   const BodyId bob = world.add_body(make_body("bob", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0}));

@@ -7,6 +7,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint_kinds.h"
 #include "random_joints.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -499,7 +500,7 @@ World four_bar(Method method, double h) {
     const Vector3d along = pins[k + 1] - pins[k];
     Body bar = make_body("bar" + std::to_string(k), Box{{along.norm(), 0.1, 0.1}},
                          1.0 + 0.2 * static_cast<double>(k), 0.5 * (pins[k] + pins[k + 1]));
-    bar.state.orientation = Quaterniond::FromTwoVectors(Vector3d::UnitX(), along);
+    bar.state.orientation = rotation_between(Vector3d::UnitX(), along);
     bar.no_collision = true;
     bars.push_back(world.add_body(bar));
   }

@@ -7,6 +7,7 @@
 #include "engine/math/list.h"
 #include "engine/math/saddle_lu.h"
 #include "problems.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -302,7 +303,7 @@ World linkage(int sides, double stiffness) {
     Body bar = make_body("bar_" + std::to_string(i), Box{{along.norm(), 0.1, 0.1}}, 1.0,
                          0.5 * (corner(i) + corner(i + 1)));
     bar.no_collision = true;
-    bar.state.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitX(), along);
+    bar.state.orientation = rotation_between(Vector3d::UnitX(), along);
     bars.push_back(world.add_body(bar));
   }
   for (int i = 0; i < sides; ++i) {

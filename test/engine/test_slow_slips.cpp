@@ -2,6 +2,7 @@
 // slightly more force than friction holds. Oracles: closed forms.
 
 #include "by_events.h"
+#include "rotation_between.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -54,7 +55,7 @@ TEST_P(SlowSlipsAt, ASpringPullsABoxUntilItSlips) {
     const BodyId end = world.add_body(puller);
     Joint rail =
         make_joint("rail", kWorldBody, {1.0, 0.0, 0.1}, end, Vector3d::Zero(), JointKind::kSlider);
-    rail.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitX());
+    rail.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitX());
     rail.coordinates[0].motor.emplace();
     rail.coordinates[0].motor->bias = kRate;
     world.add_joint(rail);

@@ -16,6 +16,7 @@
 #include <cmath>
 
 #include "../tree.h"
+#include "rotation_between.h"
 
 namespace constraint_sim::report {
 namespace {
@@ -257,7 +258,7 @@ class BulletSimulation : public Simulation {
 
   /// Adds a slider along x of its frames.
   void add_slider(const Joint& joint) {
-    const Quaterniond x_to_z = Quaterniond::FromTwoVectors(Vector3d::UnitX(), Vector3d::UnitZ());
+    const Quaterniond x_to_z = rotation_between(Vector3d::UnitX(), Vector3d::UnitZ());
     auto made = std::make_unique<btSliderConstraint>(
         body(joint.a), body(joint.b),
         btTransform(to_bullet(joint.frame_a * x_to_z), to_bullet(joint.anchor_a)),

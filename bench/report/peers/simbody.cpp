@@ -9,6 +9,7 @@
 #include <Simbody.h>
 
 #include "../tree.h"
+#include "rotation_between.h"
 #include "simbody_laws.h"
 
 namespace constraint_sim::report {
@@ -340,7 +341,7 @@ class SimbodySimulation : public Simulation {
     const Joint& joint = *link.joint;
     Quaterniond on_parent = joint.frame_a, on_child = joint.frame_b;
     if (joint.kind == JointKind::kSlider) {
-      const Quaterniond x_to_z = Quaterniond::FromTwoVectors(Vector3d::UnitX(), Vector3d::UnitZ());
+      const Quaterniond x_to_z = rotation_between(Vector3d::UnitX(), Vector3d::UnitZ());
       on_parent = on_parent * x_to_z;
       on_child = on_child * x_to_z;
     } else if (joint.kind == JointKind::kUniversal) {  // frames that coincide at the start

@@ -1,6 +1,7 @@
 // Contacts of few bodies, alone and together with ropes, stops, motors and friction.
 
 #include "events.h"
+#include "rotation_between.h"
 
 namespace constraint_sim::report {
 namespace {
@@ -23,7 +24,7 @@ Body block(double mass, const Vector3d& size, const Vector3d& position, double f
 Body wall(double x, const Vector3d& normal, double friction, double restitution) {
   Body body = plane(friction, restitution);
   body.start.position.x() = x;
-  body.start.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), normal);
+  body.start.orientation = rotation_between(Vector3d::UnitZ(), normal);
   return body;
 }
 
@@ -146,8 +147,7 @@ Problem ball_on_arm() {
   hinge.kind = JointKind::kHinge;
   hinge.anchor_a = {0.0, 0.0, -0.1};
   hinge.anchor_b = {-0.5, 0.0, 0.0};
-  hinge.frame_a = hinge.frame_b =
-      Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
+  hinge.frame_a = hinge.frame_b = rotation_between(Vector3d::UnitZ(), Vector3d::UnitY());
   hinge.upper = 0.0;  // rotation about y lowers the arm
   made.joints = {hinge};
   return along_line(made, Vector3d::UnitZ(), [](Real t) {

@@ -1,6 +1,7 @@
 // Ropes, stops, motors with a force limit, friction and breaking, without contacts.
 
 #include "events.h"
+#include "rotation_between.h"
 
 namespace constraint_sim::report {
 namespace {
@@ -136,8 +137,7 @@ Problem hinge_limit() {
   Joint hinge;
   hinge.kind = JointKind::kHinge;
   hinge.anchor_b = {-0.5, 0.0, 0.0};
-  hinge.frame_a = hinge.frame_b =
-      Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
+  hinge.frame_a = hinge.frame_b = rotation_between(Vector3d::UnitZ(), Vector3d::UnitY());
   hinge.upper = 1.2;  // rotation about y is down
   hinge.restitution = 0.6;
   made.joints = {hinge};

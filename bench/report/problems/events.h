@@ -6,6 +6,7 @@
 
 #include "../phases.h"
 #include "common.h"
+#include "rotation_between.h"
 
 namespace constraint_sim::report {
 
@@ -71,7 +72,7 @@ inline Joint slider_to(const Problem& made, int body, const Eigen::Vector3d& axi
   joint.kind = JointKind::kSlider;
   joint.b = body;
   joint.anchor_a = start.position;
-  joint.frame_a = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis);
+  joint.frame_a = rotation_between(Eigen::Vector3d::UnitZ(), axis);
   joint.frame_b = start.orientation.conjugate() * joint.frame_a;
   return joint;
 }

@@ -3,6 +3,7 @@
 // no axis is principal.
 
 #include "common.h"
+#include "rotation_between.h"
 
 namespace constraint_sim::report {
 namespace {
@@ -60,7 +61,7 @@ Problem with_reference(Problem made) {
 Problem on_each_other(const std::string& called, JointKind first, JointKind second,
                       const Vector3d& axis, double duration) {
   Problem made = boxes_alone(called, duration);
-  const Quaterniond frame = Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis);
+  const Quaterniond frame = rotation_between(Vector3d::UnitZ(), axis);
   made.joints = {
       on_axes(made, first, kWorld, 0, Vector3d::Zero(), frame),
       on_axes(made, second, 0, 1, {0.9, 0.1, -0.3}, frame * turned(0.8, {0.6, 0.8, 0.3}))};
@@ -81,9 +82,7 @@ Problem gears(const Vector3d& axis) {
 /// An unbalanced pinion of 0.2 m, and its rack on a rail.
 Problem rack(const Vector3d& axle, const Vector3d& rail) {
   Problem made = boxes_alone("rack", 5.0);
-  const auto along = [](const Vector3d& axis) {
-    return Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis);
-  };
+  const auto along = [](const Vector3d& axis) { return rotation_between(Vector3d::UnitZ(), axis); };
   made.joints = {
       on_axes(made, JointKind::kHinge, kWorld, 0, Vector3d::Zero(), along(axle)),
       on_axes(made, JointKind::kSlider, kWorld, 1, made.bodies[1].start.position, along(rail))};

@@ -1,13 +1,39 @@
 #include "ros/simulator_node.h"
 
 #include <ros/console.h>
+#include <ros/subscriber.h>
+#include <rosgraph_msgs/Clock.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <future>
 #include <stdexcept>
+#include <string>
+#include <thread>
 #include <vector>
 
+#include "ros/commands.h"
+#include "ros/diagnostics.h"
+#include "ros/edit_log.h"
+#include "ros/edits.h"
+#include "ros/event_log.h"
+#include "ros/events.h"
+#include "ros/frame_follower.h"
+#include "ros/guarded.h"
+#include "ros/hands.h"
+#include "ros/plugins.h"
+#include "ros/publishers.h"
+#ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
+#include "ros/reconfigure.h"
+#endif
+#include "ros/robots.h"
 #include "ros/scenes.h"
+#include "ros/service_queue.h"
+#include "ros/services.h"
+#include "ros/urdf_loader.h"
+#include "ros/verify_service.h"
+#include "sim/stepper.h"
 
 namespace constraint_sim {
 namespace {
@@ -31,7 +57,57 @@ StepperOptions stepper_options(const Parameters& parameters) {
 
 }  // namespace
 
-SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle)
+class SimulatorNode::Impl {
+ public:
+  Impl(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle);
+  ~Impl();
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  const Parameters& parameters() const { return parameters_; }
+
+ private:
+  World first_world();
+  ServiceHandles service_handles();
+  StepperEvents events();
+  Stepper::Clock clock() const;
+  Pacing pacing() const;
+  void on_clock(const rosgraph_msgs::Clock& message);
+  void move_time(World* world, double time);
+  void tell_of_start(const std::string& world);
+
+  ServiceQueue edits_, queries_, steps_, pauses_, verifications_;
+  ServiceQueue clocks_;             // a thread of its own, so that messages of /clock do not wait
+  std::atomic<double> clock_{0.0};  // time in the last message on /clock [s]
+  ros::NodeHandle handle_;
+  ros::NodeHandle private_handle_;
+  Parameters parameters_;
+  Plugins plugins_;  // first, since the first world may need them
+  EventLog log_;
+  std::string first_summary_;
+  engine::WorldOptions first_options_;
+  EditLog edit_log_;
+  Hands hands_;
+  Robots robots_;
+  Publishers publishers_;
+  EventTopic event_topic_;
+  Diagnostics diagnostics_;
+  Stepper stepper_;
+  Services services_;
+  VerifyService verify_service_;
+#ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
+  Reconfigure reconfigure_;
+#endif
+  UrdfLoader urdf_loader_;
+  Commands commands_;
+  FrameFollower follower_;
+  ros::Subscriber clock_topic_;
+  SharedGuard clock_guard_ = make_guard("/clock");
+  Guard follow_guard_{"follow"};
+  std::thread stepping_thread_;
+};
+
+SimulatorNode::Impl::Impl(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle)
     : edits_(kEditThreads),
       queries_(kQueryThreads),
       steps_(kStepThreads),
@@ -73,7 +149,7 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
     queue->start();
 }
 
-SimulatorNode::~SimulatorNode() {
+SimulatorNode::Impl::~Impl() {
   verify_service_.stop();
   stepper_.stop();  // answers all waiting callers, so that the queues can end
   stepping_thread_.join();
@@ -84,7 +160,7 @@ SimulatorNode::~SimulatorNode() {
     stopping.push_back(std::async(std::launch::async, [queue] { queue->stop(); }));
 }
 
-World SimulatorNode::first_world() {
+World SimulatorNode::Impl::first_world() {
   try {
     World world = load_world(parameters_.scene, "", parameters_, Caller::kParameter);
     add_first_robot(handle_, private_handle_, parameters_, &robots_, &world);
@@ -104,7 +180,7 @@ World SimulatorNode::first_world() {
 // Logs the start, and settings that a user may not expect. The first line also makes roscpp set up
 // the log now: set up only when the master shuts this node down for a second node of its name, the
 // log would end both.
-void SimulatorNode::tell_of_start(const std::string& world) {
+void SimulatorNode::Impl::tell_of_start(const std::string& world) {
   ROS_INFO("%s: %s%s", parameters_.scene.empty() ? "no scene" : parameters_.scene.c_str(),
            world.c_str(), parameters_.paused ? "; paused" : "");
   if (parameters_.follows_clock())
@@ -113,23 +189,23 @@ void SimulatorNode::tell_of_start(const std::string& world) {
     ROS_WARN("%s", sentence.c_str());
 }
 
-ServiceHandles SimulatorNode::service_handles() {
+ServiceHandles SimulatorNode::Impl::service_handles() {
   return {edits_.serving(private_handle_), queries_.serving(private_handle_),
           steps_.serving(private_handle_), pauses_.serving(private_handle_)};
 }
 
-Stepper::Clock SimulatorNode::clock() const {
+Stepper::Clock SimulatorNode::Impl::clock() const {
   if (parameters_.follows_clock()) return [this] { return clock_.load(); };
   return [] { return ros::SteadyTime::now().toSec(); };
 }
 
-Pacing SimulatorNode::pacing() const {
+Pacing SimulatorNode::Impl::pacing() const {
   return {stepper_.real_time_factor(), publishers_.publish_rate()};
 }
 
 // Notes a clock message. The log comes first: it explains ticks that the stepper drops after a
 // jump.
-void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
+void SimulatorNode::Impl::on_clock(const rosgraph_msgs::Clock& message) {
   const double clock = message.clock.toSec();
   log_.heard_clock(clock_, clock);
   clock_ = clock;
@@ -137,11 +213,11 @@ void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
 }
 
 // Sets the world's time. The world keeps its time where the new one has no next tick.
-void SimulatorNode::move_time(World* world, double time) {
+void SimulatorNode::Impl::move_time(World* world, double time) {
   (*clock_guard_)([&] { world->set_time(time, world->step_count()); });
 }
 
-StepperEvents SimulatorNode::events() {
+StepperEvents SimulatorNode::Impl::events() {
   StepperEvents events;
   events.stepping = [this](World& world) {
     edit_log_.drive(&world, [&](Driver* driver) {
@@ -183,5 +259,12 @@ StepperEvents SimulatorNode::events() {
   };
   return events;
 }
+
+SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle)
+    : impl_(std::make_unique<Impl>(handle, private_handle)) {}
+
+SimulatorNode::~SimulatorNode() = default;
+
+const Parameters& SimulatorNode::parameters() const { return impl_->parameters(); }
 
 }  // namespace constraint_sim

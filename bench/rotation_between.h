@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
 
 namespace constraint_sim {
 
@@ -10,10 +11,10 @@ namespace constraint_sim {
 /// rotation by a singular value decomposition, which takes the compiler ten seconds in each file.
 inline Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   const auto acute = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-    const Eigen::Vector3d half = (a + b).normalized();
+    const double twice_cosine = std::sqrt(2.0 * (1.0 + a.dot(b)));  // of half the angle
     Eigen::Quaterniond q;
-    q.w() = a.dot(half);
-    q.vec() = a.cross(half);
+    q.w() = 0.5 * twice_cosine;
+    q.vec() = a.cross(b) * (1.0 / twice_cosine);
     return q;
   };
   const Eigen::Vector3d a = from.normalized();

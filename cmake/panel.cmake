@@ -11,7 +11,7 @@ endif()
 file(GLOB panel_sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS src/panel/*.cpp)
 add_library(constraint_sim_panel SHARED ${panel_sources})
 constraint_sim_units(constraint_sim_panel 1000 ${panel_sources})
-constraint_sim_own_code(constraint_sim_panel)
+constraint_sim_shell_code(constraint_sim_panel)
 add_dependencies(constraint_sim_panel ${PROJECT_NAME}_generate_messages_cpp)
 # boost has functions named as Qt's keywords
 target_compile_definitions(constraint_sim_panel PRIVATE QT_NO_KEYWORDS)

@@ -11,7 +11,7 @@ find_package(pybind11 2.4 REQUIRED)
 file(GLOB python_sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS src/python/*.cpp)
 pybind11_add_module(constraint_sim_python MODULE NO_EXTRAS ${python_sources})
 constraint_sim_units(constraint_sim_python 8 ${python_sources})
-constraint_sim_own_code(constraint_sim_python)
+constraint_sim_shell_code(constraint_sim_python)
 # includes of others are not ours to warn about
 target_include_directories(constraint_sim_python SYSTEM PRIVATE
   ${pybind11_INCLUDE_DIRS} ${PYTHON_INCLUDE_DIRS})

@@ -29,7 +29,7 @@ if(dynamic_reconfigure_FOUND)
 endif()
 add_library(constraint_sim_ros STATIC ${ros_sources})
 constraint_sim_units(constraint_sim_ros 15 ${ros_sources})
-constraint_sim_own_code(constraint_sim_ros)
+constraint_sim_shell_code(constraint_sim_ros)
 set_target_properties(constraint_sim_ros PROPERTIES POSITION_INDEPENDENT_CODE ON)
 add_dependencies(constraint_sim_ros ${PROJECT_NAME}_generate_messages_cpp)
 # SYSTEM also takes the generated headers out of our own warnings
@@ -45,30 +45,35 @@ else()
 endif()
 
 add_executable(constraint_sim_node src/ros/node_main.cpp)
-constraint_sim_own_code(constraint_sim_node)
+constraint_sim_shell_code(constraint_sim_node)
 target_link_libraries(constraint_sim_node PRIVATE constraint_sim_ros)
-
-# `replay` is the name that users type; a target of it would be one of many
-add_executable(constraint_sim_replay src/tools/replay.cpp)
-set_target_properties(constraint_sim_replay PROPERTIES OUTPUT_NAME replay)
-constraint_sim_own_code(constraint_sim_replay)
-target_link_libraries(constraint_sim_replay PRIVATE constraint_sim_ros)
 
 add_executable(constraint_sim_rviz_config src/tools/rviz_config.cpp)
 set_target_properties(constraint_sim_rviz_config PROPERTIES OUTPUT_NAME rviz_config)
-constraint_sim_own_code(constraint_sim_rviz_config)
+constraint_sim_shell_code(constraint_sim_rviz_config)
 target_link_libraries(constraint_sim_rviz_config PRIVATE constraint_sim_ros yaml-cpp)
 
-add_executable(client_example examples/client.cpp)
-constraint_sim_own_code(client_example)
-add_dependencies(client_example ${PROJECT_NAME}_generate_messages_cpp)
-target_include_directories(client_example SYSTEM PRIVATE
-  ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
-target_link_libraries(client_example PRIVATE ${catkin_LIBRARIES})
+if(CONSTRAINT_SIM_EXTRAS)
+  # `replay` is the name that users type; a target of it would be one of many
+  add_executable(constraint_sim_replay src/tools/replay.cpp)
+  set_target_properties(constraint_sim_replay PROPERTIES OUTPUT_NAME replay)
+  constraint_sim_shell_code(constraint_sim_replay)
+  target_link_libraries(constraint_sim_replay PRIVATE constraint_sim_ros)
 
-add_library(constraint_sim_nodelet SHARED src/ros/nodelet.cpp)
-constraint_sim_own_code(constraint_sim_nodelet)
-target_link_libraries(constraint_sim_nodelet PRIVATE constraint_sim_ros)
+  add_executable(client_example examples/client.cpp)
+  constraint_sim_shell_code(client_example)
+  add_dependencies(client_example ${PROJECT_NAME}_generate_messages_cpp)
+  target_include_directories(client_example SYSTEM PRIVATE
+    ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
+  target_link_libraries(client_example PRIVATE ${catkin_LIBRARIES})
+
+  add_library(constraint_sim_nodelet SHARED src/ros/nodelet.cpp)
+  constraint_sim_shell_code(constraint_sim_nodelet)
+  target_link_libraries(constraint_sim_nodelet PRIVATE constraint_sim_ros)
+
+  install(TARGETS client_example constraint_sim_replay RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+  install(TARGETS constraint_sim_nodelet LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+endif()
 
 include(cmake/panel.cmake)
 
@@ -85,10 +90,8 @@ install(EXPORT constraint_sim NAMESPACE constraint_sim:: FILE constraint_sim_eng
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/cmake)
 export(EXPORT constraint_sim NAMESPACE constraint_sim::
   FILE ${CMAKE_CURRENT_BINARY_DIR}/constraint_sim_engine_targets.cmake)
-install(TARGETS client_example constraint_sim_node constraint_sim_replay constraint_sim_run
-  constraint_sim_rviz_config constraint_sim_error_table
+install(TARGETS constraint_sim_node constraint_sim_run constraint_sim_rviz_config constraint_sim_error_table
   RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-install(TARGETS constraint_sim_nodelet LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 install(FILES nodelet_plugins.xml rviz_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY include/constraint_sim/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

@@ -359,7 +359,7 @@ void SparseLdlt::solve_supernodes(double* b) const {
     const std::size_t rows = node.rows;
     double* const x = b + node.first;
     by_fours(node.columns, [=](std::size_t k, auto count) {
-      std::array<double, count> sum;
+      std::array<double, count> sum{};
       for (std::size_t n = 0; n < count; ++n)
         sum[n] = x[k + n] * inverse_diagonal_[node.first + k + n];
       for (std::size_t i = node.columns; i < rows; ++i)

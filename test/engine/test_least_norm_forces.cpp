@@ -18,7 +18,7 @@ namespace {
 using Eigen::Vector3d;
 using redundant::join;
 
-constexpr Method kSmooth[] = {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum};
+constexpr Method kAutoAndSmooth[] = {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum};
 
 void set_method(World* world, Method method, double time_step) {
   WorldOptions options = world->options();
@@ -54,7 +54,7 @@ double force(const World& world, std::size_t j) {
 // At rest each rod carries a quarter of the weight, by symmetry. With a torque about y the
 // least-norm forces for Σ f = m g and Σ x f = T are f = m g/4 + T x/(4 · 0.25 m²). 1e-12: rounding.
 TEST(LeastNormForces, OfAHangingTableAreSharedByItsLegs) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     for (const double torque : {0.0, 4.0}) {
       World world = hanging_table();
       set_method(&world, method, 0.01);
@@ -76,7 +76,7 @@ TEST(LeastNormForces, OfAHangingTableAreSharedByItsLegs) {
 // Two or three legs alone would carry half of the weight each.
 TEST(LeastNormForces, DecideWhatBreaks) {
   const double weight = 8.0 * kGravity;
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     for (const double share : {0.26, 0.24}) {
       World world = hanging_table(share * weight);
       set_method(&world, method, 0.01);
@@ -90,7 +90,7 @@ TEST(LeastNormForces, DecideWhatBreaks) {
 // Several equal joints carry equal shares of the force of one joint. 1e-7 of the weight: the
 // motion's accuracy with the tolerance of 1e-8 m/s.
 TEST(LeastNormForces, OfEqualRodsAreEqual) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     for (const int count : {2, 3}) {
       World alone, shared;
       for (World* world : {&alone, &shared}) {
@@ -113,7 +113,7 @@ TEST(LeastNormForces, OfEqualRodsAreEqual) {
 // A door on two ball joints, equally far above and below its centre: each carries half of the
 // weight, to rounding.
 TEST(LeastNormForces, OfADoorAreSharedByItsHinges) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     World world = redundant::door();
     set_method(&world, method, 0.01);
     for (int i = 0; i < 20; ++i) {
@@ -316,7 +316,7 @@ TEST(LeastNormForces, AreThoseOfThePseudoInverse) {
 
 // A spring beside redundant rods reports its own force.
 TEST(LeastNormForces, LeaveSpringsAsTheyAre) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     World world = hanging_table();
     DistanceJoint spring;
     spring.stiffness = 100.0;

@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 /// A link between two bodies, or between a body and the world.
-struct Held {
+struct BodyLink {
   int a, b = -1;
   int rows = 1;
 };
@@ -29,7 +29,7 @@ struct System {
   MatrixXd A;
   List<int> first_of_body, first_of_link;
 
-  System(const List<int>& dofs, const List<int>& parents, const List<Held>& held) {
+  System(const List<int>& dofs, const List<int>& parents, const List<BodyLink>& held) {
     List<SaddleLu::Node> nodes;
     List<SaddleLu::Link> links(held.size());
     int unknown = 0;
@@ -53,7 +53,7 @@ struct System {
 
   /// Fills [K, -Gᵀ; G, 0] with K near the identity and unsymmetric rows: G and the transposed block
   /// differ as much as in a step that bends the mechanism.
-  void fill(const List<int>& dofs, const List<Held>& held, Random* random) {
+  void fill(const List<int>& dofs, const List<BodyLink>& held, Random* random) {
     for (std::size_t i = 0; i < dofs.size(); ++i)
       block(first_of_body[i], first_of_body[i], dofs[i], dofs[i], 0.2, random) +=
           MatrixXd::Identity(dofs[i], dofs[i]);
@@ -103,7 +103,7 @@ struct System {
 struct Graph {
   const char* name;
   List<int> dofs, parents;
-  List<Held> held;
+  List<BodyLink> held;
 };
 
 /// n bodies, each held by the next one, the last by the world.

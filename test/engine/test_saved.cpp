@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "constraint_sim/engine/scene.h"
+#include "shipped_scenes.h"
 #include "support.h"
 #include "test_paths.h"
 
@@ -28,16 +29,6 @@ double apart(const World& a, const World& b) {
     most = std::max(most, (a.state(id).position - other.position).norm());
   }
   return most;
-}
-
-World shipped(const std::string& name, Method method) {
-  World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + name + ".yaml");
-  WorldOptions options = world.options();
-  if (options.method != method) {
-    options.method = method;
-    world.set_options(options);
-  }
-  return world;
 }
 
 struct Run {
@@ -91,13 +82,13 @@ std::vector<Run> all_runs(const std::vector<Method>& methods) {
   return runs;
 }
 
-std::string name_of(const testing::TestParamInfo<Run>& info) {
+std::string name_of_run(const testing::TestParamInfo<Run>& info) {
   return info.param.scene + "_" + name(info.param.method);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, SavedScene,
                          testing::ValuesIn(all_runs({Method::kAuto, Method::kSequentialImpulses})),
-                         name_of);
+                         name_of_run);
 
 // ---- the hash
 
@@ -147,7 +138,7 @@ INSTANTIATE_TEST_SUITE_P(All, HashedScene,
                          testing::ValuesIn(all_runs({Method::kAuto, Method::kRungeKutta,
                                                      Method::kEnergyMomentum,
                                                      Method::kSequentialImpulses})),
-                         name_of);
+                         name_of_run);
 
 // A restarted world differs at once, and in the next step, in its hash.
 TEST(Hashed, TellsWhatWasForgotten) {

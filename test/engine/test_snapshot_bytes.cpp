@@ -15,6 +15,7 @@
 #include "random_scenes.h"
 #include "redundant_cases.h"
 #include "sanitized.h"
+#include "shipped_scenes.h"
 #include "support.h"
 #include "temporary_folder.h"
 #include "test_paths.h"
@@ -25,7 +26,7 @@ namespace {
 const int kFuture = (kIsLongRun ? 500 : 100) / kSanitizedShare;  // [steps]
 const std::uint64_t kRandom = 100 / kSeedShare;                  // scenes of each kind
 
-std::vector<std::string> shipped() { return scene_names(CONSTRAINT_SIM_SCENE_DIR); }
+std::vector<std::string> shipped_names() { return scene_names(CONSTRAINT_SIM_SCENE_DIR); }
 
 /// Expects the same hash after every step.
 void expect_same_future(World world, World again, int steps, const std::string& what) {
@@ -50,10 +51,7 @@ class Snapshots : public testing::TestWithParam<std::string> {};
 TEST_P(Snapshots, OfAShippedSceneGoOnWithTheSameBits) {
   for (const Method method :
        {Method::kAuto, Method::kEnergyMomentum, Method::kRungeKutta, Method::kSequentialImpulses}) {
-    World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + GetParam() + ".yaml");
-    WorldOptions options = world.options();
-    options.method = method;
-    if (options.method != world.options().method) world.set_options(options);
+    World world = shipped(GetParam(), method);
     const int settled = method == Method::kAuto ? 150 : 150 / kSanitizedShare;
     for (const int steps : {0, 1, settled}) {
       run(world, steps);
@@ -73,7 +71,7 @@ TEST_P(Snapshots, OfAShippedSceneGoOnWithTheSameBits) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Snapshots, testing::ValuesIn(shipped()),
+INSTANTIATE_TEST_SUITE_P(All, Snapshots, testing::ValuesIn(shipped_names()),
                          [](const auto& of) { return of.param; });
 
 // Snapshots of worlds with dropped rows and with contradictory joints continue with the same bits,
@@ -147,7 +145,7 @@ std::string hash_in_another_process(const World& world, int steps, const std::st
              : "";
 }
 
-std::string shown(std::uint64_t hash) {
+std::string hexadecimal(std::uint64_t hash) {
   std::ostringstream text;
   text << "0x" << std::hex << std::setfill('0') << std::setw(16) << hash;
   return text.str();
@@ -166,12 +164,13 @@ TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
     }
     ++compared;
     EXPECT_EQ(again.state_hash(), world.state_hash()) << what;
-    EXPECT_EQ(hash_in_another_process(start, kFuture, folder.path()), shown(world.state_hash()))
+    EXPECT_EQ(hash_in_another_process(start, kFuture, folder.path()),
+              hexadecimal(world.state_hash()))
         << what;
   };
-  const std::vector<std::string> scenes = shipped();
+  const std::vector<std::string> scenes = shipped_names();
   for (const std::string& scene : scenes) {
-    World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + scene + ".yaml");
+    World world = shipped(scene);
     run(world, 50);
     compare(world, scene);
   }
@@ -187,8 +186,8 @@ TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
 
 // Edits before and after, with resets and ids.
 TEST(SnapshotBytes, TakeTheSameEditsAfterwards) {
-  for (const std::string& scene : shipped()) {
-    World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + scene + ".yaml");
+  for (const std::string& scene : shipped_names()) {
+    World world = shipped(scene);
     run(world, 20);
     world.remove_body(world.body_ids().back());  // the edited world is not yet compiled
     World again = read_snapshot(write_snapshot(world));
@@ -231,7 +230,7 @@ TEST(SnapshotBytes, AreReadAfterABodyWithAWrenchIsRemoved) {
 }
 
 TEST(SnapshotBytes, RefuseWhatIsNoSnapshot) {
-  World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/double_pendulum.yaml");
+  World world = shipped("double_pendulum");
   run(world, 10);
   const std::string bytes = write_snapshot(world);
   const auto refused = [](const std::string& text) {

@@ -206,7 +206,7 @@ Vector3d fit(Vector3d x, double share) {
       gradient += error * n;
       slope += n * n.transpose() + error / d.norm() * (Matrix3d::Identity() - n * n.transpose());
     }
-    const Vector3d change = slope.partialPivLu().solve(gradient);
+    const Vector3d change = slope.inverse() * gradient;
     x -= change;
     if (change.norm() < 1e-15) break;
   }

@@ -1,7 +1,6 @@
 // Reported forces of redundant joints: closed forms by symmetry, and a dense pseudo-inverse in long
 // double.
 
-#include <Eigen/QR>
 #include <memory>
 #include <numeric>
 
@@ -238,14 +237,23 @@ struct Columns {
     }
   }
 
-  /// Returns λ of least Σ a λ² that gives the force and torque of `lambda` on each body.
+  /// Returns λ of least Σ a λ² that gives the force and torque of `lambda` on each body. √a λ is
+  /// the projection of √a `lambda` onto the rows of Gᵀ / √a. Gram and Schmidt's orthogonalization
+  /// takes the longest remaining row first.
   Vector least(const Vector& lambda) const {
-    const Vector scale = weight.cwiseSqrt().cwiseInverse();
-    const Matrix B = by_mass.asDiagonal() * G_T * scale.asDiagonal();
-    Eigen::CompleteOrthogonalDecomposition<Matrix> factors;
-    factors.setThreshold(1e-9L);  // between rounding and the pivots of the kept rows
-    factors.compute(B);
-    return scale.cwiseProduct(factors.solve(by_mass.cwiseProduct(G_T * lambda)));
+    const Vector scale = weight.cwiseSqrt(), scaled = scale.cwiseProduct(lambda);
+    Matrix rows = (by_mass.asDiagonal() * G_T * scale.cwiseInverse().asDiagonal()).transpose();
+    Vector projection = Vector::Zero(scaled.size());
+    for (;;) {
+      Eigen::Index longest = 0;
+      const Real length = rows.colwise().norm().maxCoeff(&longest);
+      if (length < 1e-9L) break;  // between rounding and the pivots of the kept rows
+      const Vector direction = rows.col(longest) / length;
+      projection += direction.dot(scaled) * direction;
+      for (Eigen::Index i = 0; i < rows.cols(); ++i)
+        rows.col(i) -= direction.dot(rows.col(i)) * direction;
+    }
+    return projection.cwiseQuotient(scale);
   }
 
  private:

@@ -13,6 +13,12 @@ class Draw {
 
   double share() { return static_cast<double>(generator_()) / 4294967296.0; }
   int below(int n) { return static_cast<int>(share() * n); }
+  double between(double low, double high) { return low + (high - low) * share(); }
+  Eigen::Vector3d vector_between(double low, double high) {
+    const double x = between(low, high);
+    const double y = between(low, high);
+    return {x, y, between(low, high)};
+  }
   double operator()() { return 2.0 * share() - 1.0; }
   Eigen::Vector3d vector() {
     const double x = (*this)();

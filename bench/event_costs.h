@@ -43,7 +43,7 @@ inline Costs follow(World world, double duration) {
   Costs costs;
   while (world.time() < duration) {
     const StepReport& report = world.step();
-    if (random_events::is_by_impulses(world)) break;
+    if (random_events::is_with_impulses(world)) break;
     costs.add(report);
   }
   return costs;

@@ -28,7 +28,7 @@ struct Verdict {
 };
 
 /// Returns whether impulses advance an island, or have left it at rest.
-inline bool is_by_impulses(const World& world) {
+inline bool is_with_impulses(const World& world) {
   const std::vector<Island> islands = world.islands();  // each call makes its own list
   return std::any_of(islands.begin(), islands.end(), [](const Island& island) {
     return island.method == Method::kSequentialImpulses;
@@ -109,15 +109,15 @@ inline void follow(const Scene& scene, Verdict* verdict) {
     // Joints that impulses left open are reported, and closing them does work.
     if (was_by_impulses && report.max_constraint_error > 1e-6) return;
     if (has_servos(scene.kind) &&
-        is_by_impulses(world)) {  // first order, without account of servos' work
+        is_with_impulses(world)) {  // first order, without account of servos' work
       (has_given_up(world) ? verdict->is_given_up : verdict->is_left) = true;
       return;
     }
-    const double method = is_by_impulses(world) ? of_impulses : 0.0;
+    const double method = is_with_impulses(world) ? of_impulses : 0.0;
     if (!(energy < least + allowed + method))
       verdict->find("energy has risen", now, energy - least);
     least = std::min(least, energy);
-    if (is_by_impulses(world)) {
+    if (is_with_impulses(world)) {
       (has_given_up(world) ? verdict->is_given_up : verdict->is_left) = true;
       was_by_impulses = true;
       continue;
@@ -182,7 +182,7 @@ inline bool place_elsewhere(const Scene& scene, Verdict* verdict) {
   while (events < most && here.time() < until) {
     events += here.step().events;
     there.step();
-    if (is_by_impulses(here) || is_by_impulses(there)) return false;
+    if (is_with_impulses(here) || is_with_impulses(there)) return false;
   }
   if (touches(scene.kind) && events > 4 * most) return false;  // too many events in a single step
   for (const BodyId id : here.body_ids()) {

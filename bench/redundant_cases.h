@@ -6,6 +6,7 @@
 
 #include <functional>
 
+#include "inertia_of.h"
 #include "redundant_scenes.h"
 
 namespace constraint_sim::engine::redundant {
@@ -30,10 +31,6 @@ inline double largest_joint_error(const World& world) {
     largest = std::max(largest, std::abs(d.norm() - length));
   }
   return largest;
-}
-
-inline Vector3d inertia_of(const Body& body) {
-  return body.inertia.isZero(0.0) ? Vector3d(body.mass * unit_inertia(body.shape)) : body.inertia;
 }
 
 inline double largest_coordinate(const World& world) {

@@ -101,11 +101,15 @@ target_include_directories(engine_tests PRIVATE bench)  # problems.h
 target_link_libraries(engine_tests PRIVATE constraint_sim_engine nlohmann_json::nlohmann_json)
 constraint_sim_precompile(engine_tests <gtest/gtest.h> <Eigen/Dense> <functional> <map> <sstream>
   <constraint_sim/engine/scene.h> <constraint_sim/engine/plan.h> <constraint_sim/engine/world.h>)
+set(engine_units ${engine_sources})
+list(FILTER engine_units EXCLUDE REGEX "/counted_allocations\\.cpp$")  # compilers must not see operator new
+constraint_sim_units(engine_tests 5 ${engine_units})
 add_dependencies(engine_tests constraint_sim_run)
 constraint_sim_add_gtests(engine_tests engine ${engine_sources})
 
 constraint_sim_add_gtest_program(sim_tests ${sim_tests})
 target_link_libraries(sim_tests PRIVATE constraint_sim_stepper)
+constraint_sim_units(sim_tests 4 ${sim_tests})
 constraint_sim_add_gtests(sim_tests sim ${sim_tests})
 
 if(TARGET constraint_sim_urdf)
@@ -113,6 +117,7 @@ if(TARGET constraint_sim_urdf)
   constraint_sim_add_gtest_program(urdf_tests ${urdf_tests})
   target_include_directories(urdf_tests PRIVATE bench test/engine)  # support.h
   target_link_libraries(urdf_tests PRIVATE constraint_sim_urdf constraint_sim_stepper)
+  constraint_sim_units(urdf_tests 2 ${urdf_tests})
   constraint_sim_add_gtests(urdf_tests urdf ${urdf_tests})
 endif()
 
@@ -129,6 +134,7 @@ if(CONSTRAINT_SIM_ROS)
     test/ros/test_conversions.cpp test/ros/test_markers.cpp test/engine/counted_allocations.cpp)
   target_include_directories(ros_tests PRIVATE test/engine)
   target_link_libraries(ros_tests PRIVATE constraint_sim_ros)
+  constraint_sim_units(ros_tests 2 test/ros/test_conversions.cpp test/ros/test_markers.cpp)
   # shipped scenes are found as files of the package
   set(in_space ${CMAKE_CURRENT_SOURCE_DIR}/scripts/run_in_space
     "${CMAKE_INSTALL_PREFIX}:${CATKIN_DEVEL_PREFIX}")

@@ -18,6 +18,10 @@ inline constexpr double kPlace =
     1e-12;  ///< tolerance of positions in closed form, also within a tick [m]
 inline constexpr double kTime = 1e-12;  ///< tolerance of times [s]
 
+/// Tolerances at any time step of positions [m] and times [s] of motions that methods integrate
+/// with tolerances of velocities up to the default.
+inline constexpr double kPlaceAtTicks = 1e-8, kTimeAtTicks = 1e-9;
+
 /// Method and time step of a scene.
 struct Carried {
   double time_step;
@@ -121,7 +125,7 @@ inline std::vector<Event> of_kind(const std::vector<Event>& events, EventKind ki
 }
 
 inline bool is_by_impulses(const World& world) {
-  return world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0;
+  return world.report().islands[index_of(Method::kSequentialImpulses)] > 0;
 }
 
 /// Steps for a time and returns all events. Expects that all islands are event-driven.

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -16,6 +17,7 @@
 #include "constraint_sim/engine/world.h"
 #include "draw.h"
 #include "engine/math/numbers.h"
+#include "inertia_of.h"
 #include "make_scene.h"
 #include "sanitized.h"
 
@@ -66,7 +68,45 @@ inline void run(World& world, int steps) {
   for (int i = 0; i < steps; ++i) ASSERT_FALSE(world.step().failed) << "at t = " << world.time();
 }
 
+// ---- methods and motors
+
+inline constexpr std::array<Method, 2> kSmoothMethods{Method::kRungeKutta, Method::kEnergyMomentum};
+
+/// Returns the index of a method in lists with an entry per method.
+inline std::size_t index_of(Method method) { return static_cast<std::size_t>(method); }
+
+/// Returns a motor of constant rate; 0 is no limit of force, and no timeout.
+inline Motor rate_motor(double bias, double max_force = 0.0, double timeout = 0.0) {
+  Motor motor;
+  motor.bias = bias;
+  motor.max_force = max_force;
+  motor.timeout = timeout;
+  return motor;
+}
+
+// ---- poses
+
+/// States of the two bodies of a joint.
+struct PairPose {
+  BodyState a, b;
+};
+
+/// Returns a body after moving for `time` with velocity v and angular velocity w.
+inline BodyState moved(BodyState body, const Eigen::Vector3d& v, const Eigen::Vector3d& w,
+                       double time) {
+  body.position += time * v;
+  if (w.norm() > 0.0)
+    body.orientation = Eigen::AngleAxisd(time * w.norm(), w.normalized()) * body.orientation;
+  return body;
+}
+
 // ---- figures
+
+/// Returns the overlap allowed for contacts at rest: the fall of one step [m].
+inline double slop(const World& world) {
+  const double h = world.options().time_step;
+  return world.options().gravity.norm() * h * h;
+}
 
 /// Returns the rounding error allowed for a rod, by the project's definition [m].
 inline double round_off(const World& world) {
@@ -74,11 +114,6 @@ inline double round_off(const World& world) {
   for (const BodyId id : world.body_ids())
     coordinate = std::max(coordinate, world.state(id).position.cwiseAbs().maxCoeff());
   return 1e-12 + 4.0 * kEpsilon * coordinate;
-}
-
-inline Eigen::Vector3d inertia_of(const Body& body) {
-  return body.inertia.isZero(0.0) ? Eigen::Vector3d(body.mass * unit_inertia(body.shape))
-                                  : body.inertia;
 }
 
 /// Returns the momentum of all dynamic bodies [kg m/s].

@@ -45,7 +45,7 @@ TEST(Allocations, AreNoneInTheStepsOfSmoothScenes) {
   }
 }
 
-World shipped(const std::filesystem::path& name, bool may_sleep) {
+World scene_that_may_sleep(const std::filesystem::path& name, bool may_sleep) {
   World world = load_scene_file((CONSTRAINT_SIM_SCENE_DIR / name).string());
   WorldOptions options = world.options();
   if (!may_sleep) options.sleep_after = kInfinity;
@@ -60,7 +60,7 @@ TEST(Allocations, AreNoneInTheShippedScenes) {
   int scenes = 0;
   for (const auto& entry : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
     const std::filesystem::path name = entry.path().filename();
-    World world = shipped(name, name != "newtons_cradle.yaml");
+    World world = scene_that_may_sleep(name, name != "newtons_cradle.yaml");
     run(world, 1500);
     const std::size_t most = name == "ball_on_incline.yaml" ? 400 : 0;
     EXPECT_LE(allocations_in(world, 200), most) << name;
@@ -75,7 +75,7 @@ TEST(Allocations, AreNoneInTheShippedScenes) {
 TEST(Allocations, AreFewInStepsWithEvents) {
   constexpr int kFirst = 10, kSteps = 1000;  // the first steps rebuild islands
   for (const char* name : {"rocking_block.yaml", "newtons_cradle.yaml", "weak_winch.yaml"}) {
-    World world = shipped(name, false);
+    World world = scene_that_may_sleep(name, false);
     run(world, kSteps);
     world.reset();
     run(world, kFirst);

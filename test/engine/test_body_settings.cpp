@@ -11,7 +11,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-Body ball(const std::string& name, double x, double z, double mass = 1.0) {
+Body ball_at(const std::string& name, double x, double z, double mass = 1.0) {
   Body body;
   body.name = name;
   body.shape = Sphere{0.1};
@@ -26,7 +26,7 @@ TEST(BodySettings, ANewMassSwingsAsFastAsItsSpringSays) {
   options.gravity.setZero();
   options.tolerance = 1e-10;
   World world(options);
-  const BodyId id = world.add_body(ball("bob", 1.5, 0.0, 4.0));
+  const BodyId id = world.add_body(ball_at("bob", 1.5, 0.0, 4.0));
   Joint spring;
   spring.name = "spring";
   spring.body_b = id;
@@ -57,7 +57,7 @@ TEST(BodySettings, ANewInertiaTurnsAsSlowlyAsItSays) {
   WorldOptions options;
   options.gravity.setZero();
   World world(options);
-  Body top = ball("top", 0.0, 0.0);
+  Body top = ball_at("top", 0.0, 0.0);
   top.inertia = {0.1, 0.1, 0.1};
   const BodyId id = world.add_body(top);
   top.inertia *= 3.0;
@@ -103,7 +103,7 @@ TEST(BodySettings, ANewFrictionLetsABodySlideThatWasAtRest) {
 
 TEST(BodySettings, WhatCannotBeChangesNothing) {
   World world;
-  const BodyId id = world.add_body(ball("bob", 0.0, 0.0));
+  const BodyId id = world.add_body(ball_at("bob", 0.0, 0.0));
   Body point;
   point.name = "point";
   point.mass = 1.0;

@@ -8,8 +8,8 @@
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "memory_peak.h"
+#include "shipped_scenes.h"
 #include "support.h"
-#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -275,7 +275,7 @@ TEST(Warnings, NameAnInertiaThatNoMassHas) {
   ASSERT_EQ(inertia({1.0, 2.0, 4.0}).size(), 1u);
   EXPECT_EQ(inertia({1.0, 2.0, 4.0}).front().rfind("body 'a': inertia (1, 2, 4) is", 0), 0u);
   EXPECT_EQ(inertia({9.0, 2.0, 4.0}).size(), 1u);
-  EXPECT_EQ(warnings(load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/worked_example.yaml")).size(), 2u);
+  EXPECT_EQ(warnings(shipped("worked_example")).size(), 2u);
 }
 
 }  // namespace

@@ -8,10 +8,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <random>
 #include <string>
 #include <vector>
 
+#include "draw.h"
 #include "engine/collision/narrowphase.h"
 
 namespace constraint_sim::engine {
@@ -21,33 +21,23 @@ using Eigen::AngleAxisd;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using Real = long double;
-constexpr Real kInfinity = std::numeric_limits<Real>::infinity();
+constexpr Real kRealInfinity = std::numeric_limits<Real>::infinity();
 using Vector3 = Eigen::Matrix<Real, 3, 1>;
 using Vector2 = Eigen::Matrix<Real, 2, 1>;
 using Matrix3 = Eigen::Matrix<Real, 3, 3>;
 
-/// Random numbers, uniform in [0, 1), equal with every standard library.
-class Random {
+/// Random sizes and poses of boxes.
+class BoxDraw : public Draw {
  public:
-  double between(double low, double high) {
-    return low + (high - low) * (static_cast<double>(generator_()) / 4294967296.0);
-  }
+  BoxDraw() : Draw(23) {}
   double power(double low, double high) { return std::pow(10.0, between(low, high)); }
-  Vector3d vector(double low, double high) {
-    const double x = between(low, high);
-    const double y = between(low, high);
-    return {x, y, between(low, high)};
-  }
   Quaterniond turn(double angle) {
-    return Quaterniond(AngleAxisd(angle, vector(-1.0, 1.0).normalized()));
+    return Quaterniond(AngleAxisd(angle, vector_between(-1.0, 1.0).normalized()));
   }
   Quaterniond orientation() { return turn(between(-M_PI, M_PI)); }
-
- private:
-  std::mt19937 generator_{23};
 };
 
-struct Boxes {
+struct ScaledBoxes {
   Vector3d size_a = Vector3d::Ones(), size_b = Vector3d::Ones();
   BodyState a, b;
 
@@ -91,8 +81,8 @@ struct OracleBox {
 
 /// Returns the distance that A has to move along n to be past B.
 Real depth_along(const Vector3& n, const OracleBox& a, const OracleBox& b) {
-  Real lowest_a = kInfinity;
-  Real highest_b = -kInfinity;
+  Real lowest_a = kRealInfinity;
+  Real highest_b = -kRealInfinity;
   for (const Vector3& p : a.vertices()) lowest_a = std::min(lowest_a, n.dot(p));
   for (const Vector3& p : b.vertices()) highest_b = std::max(highest_b, n.dot(p));
   return highest_b - lowest_a;
@@ -193,7 +183,7 @@ std::vector<Corner> corners_of_overlap(const std::array<Vector3, 4>& under,
 
 /// Oracle for the contact of two boxes.
 struct Oracle {
-  explicit Oracle(const Boxes& pair)
+  explicit Oracle(const ScaledBoxes& pair)
       : boxes(pair),
         a(pair.size_a, pair.a, pair.b.position),
         b(pair.size_b, pair.b, pair.b.position),
@@ -313,21 +303,21 @@ struct Oracle {
     return met;
   }
 
-  const Boxes& boxes;
+  const ScaledBoxes& boxes;
   OracleBox a, b;
   std::vector<OracleAxis> axes;
-  Real least = kInfinity;  ///< depth [m]
+  Real least = kRealInfinity;  ///< depth [m]
 };
 
-constexpr int kTrials = 3000;
+constexpr int kBoxBoxTrials = 3000;
 
 /// Checks boxes arranged by `make`; at least this share of them has to touch.
 template <class Make>
-void check_pairs(double least_share, Make make) {
-  Random random;
+void check_box_pairs(double least_share, Make make) {
+  BoxDraw random;
   int touching = 0;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    const Boxes boxes = make(random);
+  for (int trial = 0; trial < kBoxBoxTrials; ++trial) {
+    const ScaledBoxes boxes = make(random);
     const Manifold contact = boxes.contact();
     const Oracle oracle(boxes);
     oracle.check(contact);
@@ -336,15 +326,15 @@ void check_pairs(double least_share, Make make) {
       FAIL() << "trial " << trial << ", depth " << static_cast<double>(oracle.least) << ", points "
              << contact.count << ", normal " << contact.normal.transpose();
   }
-  EXPECT_GE(touching, least_share * kTrials);
+  EXPECT_GE(touching, least_share * kBoxBoxTrials);
 }
 
 TEST(BoxBoxOracle, Random) {
-  check_pairs(0.4, [](Random& random) {
-    Boxes boxes;
-    boxes.size_a = random.vector(0.1, 2.0);
-    boxes.size_b = random.vector(0.1, 2.0);
-    boxes.a.position = random.vector(-1.0, 1.0);
+  check_box_pairs(0.4, [](BoxDraw& random) {
+    ScaledBoxes boxes;
+    boxes.size_a = random.vector_between(0.1, 2.0);
+    boxes.size_b = random.vector_between(0.1, 2.0);
+    boxes.a.position = random.vector_between(-1.0, 1.0);
     boxes.a.orientation = random.orientation();
     boxes.b.orientation = random.orientation();
     return boxes;
@@ -353,11 +343,11 @@ TEST(BoxBoxOracle, Random) {
 
 // Boxes with all edges parallel, or nearly.
 TEST(BoxBoxOracle, Parallel) {
-  check_pairs(0.4, [](Random& random) {
-    Boxes boxes;
-    boxes.size_a = random.vector(0.1, 2.0);
-    boxes.size_b = random.vector(0.1, 2.0);
-    boxes.a.position = random.vector(-1.0, 1.0);
+  check_box_pairs(0.4, [](BoxDraw& random) {
+    ScaledBoxes boxes;
+    boxes.size_a = random.vector_between(0.1, 2.0);
+    boxes.size_b = random.vector_between(0.1, 2.0);
+    boxes.a.position = random.vector_between(-1.0, 1.0);
     boxes.b.orientation = random.orientation();
     const double tilt = random.between(0.0, 1.0) < 0.2 ? 0.0 : random.power(-16.0, -2.0);
     boxes.a.orientation = boxes.b.orientation * random.turn(tilt);
@@ -368,14 +358,14 @@ TEST(BoxBoxOracle, Parallel) {
 // A box on the face of another, rotated about the vertical, overhanging, with slight tilt and
 // depth.
 TEST(BoxBoxOracle, VertexAndFaceOnFace) {
-  check_pairs(0.6, [](Random& random) {
-    Boxes boxes;
-    boxes.size_a = random.vector(0.5, 1.5);
-    boxes.size_b = random.vector(0.5, 1.5);
+  check_box_pairs(0.6, [](BoxDraw& random) {
+    ScaledBoxes boxes;
+    boxes.size_a = random.vector_between(0.5, 1.5);
+    boxes.size_b = random.vector_between(0.5, 1.5);
     const AngleAxisd yaw(random.between(-M_PI, M_PI), Vector3d::UnitZ());
     boxes.a.orientation = random.turn(random.power(-12.0, -0.3)) * yaw;
     const Vector3d reach = boxes.a.orientation.toRotationMatrix().cwiseAbs() * boxes.size_a;
-    boxes.a.position = random.vector(-0.7, 0.7);
+    boxes.a.position = random.vector_between(-0.7, 0.7);
     boxes.a.position.z() = 0.5 * (boxes.size_b.z() + reach.z()) - random.power(-9.0, -1.0);
     return boxes;
   });
@@ -383,8 +373,8 @@ TEST(BoxBoxOracle, VertexAndFaceOnFace) {
 
 // Crossing beams on their edges, also at small angles.
 TEST(BoxBoxOracle, EdgeOnEdge) {
-  check_pairs(0.9, [](Random& random) {
-    Boxes boxes;
+  check_box_pairs(0.9, [](BoxDraw& random) {
+    ScaledBoxes boxes;
     boxes.size_a = boxes.size_b = {10.0, 1.0, 1.0};
     const AngleAxisd roll(M_PI / 4.0, Vector3d::UnitX());
     const AngleAxisd yaw(random.power(-3.0, 0.0), Vector3d::UnitZ());
@@ -397,11 +387,11 @@ TEST(BoxBoxOracle, EdgeOnEdge) {
 }
 
 TEST(BoxBoxOracle, OneWithinTheOther) {
-  check_pairs(1.0, [](Random& random) {
-    Boxes boxes;
-    boxes.size_a = random.vector(0.01, 0.3);
-    boxes.size_b = random.vector(1.0, 3.0);
-    boxes.a.position = random.vector(-0.2, 0.2);
+  check_box_pairs(1.0, [](BoxDraw& random) {
+    ScaledBoxes boxes;
+    boxes.size_a = random.vector_between(0.01, 0.3);
+    boxes.size_b = random.vector_between(1.0, 3.0);
+    boxes.a.position = random.vector_between(-0.2, 0.2);
     boxes.a.orientation = random.orientation();
     boxes.b.orientation = random.orientation();
     if (random.between(0.0, 1.0) < 0.5) {
@@ -413,25 +403,25 @@ TEST(BoxBoxOracle, OneWithinTheOther) {
 }
 
 TEST(BoxBoxOracle, GrainOnAMountain) {
-  check_pairs(0.3, [](Random& random) {
-    Boxes boxes;
-    boxes.size_a = random.power(-4.0, -2.0) * random.vector(0.5, 1.0);
-    boxes.size_b = 100.0 * random.vector(0.5, 1.0);
+  check_box_pairs(0.3, [](BoxDraw& random) {
+    ScaledBoxes boxes;
+    boxes.size_a = random.power(-4.0, -2.0) * random.vector_between(0.5, 1.0);
+    boxes.size_b = 100.0 * random.vector_between(0.5, 1.0);
     boxes.a.orientation = random.orientation();
     const double reach = boxes.size_a.norm();
-    boxes.a.position = 0.4 * random.vector(-1.0, 1.0).cwiseProduct(boxes.size_b);
+    boxes.a.position = 0.4 * random.vector_between(-1.0, 1.0).cwiseProduct(boxes.size_b);
     boxes.a.position.z() = 0.5 * boxes.size_b.z() + random.between(-0.5, 0.5) * reach;
     return boxes;
   });
 }
 
 TEST(BoxBoxOracle, FarFromTheOrigin) {
-  check_pairs(0.4, [](Random& random) {
-    Boxes boxes;
-    boxes.size_a = random.vector(0.1, 2.0);
-    boxes.size_b = random.vector(0.1, 2.0);
-    boxes.b.position = 1e6 * random.vector(-1.0, 1.0);
-    boxes.a.position = boxes.b.position + random.vector(-1.0, 1.0);
+  check_box_pairs(0.4, [](BoxDraw& random) {
+    ScaledBoxes boxes;
+    boxes.size_a = random.vector_between(0.1, 2.0);
+    boxes.size_b = random.vector_between(0.1, 2.0);
+    boxes.b.position = 1e6 * random.vector_between(-1.0, 1.0);
+    boxes.a.position = boxes.b.position + random.vector_between(-1.0, 1.0);
     boxes.a.orientation = random.orientation();
     boxes.b.orientation = random.orientation();
     return boxes;

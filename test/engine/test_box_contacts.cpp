@@ -275,12 +275,13 @@ TEST_P(BoxContactsAt, AnEdgeHitsAnEdge) {
 
 // ---- random pairs
 
-struct Pair {
+struct BoxPair {
   World world;
   BodyId a, b;
 };
 
-Pair random_pair(unsigned seed, double friction, double restitution, const Placing& placing = {}) {
+BoxPair random_pair(unsigned seed, double friction, double restitution,
+                    const Placing& placing = {}) {
   Draw draw(seed);
   const double tick = std::pow(10.0, -1.0 - 2.0 * draw.share());
   Parts parts;
@@ -379,9 +380,9 @@ TEST(BoxContacts, PairsDoNotDependOnPlaceAndOrder) {
   Draw draw(7);
   unsigned hit = 0;
   for (unsigned seed = 0; seed < kPairs / 3; ++seed) {
-    Pair here = random_pair(seed, 0.3, 0.5);
+    BoxPair here = random_pair(seed, 0.3, 0.5);
     const Placing placing{3.0 * draw.vector(), draw.turn(), true};
-    Pair there = random_pair(seed, 0.3, 0.5, placing);
+    BoxPair there = random_pair(seed, 0.3, 0.5, placing);
     unsigned events = 0;
     while (events < 2 && here.world.time() < 1.5) {
       events += here.world.step().events;

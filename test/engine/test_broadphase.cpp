@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 
+#include "draw.h"
 #include "engine/collision/broadphase.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -14,26 +14,12 @@ namespace {
 using Eigen::Vector3d;
 using Pairs = List<Broadphase::Pair>;
 
-/// Random numbers, uniform in [0, 1), equal with every standard library.
-class Random {
- public:
-  double operator()() { return static_cast<double>(generator_()) / 4294967296.0; }
-  Vector3d vector() {
-    const double x = (*this)();
-    const double y = (*this)();
-    return {x, y, (*this)()};
-  }
-
- private:
-  std::mt19937 generator_{7};
-};
-
 Proxy cube(int body, const Vector3d& centre, double size, bool movable = true) {
   const Vector3d half = Vector3d::Constant(0.5 * size);
   return {{centre - half, centre + half}, body, movable};
 }
 
-Proxy plane(int body) { return {bounds(Plane{}, BodyState{}), body, false}; }
+Proxy plane_proxy(int body) { return {bounds(Plane{}, BodyState{}), body, false}; }
 
 Pairs all_pairs(const List<Proxy>& proxies) {
   Pairs pairs;
@@ -76,13 +62,14 @@ TEST(Bounds, OfAPointAndASphere) {
 }
 
 TEST(Bounds, OfATurnedBoxAreThoseOfItsVertices) {
-  Random random;
+  Draw random(7);
   for (int trial = 0; trial < 100; ++trial) {
-    const Box box{random.vector() + Vector3d::Constant(0.1)};
+    const Box box{random.vector_between(0.0, 1.0) + Vector3d::Constant(0.1)};
     BodyState state;
-    state.position = 10.0 * random.vector();
+    state.position = 10.0 * random.vector_between(0.0, 1.0);
     state.orientation =
-        Eigen::AngleAxisd(6.0 * random(), (random.vector() - Vector3d::Constant(0.5)).normalized());
+        Eigen::AngleAxisd(6.0 * random.share(),
+                          (random.vector_between(0.0, 1.0) - Vector3d::Constant(0.5)).normalized());
 
     Aabb expected{Vector3d::Constant(kInfinity), Vector3d::Constant(-kInfinity)};
     for (int vertex = 0; vertex < 8; ++vertex) {
@@ -109,15 +96,15 @@ TEST(Broadphase, OfNothingOrOneBodyHasNoPairs) {
   EXPECT_TRUE(broadphase.find_pairs({}).empty());
   EXPECT_EQ(broadphase.tests(), 0u);
   EXPECT_TRUE(broadphase.find_pairs({cube(0, Vector3d::Zero(), 1.0)}).empty());
-  EXPECT_TRUE(broadphase.find_pairs({plane(0)}).empty());
-  EXPECT_TRUE(broadphase.find_pairs({plane(0), plane(1)}).empty());
+  EXPECT_TRUE(broadphase.find_pairs({plane_proxy(0)}).empty());
+  EXPECT_TRUE(broadphase.find_pairs({plane_proxy(0), plane_proxy(1)}).empty());
 }
 
 TEST(Broadphase, OrdersThePairsByBodyWhateverTheOrderOfTheProxies) {
   Broadphase broadphase;
   const Pairs expected{{2, 5}, {2, 9}, {5, 9}};
-  EXPECT_EQ(broadphase.find_pairs(
-                {cube(9, Vector3d::Zero(), 1.0), plane(5), cube(2, Vector3d::Constant(0.5), 1.0)}),
+  EXPECT_EQ(broadphase.find_pairs({cube(9, Vector3d::Zero(), 1.0), plane_proxy(5),
+                                   cube(2, Vector3d::Constant(0.5), 1.0)}),
             expected);
   EXPECT_EQ(broadphase.tests(), 3u);
 }
@@ -134,7 +121,7 @@ TEST(Broadphase, FindsTouchingBoxesAndNotThoseJustApart) {
 
 TEST(Broadphase, PairsNothingWithinTheImmovable) {
   Broadphase broadphase;
-  List<Proxy> proxies{plane(0)};
+  List<Proxy> proxies{plane_proxy(0)};
   for (int i = 1; i < 100; ++i) proxies.push_back(cube(i, Vector3d::Zero(), 1.0, false));
   EXPECT_TRUE(broadphase.find_pairs(proxies).empty());
   EXPECT_EQ(broadphase.tests(), 0u);
@@ -149,23 +136,25 @@ TEST(Broadphase, PairsEverythingAtOnePlace) {
 }
 
 TEST(Broadphase, AgreesWithAllPairs) {
-  Random random;
+  Draw random(7);
   Broadphase broadphase;  // shared by all trials, so that leftovers of a call would show
   std::size_t found = 0;
   for (int trial = 0; trial < 300; ++trial) {
-    const int n = static_cast<int>(120.0 * random());
-    const double extent = 1.0 + 10.0 * random();
+    const int n = static_cast<int>(120.0 * random.share());
+    const double extent = 1.0 + 10.0 * random.share();
     List<Proxy> proxies;
     for (int i = 0; i < n; ++i) {
       // Sizes over four decades; one in ten is a plane, some of them moving; some boxes are
       // half-bounded.
-      const double size = std::pow(10.0, 4.0 * random() - 3.0);
-      Proxy proxy = cube(3 * i + 1, extent * random.vector(), size, random() < 0.7);
-      if (random() < 0.1) proxy.box = plane(0).box;
-      if (random() < 0.05) proxy.box.max.x() = kInfinity;
+      const double size = std::pow(10.0, 4.0 * random.share() - 3.0);
+      Proxy proxy =
+          cube(3 * i + 1, extent * random.vector_between(0.0, 1.0), size, random.share() < 0.7);
+      if (random.share() < 0.1) proxy.box = plane_proxy(0).box;
+      if (random.share() < 0.05) proxy.box.max.x() = kInfinity;
       proxies.push_back(proxy);
     }
-    for (int i = n - 1; i > 0; --i) std::swap(proxies[i], proxies[static_cast<int>(i * random())]);
+    for (int i = n - 1; i > 0; --i)
+      std::swap(proxies[i], proxies[static_cast<int>(i * random.share())]);
 
     EXPECT_EQ(broadphase.find_pairs(proxies), all_pairs(proxies)) << "trial " << trial;
     found += all_pairs(proxies).size();
@@ -174,9 +163,10 @@ TEST(Broadphase, AgreesWithAllPairs) {
 }
 
 TEST(Broadphase, DoesTheSameWorkInACopyAndInASecondCall) {
-  Random random;
+  Draw random(7);
   List<Proxy> proxies;
-  for (int i = 0; i < 500; ++i) proxies.push_back(cube(i, 5.0 * random.vector(), 0.5));
+  for (int i = 0; i < 500; ++i)
+    proxies.push_back(cube(i, 5.0 * random.vector_between(0.0, 1.0), 0.5));
   Broadphase broadphase;
   const Pairs pairs = broadphase.find_pairs(proxies);
   const std::uint64_t tests = broadphase.tests();
@@ -188,9 +178,10 @@ TEST(Broadphase, DoesTheSameWorkInACopyAndInASecondCall) {
 }
 
 TEST(Broadphase, KeepsItsMemory) {
-  Random random;
-  List<Proxy> proxies{plane(1000)};
-  for (int i = 0; i < 500; ++i) proxies.push_back(cube(i, 5.0 * random.vector(), 0.5));
+  Draw random(7);
+  List<Proxy> proxies{plane_proxy(1000)};
+  for (int i = 0; i < 500; ++i)
+    proxies.push_back(cube(i, 5.0 * random.vector_between(0.0, 1.0), 0.5));
   Broadphase broadphase;
   const Pairs* const pairs = &broadphase.find_pairs(proxies);
   const Broadphase::Pair* const memory = pairs->data();

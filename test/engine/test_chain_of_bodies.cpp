@@ -22,7 +22,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kStep = 0.01;  // [s]
+constexpr double kChainTimeStep = 0.01;  // [s]
 
 /// Random bodies, each hung on the previous one by a ball joint with either body as A; bodies and
 /// joints in any order. A held end is on a body that moves at constant velocity.
@@ -64,7 +64,7 @@ struct Chain {
       joints.push_back(joint);
       ends.emplace_back(a, b);
       JointState state;
-      courses.emplace_back(joint, JointStep{0.0, kStep, 0.0, 0.5}, state);
+      courses.emplace_back(joint, JointStep{0.0, kChainTimeStep, 0.0, 0.5}, state);
     }
     order.resize(links);
     std::iota(order.begin(), order.end(), 0);
@@ -106,7 +106,7 @@ class Motion {
   template <class System>
   void advance(double duration) {
     System system{equations};
-    double step = kStep;
+    double step = kChainTimeStep;
     EXPECT_TRUE(integrate<DormandPrince8>(system, memory(), 0.0, duration, 0.0, step).done);
   }
 
@@ -139,8 +139,8 @@ TEST(ChainOfBodies, HasTheDerivativeOfTheEquations) {
   for_chains([](const Chain& chain) {
     Motion expected(chain), motion(chain);
     ASSERT_TRUE(motion.equations.is_chain_of_bodies());
-    const VectorXd rates = expected.derivative<EquationsOfMotion&>(0.3 * kStep);
-    const VectorXd difference = motion.derivative<ChainOfBodies>(0.3 * kStep) - rates;
+    const VectorXd rates = expected.derivative<EquationsOfMotion&>(0.3 * kChainTimeStep);
+    const VectorXd difference = motion.derivative<ChainOfBodies>(0.3 * kChainTimeStep) - rates;
     EXPECT_LE(difference.lpNorm<Eigen::Infinity>(), 1e-12 * rates.lpNorm<Eigen::Infinity>());
   });
 }
@@ -148,8 +148,8 @@ TEST(ChainOfBodies, HasTheDerivativeOfTheEquations) {
 TEST(ChainOfBodies, StepsAsTheEquationsDo) {
   for_chains([](const Chain& chain) {
     Motion expected(chain), motion(chain);
-    expected.advance<EquationsOfMotion&>(kStep);
-    motion.advance<ChainOfBodies>(kStep);
+    expected.advance<EquationsOfMotion&>(kChainTimeStep);
+    motion.advance<ChainOfBodies>(kChainTimeStep);
     const VectorXd state = expected.state();
     EXPECT_LE((motion.state() - state).lpNorm<Eigen::Infinity>(),
               1e-12 * state.lpNorm<Eigen::Infinity>());
@@ -177,8 +177,8 @@ TEST(ChainOfBodies, LeavesRowsThatDependToTheEquations) {
   Motion expected(chain), motion(chain);
   ASSERT_TRUE(motion.equations.is_chain_of_bodies());
   for (int i = 0; i < 10; ++i) {
-    expected.advance<EquationsOfMotion&>(kStep);
-    motion.advance<ChainOfBodies>(kStep);
+    expected.advance<EquationsOfMotion&>(kChainTimeStep);
+    motion.advance<ChainOfBodies>(kChainTimeStep);
   }
   EXPECT_EQ(motion.state(), expected.state());
   EXPECT_EQ(motion.equations.dependent_rows(), 1);

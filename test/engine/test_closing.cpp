@@ -13,7 +13,7 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr int kTrials = kSanitizedShare > 1 ? 1 : 5;
+constexpr int kClosingTrials = kSanitizedShare > 1 ? 1 : 5;
 
 struct Opening {
   JointKind kind;
@@ -73,7 +73,7 @@ class Closing : public testing::TestWithParam<Opening> {};
 // Errors are rounding of the bodies' coordinates and orientations. Momenta are exact by
 // energy_momentum, and within the tolerance by runge_kutta.
 TEST_P(Closing, EndsInTheSolutionThatIsMeantAndKeepsMomenta) {
-  for (int trial = 0; trial < kTrials; ++trial) {
+  for (int trial = 0; trial < kClosingTrials; ++trial) {
     for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
       World world = open_pair(GetParam(), method, 0.02, trial);
       const JointId joint = world.joint_ids().front();
@@ -135,7 +135,7 @@ INSTANTIATE_TEST_SUITE_P(Openings, Closing, testing::ValuesIn(openings()), [](co
 // A ball joint has a moving frame while it is open, and three rows along the world's axes
 // afterwards.
 TEST(ClosingBall, KeepsMomentaAndGoesOnFromWhatWasSaved) {
-  for (int trial = 0; trial < kTrials; ++trial) {
+  for (int trial = 0; trial < kClosingTrials; ++trial) {
     for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
       SCOPED_TRACE(testing::Message() << name(method) << trial);
       World world = open_pair({JointKind::kBall, 1.0}, method, 0.02, trial, 0.4);
@@ -165,7 +165,7 @@ TEST(ClosingBall, KeepsMomentaAndGoesOnFromWhatWasSaved) {
 // about 1e-10 relative, here 1e-7; momenta do not depend on positions.
 TEST(ClosingBall, OfRandomTreesKeepsMomenta) {
   Random random;
-  for (int trial = 0; trial < 4 * kTrials; ++trial) {
+  for (int trial = 0; trial < 4 * kClosingTrials; ++trial) {
     const double h = trial % 2 == 0 ? 0.02 : 0.1;
     for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
       SCOPED_TRACE(testing::Message() << name(method) << trial);

@@ -11,8 +11,8 @@
 #include "constraint_sim/engine/scene.h"
 #include "pendulum.h"
 #include "problems.h"
+#include "shipped_scenes.h"
 #include "support.h"
-#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -393,7 +393,7 @@ TEST(ContactEvents, EnergyNeverRisesOfBoxesAndBallsThatFall) {
     for (int i = 0; i < 120; ++i) {
       const StepReport& report = world.step();
       ASSERT_FALSE(report.failed);
-      if (report.islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0) break;
+      if (report.islands[index_of(Method::kSequentialImpulses)] > 0) break;
       ASSERT_LT(world.energy(), least + 1e-7 * 50.0) << scene << ' ' << world.time();
       least = std::min(least, world.energy());
       ASSERT_LT(report.max_penetration, 1e-9) << scene;
@@ -520,7 +520,7 @@ TEST(ContactEvents, ACopyAndASavedWorldGoOnWithTheSameBits) {
 // bits agree in each step of scenes with changing groups.
 TEST(ContactEvents, GoOnWithTheSameBitsInStorageThatWasUsedBefore) {
   for (const char* name : {"rocking_block", "newtons_cradle", "weak_winch", "two_boxes"}) {
-    World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR) + "/" + name + ".yaml");
+    World world = shipped(name);
     for (int i = 0; i < 200; ++i) {
       World fresh = world;
       fresh.step();

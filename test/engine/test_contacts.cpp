@@ -7,12 +7,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Returns the overlap allowed for contacts at rest: the fall of one step [m].
-double slop(const World& world) {
-  const double h = world.options().time_step;
-  return world.options().gravity.norm() * h * h;
-}
-
 double total_normal_force(const World& world) {
   double sum = 0.0;
   for (const Contact& contact : world.contacts()) sum += contact.normal_force;

@@ -5,16 +5,14 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
 #include "random_joints.h"
+#include "shipped_scenes.h"
 #include "support.h"
-#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-constexpr std::array<Method, 2> kSmoothMethods{Method::kRungeKutta, Method::kEnergyMomentum};
 
 // κ and Δφ, by their end, against fourth-order differences over 1e-3, whose error is 1e-12 of a
 // fifth derivative of a few hundred.
@@ -43,9 +41,9 @@ TEST(AngleForms, StepsHaveTheirDerivatives) {
 }
 
 /// A bar of 1 m and 2 kg on a hinge at its end, about z, weightless by default. Its moment of
-/// inertia about the hinge is kInertia.
-constexpr double kMass = 2.0, kArm = 0.5;
-constexpr double kInertia = kMass * (1.0 + 0.01) / 12.0 + kMass * kArm * kArm;
+/// inertia about the hinge is kBarInertia.
+constexpr double kBarMass = 2.0, kBarArm = 0.5;
+constexpr double kBarInertia = kBarMass * (1.0 + 0.01) / 12.0 + kBarMass * kBarArm * kBarArm;
 
 struct Bar {
   World world;
@@ -60,12 +58,12 @@ struct Bar {
           chosen.tolerance = tolerance;
           return chosen;
         }()) {
-    Body bar = make_body("bar", Box{{1.0, 0.1, 0.1}}, kMass, {kArm, 0.0, 0.0});
+    Body bar = make_body("bar", Box{{1.0, 0.1, 0.1}}, kBarMass, {kBarArm, 0.0, 0.0});
     bar.state.angular_velocity = {0.0, 0.0, spin};
-    bar.state.linear_velocity = {0.0, kArm * spin, 0.0};
+    bar.state.linear_velocity = {0.0, kBarArm * spin, 0.0};
     bar.no_collision = true;
     body = world.add_body(bar);
-    Joint joint = make_joint("hinge", kWorldBody, Vector3d::Zero(), body, {-kArm, 0.0, 0.0},
+    Joint joint = make_joint("hinge", kWorldBody, Vector3d::Zero(), body, {-kBarArm, 0.0, 0.0},
                              JointKind::kHinge);
     joint.coordinates[0] = law;
     hinge = world.add_joint(joint);
@@ -117,7 +115,7 @@ TEST(AngleMotor, EndsInTimeWhileItsSinusoidGoesOn) {
     hung.no_collision = true;
     const BodyId last = bar.world.add_body(hung);
     bar.world.add_joint(
-        make_joint("ball", bar.body, {kArm, 0.0, 0.0}, last, {0.0, 0.3, 0.0}, JointKind::kBall));
+        make_joint("ball", bar.body, {kBarArm, 0.0, 0.0}, last, {0.0, 0.3, 0.0}, JointKind::kBall));
     const int steps = static_cast<int>(std::lround(0.4 / h));
     for (int i = 0; i < steps; ++i) {
       EXPECT_FALSE(bar.world.step().failed);
@@ -143,11 +141,11 @@ TEST(AngleMotor, IsFollowedByImpulses) {
 // I φ̈ = −k (φ − r) − c φ̇: order 8 to its tolerance, order 4 at 1/500 s, impulses at first order.
 TEST(TorsionSpring, SwingsAsTheDampedOscillator) {
   const double k = 30.0, D = 0.1, rest = 0.7;
-  const double omega = std::sqrt(k / kInertia), decay = D * omega;
+  const double omega = std::sqrt(k / kBarInertia), decay = D * omega;
   const double damped = std::sqrt(1.0 - D * D) * omega;
   CoordinateLaw law;
   law.stiffness = k;
-  law.damping = 2.0 * D * omega * kInertia;
+  law.damping = 2.0 * D * omega * kBarInertia;
   law.rest = rest;
   const double t = 1.0;
   const double expected = rest - rest * std::exp(-decay * t) *
@@ -169,15 +167,15 @@ TEST(TorsionSpring, ByFrequencyGoesByTheMomentAboutTheHinge) {
   Bar bar(Method::kRungeKutta, 0.01, law);
   const CoordinateLaw& filled = bar.world.joint(bar.hinge).coordinates[0];
   const double omega = 2.0 * kPi * 2.0;
-  EXPECT_NEAR(filled.stiffness, omega * omega * kInertia, 1e-12 * filled.stiffness);
-  EXPECT_NEAR(filled.damping, 0.2 * omega * kInertia, 1e-12 * filled.damping);
+  EXPECT_NEAR(filled.stiffness, omega * omega * kBarInertia, 1e-12 * filled.stiffness);
+  EXPECT_NEAR(filled.damping, 0.2 * omega * kBarInertia, 1e-12 * filled.damping);
 }
 
 // A spring wound up by several turns keeps its energy, and swings back through them.
 TEST(TorsionSpring, WindsUpOverWholeTurns) {
   CoordinateLaw law;
   law.stiffness = 1.0;
-  const double spin = 30.0, omega = std::sqrt(law.stiffness / kInertia);
+  const double spin = 30.0, omega = std::sqrt(law.stiffness / kBarInertia);
   for (const auto& [method, h, tolerance] :
        {std::tuple(Method::kRungeKutta, 0.02, 1e-8), {Method::kEnergyMomentum, 0.001, 1e-4}}) {
     Bar bar(method, h, law, spin);
@@ -203,7 +201,7 @@ TEST(AngleMotor, ActsWithAConstantForce) {
                                           {Method::kSequentialImpulses, 0.03}}) {
     Bar bar(method, 0.01, law);
     bar.run(1.0);
-    EXPECT_NEAR(bar.angle().position, 0.5 * 1.5 / kInertia, tolerance) << name(method);
+    EXPECT_NEAR(bar.angle().position, 0.5 * 1.5 / kBarInertia, tolerance) << name(method);
     EXPECT_NEAR(bar.angle().effort, 1.5, 1e-9) << name(method);
     EXPECT_EQ(bar.world.report().energy_rise, 0.0);
   }
@@ -279,7 +277,7 @@ TEST(AngleFriction, BrakesEvenlyAndHolds) {
   Bar bar(Method::kAuto, 0.001, law, 1.0);
   EXPECT_EQ(bar.world.islands().front().why, MethodReason::kFriction);
   bar.run(0.5);
-  EXPECT_NEAR(bar.angle().velocity, 1.0 - 0.5 / kInertia * 0.5, 1e-12);
+  EXPECT_NEAR(bar.angle().velocity, 1.0 - 0.5 / kBarInertia * 0.5, 1e-12);
   bar.run(2.0);
   EXPECT_NEAR(bar.angle().velocity, 0.0, 1e-12);
 }
@@ -291,17 +289,14 @@ TEST(AngleMotor, GivesWayAtItsForceLimit) {
   EXPECT_EQ(bar.world.islands().front().why, MethodReason::kForceLimit);
   bar.run(0.4);
   EXPECT_TRUE(bar.world.joint_state(bar.hinge).saturated);
-  EXPECT_NEAR(bar.angle().velocity, 0.6 / kInertia * 0.4, 1e-12);
+  EXPECT_NEAR(bar.angle().velocity, 0.6 / kBarInertia * 0.4, 1e-12);
   EXPECT_NEAR(bar.angle().effort, 0.6, 1e-9);
 }
 
 // The crank of a slider-crank from rest: its motor is saturated, also where closing errors of other
 // rows reduces its impulse slightly.
 TEST(AngleMotor, TellsItsForceLimitByImpulses) {
-  World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR) + "/slider_crank.yaml");
-  WorldOptions chosen = world.options();
-  chosen.method = Method::kSequentialImpulses;
-  world.set_options(chosen);
+  World world = shipped("slider_crank", Method::kSequentialImpulses);
   const JointId shaft = world.find_joint("shaft");
   CoordinateMotor motor;
   motor.bias = 6.0;
@@ -399,18 +394,19 @@ TEST(JointWrench, IsTheWeightAndItsMoment) {
     WorldOptions chosen = options(0.01);
     chosen.method = method;
     World world(chosen);
-    const BodyId id = world.add_body(make_body("bar", Box{{1.0, 0.1, 0.1}}, kMass, {kArm, 0, 0}));
-    Joint joint =
-        make_joint("hinge", kWorldBody, Vector3d::Zero(), id, {-kArm, 0.0, 0.0}, JointKind::kHinge);
+    const BodyId id =
+        world.add_body(make_body("bar", Box{{1.0, 0.1, 0.1}}, kBarMass, {kBarArm, 0, 0}));
+    Joint joint = make_joint("hinge", kWorldBody, Vector3d::Zero(), id, {-kBarArm, 0.0, 0.0},
+                             JointKind::kHinge);
     joint.frame_a = frame_along(Vector3d::UnitY());
     joint.coordinates[0].motor.emplace();
     const JointId hinge = world.add_joint(joint);
     world.step();
     const World::JointWrench wrench = world.joint_wrench(hinge);
-    EXPECT_NEAR(wrench.force.norm(), kMass * kGravity, 1e-9);
+    EXPECT_NEAR(wrench.force.norm(), kBarMass * kGravity, 1e-9);
     // gravity turns the bar positively about y, and the joint resists
-    EXPECT_NEAR(wrench.torque.z(), -kMass * kGravity * kArm, 1e-9);
-    EXPECT_NEAR(world.joint_state(hinge).force, -kMass * kGravity * kArm, 1e-9);
+    EXPECT_NEAR(wrench.torque.z(), -kBarMass * kGravity * kBarArm, 1e-9);
+    EXPECT_NEAR(world.joint_state(hinge).force, -kBarMass * kGravity * kBarArm, 1e-9);
   }
 }
 
@@ -420,10 +416,11 @@ TEST(JointBreak, TearsByTorque) {
       WorldOptions chosen = options(0.01);
       chosen.method = method;
       World world(chosen);
-      const BodyId id = world.add_body(make_body("bar", Box{{1.0, 0.1, 0.1}}, kMass, {kArm, 0, 0}));
-      Joint weld =
-          make_joint("weld", kWorldBody, Vector3d::Zero(), id, {-kArm, 0.0, 0.0}, JointKind::kWeld);
-      weld.break_torque = share * kMass * kGravity * kArm;
+      const BodyId id =
+          world.add_body(make_body("bar", Box{{1.0, 0.1, 0.1}}, kBarMass, {kBarArm, 0, 0}));
+      Joint weld = make_joint("weld", kWorldBody, Vector3d::Zero(), id, {-kBarArm, 0.0, 0.0},
+                              JointKind::kWeld);
+      weld.break_torque = share * kBarMass * kGravity * kBarArm;
       const JointId joint = world.add_joint(weld);
       for (int i = 0; i < 20; ++i) world.step();
       EXPECT_EQ(world.joint_state(joint).broken, share < 1.0) << name(method);
@@ -584,7 +581,7 @@ TEST(Laws, AreReplacedWhileRunning) {
     law.position = 1.0;  // the coordinate has this value from here on
     law.rest = 1.0;
     bar.world.set_law(bar.hinge, 0, law);
-    const double omega = std::sqrt(30.0 / kInertia);
+    const double omega = std::sqrt(30.0 / kBarInertia);
     bar.run(0.2);
     EXPECT_NEAR(bar.angle().position, 1.0 + speed / omega * std::sin(omega * 0.2), 1e-6)
         << name(method);

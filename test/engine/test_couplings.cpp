@@ -13,8 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr Method kSmooth[] = {Method::kRungeKutta, Method::kEnergyMomentum};
-
 /// Wheels on hinges to the world about z, a metre apart, 0.5 kg m² each, not in contact.
 struct Wheels {
   World world;
@@ -102,7 +100,7 @@ TEST(Gear, SharesATorqueByItsRatio) {
 // A gear of ratio √2 for hundreds of turns: its constant is kept to rounding of the angles, saved
 // with the turns, and redetermined by a reset.
 TEST(Gear, CountsWholeTurns) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kSmoothMethods) {
     if (kSanitizedShare > 1 && method == Method::kEnergyMomentum) break;
     Wheels wheels(2, method);
     wheels.spin(0, 40.0);
@@ -229,7 +227,7 @@ TEST(Gear, ClosesWhatAnEditLeavesOpen) {
 
 // A duplicated gear acts as one; three consistent gears in a loop lock all wheels.
 TEST(Gear, MayBeRedundantOrLock) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kSmoothMethods) {
     Wheels twice(2, method);
     twice.spin(0, 3.0);
     const JointId one = twice.gear(0, 1, 2.0);
@@ -253,7 +251,7 @@ TEST(Gear, MayBeRedundantOrLock) {
 
 // A motor against wheels that gears lock is a contradiction, which is reported.
 TEST(Gear, TellsALoopThatContradictsAMotor) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kSmoothMethods) {
     Wheels wheels(3, method);
     wheels.gear(0, 1, 1.0);
     wheels.gear(1, 2, 1.0);
@@ -452,7 +450,7 @@ TEST(Coupling, RefusesWhatItCannotCouple) {
 // A free length measures and may have laws: a spring along it equals the spring of a distance
 // joint.
 TEST(FreeDistance, HasLawsOfItsOwn) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kSmoothMethods) {
     const auto swing = [&](bool is_free) {
       WorldOptions chosen;
       chosen.method = method;

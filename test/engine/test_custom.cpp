@@ -30,7 +30,7 @@ Joint custom(const std::string& type, CustomParameters parameters, BodyId b,
   return joint;
 }
 
-WorldOptions by(Method method, double time_step) {
+WorldOptions accurate_options(Method method, double time_step) {
   WorldOptions options;
   options.method = method;
   options.time_step = time_step;
@@ -38,12 +38,12 @@ WorldOptions by(Method method, double time_step) {
   return options;
 }
 
-const Method kMethods[] = {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum,
-                           Method::kSequentialImpulses, Method::kEventDriven};
+const Method kAllMethods[] = {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum,
+                              Method::kSequentialImpulses, Method::kEventDriven};
 
 /// Returns the largest difference of position [m], velocity [m/s] and spin [rad/s] between the
 /// bodies of two worlds.
-double difference(const World& a, const World& b) {
+double state_difference(const World& a, const World& b) {
   double most = 0.0;
   for (const BodyId id : a.body_ids()) {
     const BodyState &x = a.state(id), &y = b.state(id);
@@ -59,7 +59,7 @@ double difference(const World& a, const World& b) {
 // v(t) = v∞ + (v₀ − v∞) exp(−c t/m) with v∞ = w + m g/c.
 double error_of_drag(Method method, int order, double time_step, bool* failed) {
   constexpr double kMass = 0.5, kDrag = 0.4, kWind = 3.0, kTime = 2.0;
-  WorldOptions options = by(method, time_step);
+  WorldOptions options = accurate_options(method, time_step);
   options.stiff_order = order;
   World world(options);
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, kMass, {0.0, 0.0, 10.0}));
@@ -91,7 +91,7 @@ TEST_F(Custom, DragOfASphereIsTheClosedForm) {
 TEST_F(Custom, ForcesDependOnTimeAndTurnBodies) {
   constexpr double kForce = 2.0, kOmega = 5.0;
   for (const Method method : {Method::kAuto, Method::kEnergyMomentum}) {
-    World world(by(method, 0.01));
+    World world(accurate_options(method, 0.01));
     WorldOptions options = world.options();
     options.gravity.setZero();
     world.set_options(options);
@@ -111,8 +111,8 @@ TEST_F(Custom, ForcesDependOnTimeAndTurnBodies) {
 }
 
 TEST_F(Custom, ForcesBetweenTwoBodiesKeepMomentum) {
-  for (const Method method : kMethods) {
-    World world(by(method, 0.01));
+  for (const Method method : kAllMethods) {
+    World world(accurate_options(method, 0.01));
     WorldOptions options = world.options();
     options.gravity.setZero();
     world.set_options(options);
@@ -139,7 +139,7 @@ struct Pendulum {
   World own, custom_one;
 
   // The pendulum with the engine's rod, and with a custom rod of the same equation.
-  Pendulum(Method method, bool is_squared, bool is_pair) : own(by(method, 0.01)) {
+  Pendulum(Method method, bool is_squared, bool is_pair) : own(accurate_options(method, 0.01)) {
     Body first = make_body("first", Sphere{0.1}, 1.0, {0.6, 0.0, -0.8});
     first.state.linear_velocity = {0.0, 0.5, 0.0};
     first.state.angular_velocity = {0.3, -0.2, 0.1};
@@ -176,16 +176,16 @@ World by_rounding_off(const World& world) {
 // rounding with the engine's own rods, which is larger for a tumbling pair.
 TEST_F(Custom, RodMovesAsTheEnginesRodByEveryMethod) {
   for (const bool is_pair : {false, true}) {
-    for (const Method method : kMethods) {
+    for (const Method method : kAllMethods) {
       SCOPED_TRACE(std::string(name(method)) + (is_pair ? ", a pair" : ""));
       Pendulum both(method, method != Method::kSequentialImpulses, is_pair);
       World off = by_rounding_off(both.own);
       run(both.own, 100);
       run(both.custom_one, 100);
       run(off, 100);
-      const double of_rounding = difference(both.own, off);
+      const double of_rounding = state_difference(both.own, off);
       EXPECT_LE(of_rounding, 1e-9);
-      EXPECT_LE(difference(both.own, both.custom_one), 1e-12 + 10.0 * of_rounding);
+      EXPECT_LE(state_difference(both.own, both.custom_one), 1e-12 + 10.0 * of_rounding);
     }
   }
 }
@@ -195,12 +195,12 @@ TEST_F(Custom, LengthAndItsSquareAreTheSameRod) {
   Pendulum both(Method::kRungeKutta, false, true);
   run(both.own, 100);
   run(both.custom_one, 100);
-  EXPECT_LE(difference(both.own, both.custom_one), 1e-8);
+  EXPECT_LE(state_difference(both.own, both.custom_one), 1e-8);
 }
 
 TEST_F(Custom, RightAngleOnABallJointIsAUniversalJoint) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
-    World own(by(method, 0.01));
+    World own(accurate_options(method, 0.01));
     Body body = make_body("box", Box{{0.2, 0.3, 0.4}}, 1.0, {0.5, 0.0, 0.0});
     body.state.angular_velocity = {0.0, 2.0, 0.0};
     body.state.linear_velocity = body.state.angular_velocity.cross(body.state.position);
@@ -218,13 +218,13 @@ TEST_F(Custom, RightAngleOnABallJointIsAUniversalJoint) {
     other.add_joint(angle);
     run(own, 100);
     run(other, 100);
-    EXPECT_LE(difference(own, other), 1e-10) << name(method);
+    EXPECT_LE(state_difference(own, other), 1e-10) << name(method);
   }
 }
 
 TEST_F(Custom, BowlKeepsEnergyAndItsEquation) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
-    WorldOptions options = by(method, 0.005);
+    WorldOptions options = accurate_options(method, 0.005);
     options.stiff_order = 2;
     World world(options);
     Body body = make_body("bead", Sphere{0.05}, 1.0, {0.8, 0.0, 0.5 * std::pow(0.8, 4)});
@@ -246,7 +246,7 @@ TEST_F(Custom, BowlKeepsEnergyAndItsEquation) {
 }
 
 TEST_F(Custom, ErrorIsClosedSmoothly) {
-  World world(by(Method::kAuto, 0.01));
+  World world(accurate_options(Method::kAuto, 0.01));
   const BodyId bead = world.add_body(make_body("bead", Sphere{0.05}, 1.0, {0.8, 0.0, 0.4}));
   const JointId joint = world.add_joint(custom("test/bowl", {{"k", 0.5}}, bead));
   EXPECT_TRUE(world.joint_state(joint).closing);
@@ -300,10 +300,10 @@ TEST_F(Custom, WhatIsNotThereIsRefused) {
 // ---- failures in a step
 
 TEST_F(Custom, WhatFailsIsToldByItsNameAndKeepsTheStateBefore) {
-  for (const Method method : kMethods) {
+  for (const Method method : kAllMethods) {
     for (const double throws : {0.0, 1.0}) {
       SCOPED_TRACE(std::string(name(method)) + (throws != 0.0 ? " throws" : " returns NaN"));
-      WorldOptions options = by(method, 0.01);
+      WorldOptions options = accurate_options(method, 0.01);
       options.threads = 2;
       World world(options);
       for (int i = 0; i < 8; ++i) {
@@ -330,7 +330,7 @@ TEST_F(Custom, WhatFailsIsToldByItsNameAndKeepsTheStateBefore) {
                     "'faulty5' of type 'test/faulty': wrench " +
                     std::string(throws != 0.0 ? "threw: the sensor is gone" : "is not finite")),
                 std::string::npos);
-      EXPECT_EQ(difference(world, before), 0.0);
+      EXPECT_EQ(state_difference(world, before), 0.0);
       EXPECT_EQ(world.time(), before.time());
       EXPECT_EQ(world.step_count(), static_cast<std::uint64_t>(steps));
       world.remove_joint(world.find_joint("faulty5"));
@@ -342,7 +342,7 @@ TEST_F(Custom, WhatFailsIsToldByItsNameAndKeepsTheStateBefore) {
 // ---- saved, restored, hashed
 
 World windy(Method method) {
-  World world(by(method, 0.01));
+  World world(accurate_options(method, 0.01));
   Body body = make_body("bead", Sphere{0.05}, 1.0, {0.8, 0.0, 0.5 * std::pow(0.8, 4)});
   body.state.linear_velocity = {0.0, 1.0, 0.0};
   const BodyId bead = world.add_body(body);
@@ -354,7 +354,7 @@ World windy(Method method) {
 }
 
 TEST_F(Custom, ScenesAndSnapshotsGoOnAsTheirWorldDoes) {
-  for (const Method method : kMethods) {
+  for (const Method method : kAllMethods) {
     SCOPED_TRACE(name(method));
     World world = windy(method);
     run(world, 30);
@@ -387,7 +387,7 @@ TEST_F(Custom, HashHasTypeAndParameters) {
 TEST_F(Custom, ThreadsDoNotChangeTheResult) {
   std::vector<std::uint64_t> hashes;
   for (const int threads : {1, 2}) {
-    WorldOptions options = by(Method::kAuto, 0.01);
+    WorldOptions options = accurate_options(Method::kAuto, 0.01);
     options.threads = threads;
     World world(options);
     for (int i = 0; i < 40; ++i) {

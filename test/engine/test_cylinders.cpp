@@ -25,12 +25,6 @@ WorldOptions with_sweeps(int iterations, double time_step) {
   return of;
 }
 
-/// Returns the overlap allowed for a contact at rest: the fall of one step [m].
-double slop(const World& world) {
-  const double h = world.options().time_step;
-  return world.options().gravity.norm() * h * h;
-}
-
 Body make_ground(bool is_box, double friction, double slope = 0.0) {
   Body ground = make_floor(friction, slope);
   if (!is_box) return ground;

@@ -127,7 +127,7 @@ TEST(Hash, SeesTheOrderOfAdding) {
 }
 
 /// All inputs of a world with one body on one joint, and their modifications.
-struct Parts {
+struct WorldInputs {
   Body body = make_body("body", Box{{1.0, 2.0, 3.0}}, 2.0, {1.1, 1.2, 1.3});
   Body fixture = make_body("fixture", Sphere{1.0}, 2.0, {9.0, 0.0, 0.0});
   Joint joint = make_joint("joint", kWorldBody, {0.1, 0.2, 0.3}, kWorldBody, {0.4, 0.5, 0.6});
@@ -137,7 +137,7 @@ struct Parts {
   std::uint64_t step = 10;
   bool broken = false;
 
-  Parts() {
+  WorldInputs() {
     fixture.type = BodyType::kStatic;
     body.inertia = {1.0, 1.5, 2.0};
     body.state.orientation = Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5);
@@ -172,77 +172,81 @@ struct Parts {
 double up(double value) { return std::nextafter(value, kInfinity); }
 
 TEST(Hash, SeesOneUlpInEveryField) {
-  std::map<std::string, std::function<void(Parts&)>> changes{
-      {"body name", [](Parts& p) { p.body.name = "bodz"; }},
-      {"order", [](Parts& p) { p.options.order = 5; }},
-      {"gravity", [](Parts& p) { p.options.gravity.x() = up(0.0); }},
-      {"time_step", [](Parts& p) { p.options.time_step = up(p.options.time_step); }},
-      {"tolerance", [](Parts& p) { p.options.tolerance = up(p.options.tolerance); }},
-      {"baumgarte of all", [](Parts& p) { p.options.baumgarte = up(p.options.baumgarte); }},
-      {"iterations", [](Parts& p) { ++p.options.iterations; }},
-      {"method", [](Parts& p) { p.options.method = Method::kEnergyMomentum; }},
+  std::map<std::string, std::function<void(WorldInputs&)>> changes{
+      {"body name", [](WorldInputs& p) { p.body.name = "bodz"; }},
+      {"order", [](WorldInputs& p) { p.options.order = 5; }},
+      {"gravity", [](WorldInputs& p) { p.options.gravity.x() = up(0.0); }},
+      {"time_step", [](WorldInputs& p) { p.options.time_step = up(p.options.time_step); }},
+      {"tolerance", [](WorldInputs& p) { p.options.tolerance = up(p.options.tolerance); }},
+      {"baumgarte of all", [](WorldInputs& p) { p.options.baumgarte = up(p.options.baumgarte); }},
+      {"iterations", [](WorldInputs& p) { ++p.options.iterations; }},
+      {"method", [](WorldInputs& p) { p.options.method = Method::kEnergyMomentum; }},
       {"shape",
-       [](Parts& p) {
+       [](WorldInputs& p) {
          p.body.shape = Box{{1.0, 2.0, up(3.0)}};
        }},
-      {"friction", [](Parts& p) { p.body.friction = up(p.body.friction); }},
-      {"restitution", [](Parts& p) { p.body.restitution = up(p.body.restitution); }},
-      {"no_collision", [](Parts& p) { p.body.no_collision = true; }},
-      {"body type", [](Parts& p) { p.fixture.type = BodyType::kKinematic; }},
-      {"mass", [](Parts& p) { p.body.mass = up(p.body.mass); }},
-      {"joint name", [](Parts& p) { p.joint.name = "joinu"; }},
+      {"friction", [](WorldInputs& p) { p.body.friction = up(p.body.friction); }},
+      {"restitution", [](WorldInputs& p) { p.body.restitution = up(p.body.restitution); }},
+      {"no_collision", [](WorldInputs& p) { p.body.no_collision = true; }},
+      {"body type", [](WorldInputs& p) { p.fixture.type = BodyType::kKinematic; }},
+      {"mass", [](WorldInputs& p) { p.body.mass = up(p.body.mass); }},
+      {"joint name", [](WorldInputs& p) { p.joint.name = "joinu"; }},
       {"joint type",
-       [](Parts& p) {
+       [](WorldInputs& p) {
          p.joint.kind = JointKind::kBall;
          p.joint.motor = {};
        }},
-      {"length", [](Parts& p) { p.distance().length = up(*p.distance().length); }},
-      {"min_length", [](Parts& p) { p.distance().min_length = up(p.distance().min_length); }},
-      {"max_length", [](Parts& p) { p.distance().max_length = up(p.distance().max_length); }},
-      {"stiffness", [](Parts& p) { p.distance().stiffness = up(p.distance().stiffness); }},
-      {"damping", [](Parts& p) { p.distance().damping = up(p.distance().damping); }},
-      {"bias", [](Parts& p) { p.joint.motor.bias = up(p.joint.motor.bias); }},
-      {"amplitude", [](Parts& p) { p.joint.motor.amplitude = up(p.joint.motor.amplitude); }},
-      {"motor frequency", [](Parts& p) { p.joint.motor.frequency = up(p.joint.motor.frequency); }},
-      {"phase", [](Parts& p) { p.joint.motor.phase = up(p.joint.motor.phase); }},
-      {"max_force", [](Parts& p) { p.joint.motor.max_force = up(p.joint.motor.max_force); }},
-      {"timeout", [](Parts& p) { p.joint.motor.timeout += 2e-15; }},  // an ulp of its end, at 8.5 s
-      {"baumgarte", [](Parts& p) { p.joint.baumgarte = up(*p.joint.baumgarte); }},
-      {"no baumgarte", [](Parts& p) { p.joint.baumgarte.reset(); }},
-      {"break_force", [](Parts& p) { p.joint.break_force = up(p.joint.break_force); }},
-      {"collide_connected", [](Parts& p) { p.joint.collide_connected = true; }},
-      {"broken", [](Parts& p) { p.broken = true; }},
-      {"enabled", [](Parts& p) { p.joint.enabled = false; }},
-      {"wrench start", [](Parts& p) { p.wrench.start = up(p.wrench.start); }},
-      {"wrench end", [](Parts& p) { p.wrench.end = up(p.wrench.end); }},
-      {"no wrench end", [](Parts& p) { p.wrench.end = kInfinity; }},
-      {"time", [](Parts& p) { p.time = up(p.time); }},
-      {"step", [](Parts& p) { ++p.step; }},
+      {"length", [](WorldInputs& p) { p.distance().length = up(*p.distance().length); }},
+      {"min_length", [](WorldInputs& p) { p.distance().min_length = up(p.distance().min_length); }},
+      {"max_length", [](WorldInputs& p) { p.distance().max_length = up(p.distance().max_length); }},
+      {"stiffness", [](WorldInputs& p) { p.distance().stiffness = up(p.distance().stiffness); }},
+      {"damping", [](WorldInputs& p) { p.distance().damping = up(p.distance().damping); }},
+      {"bias", [](WorldInputs& p) { p.joint.motor.bias = up(p.joint.motor.bias); }},
+      {"amplitude", [](WorldInputs& p) { p.joint.motor.amplitude = up(p.joint.motor.amplitude); }},
+      {"motor frequency",
+       [](WorldInputs& p) { p.joint.motor.frequency = up(p.joint.motor.frequency); }},
+      {"phase", [](WorldInputs& p) { p.joint.motor.phase = up(p.joint.motor.phase); }},
+      {"max_force", [](WorldInputs& p) { p.joint.motor.max_force = up(p.joint.motor.max_force); }},
+      {"timeout",
+       [](WorldInputs& p) { p.joint.motor.timeout += 2e-15; }},  // an ulp of its end, at 8.5 s
+      {"baumgarte", [](WorldInputs& p) { p.joint.baumgarte = up(*p.joint.baumgarte); }},
+      {"no baumgarte", [](WorldInputs& p) { p.joint.baumgarte.reset(); }},
+      {"break_force", [](WorldInputs& p) { p.joint.break_force = up(p.joint.break_force); }},
+      {"collide_connected", [](WorldInputs& p) { p.joint.collide_connected = true; }},
+      {"broken", [](WorldInputs& p) { p.broken = true; }},
+      {"enabled", [](WorldInputs& p) { p.joint.enabled = false; }},
+      {"wrench start", [](WorldInputs& p) { p.wrench.start = up(p.wrench.start); }},
+      {"wrench end", [](WorldInputs& p) { p.wrench.end = up(p.wrench.end); }},
+      {"no wrench end", [](WorldInputs& p) { p.wrench.end = kInfinity; }},
+      {"time", [](WorldInputs& p) { p.time = up(p.time); }},
+      {"step", [](WorldInputs& p) { ++p.step; }},
   };
   for (int i = 0; i < 3; ++i) {
     const std::string axis(1, "xyz"[i]);
     const auto raise = [i](Vector3d& v) { v[i] = up(v[i]); };
-    changes["inertia." + axis] = [raise](Parts& p) { raise(p.body.inertia); };
-    changes["position." + axis] = [raise](Parts& p) { raise(p.body.state.position); };
-    changes["linear_velocity." + axis] = [raise](Parts& p) { raise(p.body.state.linear_velocity); };
-    changes["angular_velocity." + axis] = [raise](Parts& p) {
+    changes["inertia." + axis] = [raise](WorldInputs& p) { raise(p.body.inertia); };
+    changes["position." + axis] = [raise](WorldInputs& p) { raise(p.body.state.position); };
+    changes["linear_velocity." + axis] = [raise](WorldInputs& p) {
+      raise(p.body.state.linear_velocity);
+    };
+    changes["angular_velocity." + axis] = [raise](WorldInputs& p) {
       raise(p.body.state.angular_velocity);
     };
-    changes["force." + axis] = [raise](Parts& p) { raise(p.wrench.force); };
-    changes["torque." + axis] = [raise](Parts& p) { raise(p.wrench.torque); };
-    changes["anchor_a." + axis] = [raise](Parts& p) { raise(p.joint.anchor_a); };
-    changes["anchor_b." + axis] = [raise](Parts& p) { raise(p.joint.anchor_b); };
+    changes["force." + axis] = [raise](WorldInputs& p) { raise(p.wrench.force); };
+    changes["torque." + axis] = [raise](WorldInputs& p) { raise(p.wrench.torque); };
+    changes["anchor_a." + axis] = [raise](WorldInputs& p) { raise(p.joint.anchor_a); };
+    changes["anchor_b." + axis] = [raise](WorldInputs& p) { raise(p.joint.anchor_b); };
   }
   for (int i = 0; i < 4; ++i)
-    changes["orientation[" + std::to_string(i)] = [i](Parts& p) {
+    changes["orientation[" + std::to_string(i)] = [i](WorldInputs& p) {
       double& q_i = p.body.state.orientation.coeffs()[i];
       q_i = up(q_i);
     };
 
-  std::map<std::uint64_t, std::string> seen{{Parts().hash(), "unchanged"}};
-  EXPECT_EQ(Parts().hash(), seen.begin()->first);
+  std::map<std::uint64_t, std::string> seen{{WorldInputs().hash(), "unchanged"}};
+  EXPECT_EQ(WorldInputs().hash(), seen.begin()->first);
   for (const auto& [what, change] : changes) {
-    Parts parts;
+    WorldInputs parts;
     change(parts);
     const auto [found, is_new] = seen.emplace(parts.hash(), what);
     EXPECT_TRUE(is_new) << what << " hashes as " << found->second;

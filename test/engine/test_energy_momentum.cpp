@@ -31,7 +31,8 @@ World unrefined(World world) {
   return world;
 }
 
-World with(World world, double time_step, Method method = Method::kAuto, int stiff_order = 4) {
+World with_method(World world, double time_step, Method method = Method::kAuto,
+                  int stiff_order = 4) {
   WorldOptions options = world.options();
   options.time_step = time_step;
   options.method = method;
@@ -39,8 +40,6 @@ World with(World world, double time_step, Method method = Method::kAuto, int sti
   world.set_options(options);
   return world;
 }
-
-std::size_t index(Method method) { return static_cast<std::size_t>(method); }
 
 /// Figures of a run of stiff islands.
 struct Record {
@@ -52,14 +51,14 @@ struct Record {
 };
 
 /// Runs, and expects every rod exact to rounding in every tick, without impulses.
-Record run_exactly(World& world, double duration) {
+Record run_and_record(World& world, double duration) {
   Record record;
   double iterations = 0.0, steps = 0.0;
   const auto ticks = std::lround(duration / world.options().time_step);
   for (long i = 0; i < ticks; ++i) {
     const StepReport& report = world.step();
     const bool is_exact = !report.failed &&
-                          report.islands[index(Method::kSequentialImpulses)] == 0 &&
+                          report.islands[index_of(Method::kSequentialImpulses)] == 0 &&
                           report.max_constraint_error <= round_off(world);
     if (!is_exact) {
       ADD_FAILURE() << "at t = " << world.time() << ": " << to_string(world.islands().front().why)
@@ -68,7 +67,7 @@ Record run_exactly(World& world, double duration) {
     }
     record.drift = std::max(record.drift, std::abs(report.energy_drift));
     record.changes += report.changes;
-    if (report.islands[index(Method::kEnergyMomentum)] == 0) continue;
+    if (report.islands[index_of(Method::kEnergyMomentum)] == 0) continue;
     ++record.stiff_steps;
     iterations += report.iterations;
     steps += report.substeps;
@@ -180,8 +179,8 @@ double measured_order(int stiff_order, const List<int>& rates) {
   const auto reference = problems::chain_reference(2, 1.0);
   List<double> steps, errors;
   for (const int rate : rates) {
-    World world = with(problems::chain(2), 1.0 / rate, Method::kEnergyMomentum, stiff_order);
-    run_exactly(world, 1.0);
+    World world = with_method(problems::chain(2), 1.0 / rate, Method::kEnergyMomentum, stiff_order);
+    run_and_record(world, 1.0);
     steps.push_back(1.0 / rate);
     errors.push_back(largest_distance(world, reference));
   }
@@ -213,11 +212,11 @@ World linked_boxes() {
 }
 
 TEST(EnergyMomentum, KeepsEnergyAndMomentumOfLinkedBoxes) {
-  World world = unrefined(with(linked_boxes(), 0.05, Method::kEnergyMomentum, 2));
+  World world = unrefined(with_method(linked_boxes(), 0.05, Method::kEnergyMomentum, 2));
   world.step();  // the joints' projection of initial velocities
   const Vector3d p = momentum(world), L = angular_momentum(world);
   const double energy = world.energy();
-  const Record record = run_exactly(world, 50.0);
+  const Record record = run_and_record(world, 50.0);
   EXPECT_EQ(record.stiff_steps, 1000u);
   // a random walk of rounding over 1000 steps
   EXPECT_LE((momentum(world) - p).norm(), 1e-12 * p.norm() + 1e-12);
@@ -242,8 +241,8 @@ TEST(EnergyMomentum, TurnsBodiesInItsOrder) {
     List<double> steps, errors;
     for (const int rate : {40, 80, 160}) {
       World world =
-          unrefined(with(linked_boxes(), 1.0 / rate, Method::kEnergyMomentum, stiff_order));
-      run_exactly(world, 1.0);
+          unrefined(with_method(linked_boxes(), 1.0 / rate, Method::kEnergyMomentum, stiff_order));
+      run_and_record(world, 1.0);
       steps.push_back(1.0 / rate);
       errors.push_back(problems::largest_difference(world, exact));
     }
@@ -269,8 +268,8 @@ TEST(EnergyMomentum, HasOrder2WithDissipation) {
   for (const int rate : {200, 400, 800}) {
     World chain = dissipating(problems::chain(2), 1.0 / rate);
     World boxes = unrefined(dissipating(linked_boxes(), 1.0 / rate));
-    run_exactly(chain, 1.0);
-    run_exactly(boxes, 1.0);
+    run_and_record(chain, 1.0);
+    run_and_record(boxes, 1.0);
     steps.push_back(1.0 / rate);
     of_chain.push_back(largest_distance(chain, reference));
     of_boxes.push_back(problems::largest_difference(boxes, exact));
@@ -282,7 +281,7 @@ TEST(EnergyMomentum, HasOrder2WithDissipation) {
 // A spring of 1e6 N/m, stretched by 1 mm, at h ω = 100: BDF2 halves this motion in every step.
 TEST(EnergyMomentum, DissipationTakesOutWhatIsTooFastToBeShown) {
   for (const bool dissipation : {false, true}) {
-    World world = with(World(), 0.1);
+    World world = with_method(World(), 0.1);
     Body body = make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.001});
     body.state.linear_velocity = {0.1, 0.0, 0.0};
     const BodyId bob = world.add_body(body);
@@ -317,8 +316,8 @@ INSTANTIATE_TEST_SUITE_P(EndMass, HeavyChain, ::testing::Values(1.0, 1e2, 1e3, 1
 // step; the bound allows a random walk of 1e4 steps.
 TEST_P(HeavyChain, KeepsEnergyAndRods) {
   for (const int rate : {30, 100, 240, 1000}) {
-    World world = with(problems::heavy_chain(GetParam(), true), 1.0 / rate);
-    const Record record = run_exactly(world, 3.0);
+    World world = with_method(problems::heavy_chain(GetParam(), true), 1.0 / rate);
+    const Record record = run_and_record(world, 3.0);
     EXPECT_LE(record.drift, 1e-10) << rate;
     EXPECT_LE(record.iterations, 6.0) << rate;
     EXPECT_LE(record.first, 10.0) << rate;
@@ -329,8 +328,8 @@ TEST_P(HeavyChain, KeepsEnergyAndRods) {
 
 TEST(EnergyMomentum, AChainInLineEndsWhereItShouldAtLongTicks) {
   for (const double mass : {1.0, 1e2, 1e3, 1e4}) {
-    World world = with(problems::heavy_chain(mass, true), 1.0 / 30.0);
-    run_exactly(world, 0.5);
+    World world = with_method(problems::heavy_chain(mass, true), 1.0 / 30.0);
+    run_and_record(world, 0.5);
     const auto reference = problems::heavy_chain_reference(mass, true, 0.5);
     EXPECT_LE((world.state(world.body_ids().back()).position - reference.back()).norm(), 1e-6)
         << mass;
@@ -347,8 +346,8 @@ TEST(EnergyMomentum, AHeavyLoadSwingsAsOnARigidRod) {
   const double angle = static_cast<double>(reference[0]);
   const Vector3d end = 11.0 * Vector3d(std::sin(angle), 0.0, -std::cos(angle));
   for (const double mass : {1e6, 1e7, 1e8, 1e9}) {
-    World world = with(problems::heavy_chain(mass, true), 1.0 / 30.0);
-    run_exactly(world, 5.0);
+    World world = with_method(problems::heavy_chain(mass, true), 1.0 / 30.0);
+    run_and_record(world, 5.0);
     EXPECT_LE((world.state(world.body_ids().back()).position - end).norm(), 1e-6) << mass;
   }
 }
@@ -360,16 +359,16 @@ TEST(EnergyMomentum, FollowsTheLoadWhereLinksAreNotResolved) {
   };
   for (const auto& [mass, duration] : {Case{1e3, 1.0}, Case{1e4, 0.5}, Case{1e6, 0.2}}) {
     const auto reference = problems::heavy_chain_reference(mass, false, duration);
-    World world = with(problems::heavy_chain(mass, false), 1.0 / 30.0);
-    run_exactly(world, duration);
+    World world = with_method(problems::heavy_chain(mass, false), 1.0 / 30.0);
+    run_and_record(world, duration);
     EXPECT_LE((world.state(world.body_ids().back()).position - reference.back()).norm(), 1e-5)
         << mass;
   }
 }
 
 TEST(EnergyMomentum, StaysBoundedForAnHour) {
-  World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0, Method::kAuto, 2);
-  const Record record = run_exactly(world, 3600.0 / kSanitizedShare);
+  World world = with_method(problems::heavy_chain(1e6, false), 1.0 / 30.0, Method::kAuto, 2);
+  const Record record = run_and_record(world, 3600.0 / kSanitizedShare);
   EXPECT_LE(record.drift, 1e-9);
   EXPECT_EQ(record.stiff_steps, 108000u / kSanitizedShare);
   // the links are in line except for a small motion; 1 m/s lifts the load by v²/2g
@@ -406,8 +405,8 @@ World heavy_box(double mass) {
 TEST(EnergyMomentum, CarriesAHeavyBoxOnLightRods) {
   for (const double mass : {1.0, 1e3, 1e5, 1e7, 1e9}) {
     for (const int rate : {30, 240, 1000}) {
-      World world = with(heavy_box(mass), 1.0 / rate);
-      const Record record = run_exactly(world, 1.0 / kSanitizedShare);
+      World world = with_method(heavy_box(mass), 1.0 / rate);
+      const Record record = run_and_record(world, 1.0 / kSanitizedShare);
       EXPECT_LE(record.drift, 1e-10) << mass << " " << rate;
       EXPECT_LE(record.iterations, 6.0) << mass << " " << rate;
       EXPECT_LE(record.first, 10.0) << mass << " " << rate;
@@ -438,11 +437,11 @@ TEST(EnergyMomentum, TurnsAHeavyWheelAsTheToleranceAsks) {
     return world;
   };
   World exact = make(1e-3, Method::kRungeKutta, 1e-9);
-  run_exactly(exact, 1.0);
+  run_and_record(exact, 1.0);
   const BodyId load = exact.find_body("wheel");
   const auto error = [&](double tolerance) {
     World world = make(1.0 / 60.0, Method::kAuto, tolerance);
-    const Record record = run_exactly(world, 1.0);
+    const Record record = run_and_record(world, 1.0);
     EXPECT_EQ(record.stiff_steps, 60u);
     EXPECT_LE(record.drift, 1e-9);
     return problems::angle_between(world.state(load).orientation, exact.state(load).orientation);
@@ -456,29 +455,29 @@ TEST(EnergyMomentum, TurnsAHeavyWheelAsTheToleranceAsks) {
 // ---- choice of method
 
 TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
-  World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
+  World world = with_method(problems::heavy_chain(1e6, false), 1.0 / 30.0);
   world.step();
   EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);  // found stiff at once
   EXPECT_EQ(world.islands().front().why, MethodReason::kStiff);
   EXPECT_EQ(world.report().changes, 1u);
-  run_exactly(world, 1.0);
+  run_and_record(world, 1.0);
 
   // ω is 2e4/s: at shorter ticks h ω is 5
   const double energy = world.energy();
-  world = with(world, 1.0 / 4000.0);
+  world = with_method(world, 1.0 / 4000.0);
   double projected = 0.0;
   for (int i = 0; i < 300; ++i) projected += world.step().projected_energy;
   EXPECT_EQ(world.islands().front().method, Method::kRungeKutta);
   // the change costs the reported energy
   EXPECT_NEAR(world.energy(), energy - projected, 1e-9 * 5e5);
 
-  world = with(world, 1.0 / 30.0);
-  const Record record = run_exactly(world, 1.0);
+  world = with_method(world, 1.0 / 30.0);
+  const Record record = run_and_record(world, 1.0);
   EXPECT_EQ(record.stiff_steps, 30u);
 }
 
 TEST(EnergyMomentum, NamesTheBodiesThatItsStepsCannotShow) {
-  World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
+  World world = with_method(problems::heavy_chain(1e6, false), 1.0 / 30.0);
   run(world, 3);
   std::vector<BodyId> links = world.body_ids();
   links.pop_back();  // the load itself swings slowly
@@ -486,7 +485,7 @@ TEST(EnergyMomentum, NamesTheBodiesThatItsStepsCannotShow) {
   EXPECT_EQ(world.report().unresolved_bodies, 10u);
   world.remove_body(links.front());
   EXPECT_TRUE(world.unresolved_bodies().empty());  // unknown until the next step
-  World calm = with(problems::chain(3), 1.0 / 30.0, Method::kEnergyMomentum);
+  World calm = with_method(problems::chain(3), 1.0 / 30.0, Method::kEnergyMomentum);
   run(calm, 3);
   EXPECT_TRUE(calm.unresolved_bodies().empty());
 }
@@ -599,7 +598,7 @@ TEST(EnergyMomentum, KeepsEnergyAndMomentaWhereSubstepsTakeOver) {
 
 // The cost of substeps is measured once, and not every 50 ticks.
 TEST(EnergyMomentum, RemembersWhatSubstepsCost) {
-  World world = with(redundant::crane_boom(), 0.01);
+  World world = with_method(redundant::crane_boom(), 0.01);
   std::uint32_t changes = 0;
   for (int i = 0; i < 300; ++i) changes += world.step().changes;
   EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);
@@ -633,25 +632,25 @@ TEST(EnergyMomentum, ComesAndGoesAsAnIslandGrowsStiffAndCalmAgain) {
   std::array<int, kMethodCount> ticks{};
   for (int i = 0; i < 2000; ++i) {
     changes += world.step().changes;
-    ++ticks[index(world.islands().front().method)];
+    ++ticks[index_of(world.islands().front().method)];
     ASSERT_LE(world.report().max_constraint_error, round_off(world));
   }
-  EXPECT_GT(ticks[index(Method::kEnergyMomentum)], 100);
-  EXPECT_GT(ticks[index(Method::kRungeKutta)], 100);
-  EXPECT_EQ(ticks[index(Method::kSequentialImpulses)], 0);
+  EXPECT_GT(ticks[index_of(Method::kEnergyMomentum)], 100);
+  EXPECT_GT(ticks[index_of(Method::kRungeKutta)], 100);
+  EXPECT_EQ(ticks[index_of(Method::kSequentialImpulses)], 0);
   EXPECT_GE(changes, 2u);
   EXPECT_LE(changes, 20u);  // hysteresis prevents a change in every swing
 }
 
 TEST(EnergyMomentum, CopiesGoOnBitIdentically) {
   for (const World& scene : {problems::heavy_chain(1e6, false), heavy_box(1e5)}) {
-    World world = with(scene, 1.0 / 30.0);
+    World world = with_method(scene, 1.0 / 30.0);
     run(world, 20);
     World copy = world;
     run(world, 50);
     run(copy, 50);
     EXPECT_EQ(copy.state_hash(), world.state_hash());
-    World again = with(scene, 1.0 / 30.0);
+    World again = with_method(scene, 1.0 / 30.0);
     run(again, 70);
     EXPECT_EQ(again.state_hash(), world.state_hash());
   }
@@ -659,7 +658,7 @@ TEST(EnergyMomentum, CopiesGoOnBitIdentically) {
 
 TEST(EnergyMomentum, AllocatesNothingInAStepWithoutLoops) {
   for (const World& scene : {problems::heavy_chain(1e6, false), heavy_box(1e5)}) {
-    World world = with(scene, 1.0 / 30.0);
+    World world = with_method(scene, 1.0 / 30.0);
     run(world, 3);
     const std::size_t before = counted_allocations();
     for (int i = 0; i < 100; ++i) world.step();
@@ -677,8 +676,8 @@ TEST(EnergyMomentum, SpringsOfAnyStiffnessAddNoEnergy) {
       const BodyId end = scene.add_body(make_body("end", Point{}, 1.0, {2.0, 0.0, 0.0}));
       scene.add_joint(hang("spring", bob, spring(1.0, stiffness, 0.0)));
       scene.add_joint(make_joint("rod", bob, Vector3d::Zero(), end, Vector3d::Zero()));
-      World world = with(scene, time_step);
-      const Record record = run_exactly(world, 10.0);
+      World world = with_method(scene, time_step);
+      const Record record = run_and_record(world, 10.0);
       const bool is_stiff = time_step * std::sqrt(2.0 * stiffness) > 40.0;
       EXPECT_EQ(record.stiff_steps > 0, is_stiff) << stiffness << " " << time_step;
       // a hundred times the energy of this spring for rounding of a length of 1 m
@@ -699,8 +698,8 @@ TEST(EnergyMomentum, AStiffSpringIsAsARodWhereItIsNotExcited) {
   const double stretch = 9.82 / 1e12;  // weight and centripetal force over stiffness
   sprung.add_joint(hang("spring", sprung.find_body("bob"), spring(1.0 - stretch, 1e12, 0.0)));
   rigid.add_joint(hang("rod", rigid.find_body("bob"), rod(1.0)));
-  sprung = with(sprung, 0.01);
-  rigid = with(rigid, 0.01);
+  sprung = with_method(sprung, 0.01);
+  rigid = with_method(rigid, 0.01);
   run(sprung, 300);
   run(rigid, 300);
   // order 4 at h ω = 0.03, for a motion of 0.03 m
@@ -712,7 +711,7 @@ TEST(EnergyMomentum, AStiffDamperTakesEnergyAndNeverGivesAny) {
     World scene;
     const BodyId bob = scene.add_body(make_body("bob", Point{}, 1.0, {1.0, 0.0, 0.0}));
     scene.add_joint(hang("damper", bob, spring(1.0, 100.0, damping)));
-    World world = with(scene, 0.1);
+    World world = with_method(scene, 0.1);
     world.step();
     EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);
     double energy = world.energy();
@@ -742,8 +741,8 @@ World parallelogram(bool has_third) {
 
 TEST(EnergyMomentum, AThirdUprightChangesNothingAndIsReported) {
   for (const Method method : {Method::kAuto, Method::kEnergyMomentum}) {
-    World two = with(parallelogram(false), 0.01, method);
-    World three = with(parallelogram(true), 0.01, method);
+    World two = with_method(parallelogram(false), 0.01, method);
+    World three = with_method(parallelogram(true), 0.01, method);
     std::uint32_t dependent = 0;
     for (int i = 0; i < 500; ++i) {
       two.step();
@@ -756,15 +755,15 @@ TEST(EnergyMomentum, AThirdUprightChangesNothingAndIsReported) {
 }
 
 TEST(EnergyMomentum, DoubledRodsOfAHeavyChainChangeNothing) {
-  World single = with(problems::heavy_chain(1e6, true), 1.0 / 30.0);
+  World single = with_method(problems::heavy_chain(1e6, true), 1.0 / 30.0);
   World scene = problems::heavy_chain(1e6, true);
   const std::vector<BodyId> ids = scene.body_ids();
   problems::add_rod(&scene, kWorldBody, ids[0]);
   problems::add_rod(&scene, ids[3], ids[4]);
   problems::add_rod(&scene, ids[9], ids[10]);
-  World doubled = with(scene, 1.0 / 30.0);
-  run_exactly(single, 3.0);
-  const Record record = run_exactly(doubled, 3.0);
+  World doubled = with_method(scene, 1.0 / 30.0);
+  run_and_record(single, 3.0);
+  const Record record = run_and_record(doubled, 3.0);
   EXPECT_GE(record.stiff_steps, 86u);  // the first few ticks use substeps, to measure their cost
   EXPECT_EQ(doubled.report().dependent_rows, 3u);
   EXPECT_LE(problems::largest_difference(single, doubled), 1e-9);
@@ -775,7 +774,7 @@ TEST(EnergyMomentum, DoubledRodsOfAHeavyChainChangeNothing) {
 MethodReason only_reason(const World& world) { return world.islands().front().why; }
 
 TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
-  World world = with(World(), 0.01);
+  World world = with_method(World(), 0.01);
   const BodyId bob = problems::add_mass(&world, "bob", {1.0, 0.0, 0.0});
   const JointId shorter = world.add_joint(hang("shorter", bob, rod(1.0)));
   const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
@@ -800,7 +799,7 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
 }
 
 TEST(EnergyMomentum, WhatIsOutOfReachIsPulledStraight) {
-  World world = with(World(), 0.01);
+  World world = with_method(World(), 0.01);
   const BodyId bob = problems::add_mass(&world, "bob", {1.0, 0.0, -0.2});
   world.add_joint(hang("left", bob, rod(1.0)));
   world.add_joint(
@@ -813,7 +812,7 @@ TEST(EnergyMomentum, WhatIsOutOfReachIsPulledStraight) {
 }
 
 TEST(EnergyMomentum, MotorsAgainstEachOtherShareTheDifference) {
-  World world = with(World(), 0.01);
+  World world = with_method(World(), 0.01);
   const BodyId bob = problems::add_mass(&world, "bob", {1.0, 0.0, 0.0});
   Joint out = hang("out", bob, rod(1.0));
   out.motor.bias = 0.1;
@@ -851,10 +850,10 @@ World ring(bool has_crossbar) {
 }
 
 TEST(EnergyMomentum, CarriesLoopsOfHeavyAndLightBodies) {
-  World world = with(ring(true), 1.0 / 60.0);
+  World world = with_method(ring(true), 1.0 / 60.0);
   world.step();
   const double energy = world.energy();
-  const Record record = run_exactly(world, 5.0);
+  const Record record = run_and_record(world, 5.0);
   EXPECT_GE(record.stiff_steps, 296u);
   EXPECT_LE(record.iterations, 6.0);
   EXPECT_NEAR(world.energy(), energy, 1e-10 * 0.5e6);
@@ -863,12 +862,12 @@ TEST(EnergyMomentum, CarriesLoopsOfHeavyAndLightBodies) {
 // Without the crossbar the load falls until one side is taut, and rebounds: 5e7 N for a
 // millisecond. Substeps follow the jerk; the island is not stiff before and after.
 TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
-  World world = with(ring(false), 1.0 / 60.0);
+  World world = with_method(ring(false), 1.0 / 60.0);
   world.step();
   const double energy = world.energy();
   double force = 0.0;
   for (int i = 0; i < 300; ++i) {
-    ASSERT_EQ(world.step().islands[index(Method::kRungeKutta)], 1u);
+    ASSERT_EQ(world.step().islands[index_of(Method::kRungeKutta)], 1u);
     ASSERT_LE(world.report().max_constraint_error, round_off(world));
     force = std::max(force, std::abs(world.joint_state(world.joint_ids().front()).force));
   }
@@ -881,7 +880,7 @@ TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
 TEST(EnergyMomentum, LongTicksAreBounded) {
   for (const double time_step : {0.1, 0.5, 1.0}) {
     for (const double mass : {1.0, 1e3, 1e6, 1e9}) {
-      World world = with(problems::heavy_chain(mass, false), time_step);
+      World world = with_method(problems::heavy_chain(mass, false), time_step);
       for (int i = 0; i < 100; ++i) {
         const StepReport& report = world.step();
         ASSERT_FALSE(report.failed);
@@ -894,8 +893,8 @@ TEST(EnergyMomentum, LongTicksAreBounded) {
 
 TEST(EnergyMomentum, AScaledSceneMovesAlike) {
   // lengths times s, masses times m, times times √s: the angles stay the same
-  World unit = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
-  run_exactly(unit, 1.0);
+  World unit = with_method(problems::heavy_chain(1e6, false), 1.0 / 30.0);
+  run_and_record(unit, 1.0);
   for (const double s : {1e-6, 1e-3, 1e3, 1e6}) {
     for (const double m : {1e-6, 1e6}) {
       const World from = problems::heavy_chain(1e6, false);
@@ -1063,7 +1062,7 @@ TEST(EnergyMomentum, InertiasMayDifferAMillionfold) {
     World world = scene;
     world.step();  // makes the velocities fit
     const double energy = world.energy();
-    const Record record = run_exactly(world, 5.0);
+    const Record record = run_and_record(world, 5.0);
     EXPECT_GT(record.stiff_steps, 100u) << inertia.transpose();
     EXPECT_NEAR(world.energy(), energy, 1e-10 * 1e3) << inertia.transpose();
   }

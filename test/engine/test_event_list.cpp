@@ -13,10 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTime = 1e-9;  // accuracy of event times [s], as in test_events.cpp
-
-std::size_t at(Method method) { return static_cast<std::size_t>(method); }
-
 /// Returns all events of a duration; each has to be within its tick.
 std::vector<Event> events_of(World* world, double seconds) {
   std::vector<Event> all;
@@ -47,7 +43,7 @@ TEST_P(EventList, ARopeIsToldWhenItIsTaut) {
   EXPECT_EQ(events[0].joint, rope_id);
   EXPECT_EQ(events[0].coordinate, -1);
   EXPECT_EQ(events[0].body_b, id);
-  EXPECT_NEAR(events[0].time, taut, kTime);
+  EXPECT_NEAR(events[0].time, taut, kTimeAtTicks);
   EXPECT_NEAR(events[0].impulse, 2.0 * kGravity * taut, 1e-8);  // the full m v
 }
 
@@ -67,7 +63,7 @@ TEST_P(EventList, BouncesOnALimitAreTold) {
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(events[2 * i].kind, EventKind::kLimitReached);
     EXPECT_EQ(events[2 * i].coordinate, 0);
-    EXPECT_NEAR(events[2 * i].time, t, kTime);
+    EXPECT_NEAR(events[2 * i].time, t, kTimeAtTicks);
     EXPECT_NEAR(events[2 * i].impulse, (1.0 + kRestitution) * kMass * v, 1e-8);
     EXPECT_EQ(events[2 * i + 1].kind, EventKind::kLimitLeft);
     EXPECT_EQ(events[2 * i + 1].time, events[2 * i].time);
@@ -135,10 +131,10 @@ TEST_P(EventList, AMotorThatPushesIntoItsLimitIsNotReleased) {
     const std::vector<Event> events = events_of(&world, 1.0);
     EXPECT_TRUE(world.joint_state(slider).saturated) << name(method);
     EXPECT_NEAR(world.joint_state(slider).coordinates[0].position, 0.2, 1e-6) << name(method);
-    if (world.report().islands[at(Method::kEventDriven)] == 0) continue;  // no times
+    if (world.report().islands[index_of(Method::kEventDriven)] == 0) continue;  // no times
     ASSERT_EQ(events.size(), 1u) << name(method);
     EXPECT_EQ(events[0].kind, EventKind::kLimitReached);
-    EXPECT_NEAR(events[0].time, kPushed, kTime);
+    EXPECT_NEAR(events[0].time, kPushed, kTimeAtTicks);
   }
 }
 
@@ -167,7 +163,7 @@ TEST_P(EventList, WhatEditsOfAMotorChangeIsTold) {
   EXPECT_EQ(events[1].kind, EventKind::kSaturated);
   EXPECT_EQ(events[1].time, leaves);
   EXPECT_EQ(events[2].kind, EventKind::kReleased);
-  EXPECT_NEAR(events[2].time, leaves + 2.0 * 0.3 / 3.0, kTime);
+  EXPECT_NEAR(events[2].time, leaves + 2.0 * 0.3 / 3.0, kTimeAtTicks);
 }
 
 // A saved world and one from a snapshot report the same events in the next tick. A saved world
@@ -196,7 +192,8 @@ TEST(EventList, WhatWasSavedTellsTheSame) {
       ASSERT_EQ(of->events().size(), world.events().size()) << world.time();
       for (std::size_t k = 0; k < world.events().size(); ++k) {
         EXPECT_EQ(of->events()[k].kind, world.events()[k].kind);
-        EXPECT_NEAR(of->events()[k].time, world.events()[k].time, of == &saved ? kTime : 0.0);
+        EXPECT_NEAR(of->events()[k].time, world.events()[k].time,
+                    of == &saved ? kTimeAtTicks : 0.0);
       }
     }
   }
@@ -296,7 +293,7 @@ TEST_P(EventList, ContactsWithoutForceDoNotComeAndGo) {
   ASSERT_EQ(events.size(), 3u);
   for (const Event& event : events) {
     EXPECT_EQ(event.kind, EventKind::kContactBegan);
-    EXPECT_NEAR(event.time, 1.0, kTime);
+    EXPECT_NEAR(event.time, 1.0, kTimeAtTicks);
   }
 }
 
@@ -313,7 +310,7 @@ TEST_P(EventList, AMotorAtItsLimitIsToldUntilItHasCaughtUp) {
   const std::vector<Event> events = events_of(&world, 1.0);
   ASSERT_EQ(events.size(), 1u);  // starting at the limit is no event
   EXPECT_EQ(events[0].kind, EventKind::kReleased);
-  EXPECT_NEAR(events[0].time, kMass * kSpeed / kForce, kTime);
+  EXPECT_NEAR(events[0].time, kMass * kSpeed / kForce, kTimeAtTicks);
 }
 
 TEST_P(EventList, FrictionThatStopsASliderIsTold) {
@@ -329,7 +326,7 @@ TEST_P(EventList, FrictionThatStopsASliderIsTold) {
   const std::vector<Event> events = events_of(&world, 1.0);
   ASSERT_EQ(events.size(), 1u);
   EXPECT_EQ(events[0].kind, EventKind::kSticks);
-  EXPECT_NEAR(events[0].time, kSpeed * kMass / kFriction, kTime);
+  EXPECT_NEAR(events[0].time, kSpeed * kMass / kFriction, kTimeAtTicks);
 }
 
 // A rope that breaks by the mean force of an impulse breaks at the end of a step; a rod under a
@@ -345,7 +342,7 @@ TEST_P(EventList, AJointThatBreaksIsToldOnce) {
   EXPECT_EQ(events[0].kind, EventKind::kBroken);
   EXPECT_EQ(events[0].joint, rod_id);
   EXPECT_STREQ(name(events[0].kind), "broken");
-  EXPECT_NEAR(events[0].time, time_of_fall(0.5 * kPi, kPi / 3.0, 1.0), kTime);
+  EXPECT_NEAR(events[0].time, time_of_fall(0.5 * kPi, kPi / 3.0, 1.0), kTimeAtTicks);
   // the free bob flies with v² = 2 g sin φ; its position gives the time of flight
   const double speed = std::sqrt(kGravity);
   const Vector3d x(std::cos(kPi / 6), 0.0, -0.5), v = speed * Vector3d(-0.5, 0.0, -x.x());

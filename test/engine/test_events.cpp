@@ -16,9 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTime = 1e-9, kPlace = 1e-8;
-
-Body ball(const std::string& name, double mass, const Vector3d& position) {
+Body small_ball(const std::string& name, double mass, const Vector3d& position) {
   return make_body(name, Sphere{0.1}, mass, position);
 }
 
@@ -58,7 +56,7 @@ void expect_same_bits(World* alone, World* beside, const std::string& body, doub
 TEST_P(AtTicks, APendulumBesideASlackRopeIsThePendulum) {
   World alone(by_events(GetParam())), beside(by_events(GetParam()));
   for (World* world : {&alone, &beside}) {
-    const BodyId bob = world->add_body(ball("bob", 1.0, {1.0, 0.0, 0.0}));
+    const BodyId bob = world->add_body(small_ball("bob", 1.0, {1.0, 0.0, 0.0}));
     world->add_joint(hang("rod", bob, rod(1.0)));
     if (world == &beside)
       world->add_joint(
@@ -112,7 +110,7 @@ TEST_P(AtTicks, APendulumAboveAFloorThatItDoesNotTouchIsThePendulum) {
   for (const double floor : {-1.5, -1.11}) {
     World alone(by_events(GetParam())), beside(by_events(GetParam()));
     for (World* world : {&alone, &beside}) {
-      const BodyId bob = world->add_body(ball("bob", 1.0, {1.0, 0.0, 0.0}));
+      const BodyId bob = world->add_body(small_ball("bob", 1.0, {1.0, 0.0, 0.0}));
       world->add_joint(hang("rod", bob, rod(1.0)));
     }
     beside.add_body(plane("floor", {0.0, 0.0, floor}, Vector3d::UnitZ(), 0.5, 0.0));
@@ -135,7 +133,7 @@ TEST_P(AtTicks, APendulumAboveAFloorThatItDoesNotTouchIsThePendulum) {
 // A ball falls until its rope is taut, and hangs.
 TEST_P(AtTicks, ABallFallsIntoItsRope) {
   World world(by_events(GetParam()));
-  const BodyId id = world.add_body(ball("ball", 2.0, {0.0, 0.0, -0.3}));
+  const BodyId id = world.add_body(small_ball("ball", 2.0, {0.0, 0.0, -0.3}));
   const JointId rope_id = world.add_joint(hang("rope", id, rope(1.0)));
   const double taut = std::sqrt(2.0 * 0.7 / kGravity);
   std::uint32_t events = 0;
@@ -144,8 +142,9 @@ TEST_P(AtTicks, ABallFallsIntoItsRope) {
     events += world.report().events;
     const double t = world.time();
     const double z = t < taut ? -0.3 - 0.5 * kGravity * t * t : -1.0;
-    ASSERT_NEAR(world.state(id).position.z(), z, kPlace) << t;
-    ASSERT_NEAR(world.state(id).linear_velocity.z(), t < taut ? -kGravity * t : 0.0, kPlace) << t;
+    ASSERT_NEAR(world.state(id).position.z(), z, kPlaceAtTicks) << t;
+    ASSERT_NEAR(world.state(id).linear_velocity.z(), t < taut ? -kGravity * t : 0.0, kPlaceAtTicks)
+        << t;
     if (t - GetParam() > taut) {
       ASSERT_NEAR(world.joint_state(rope_id).force, -2.0 * kGravity, 1e-9);
     }
@@ -156,12 +155,12 @@ TEST_P(AtTicks, ABallFallsIntoItsRope) {
 // The ball keeps the velocity across the rope; from then on it is a pendulum.
 TEST_P(AtTicks, ABallThrownSidewaysSwingsOnItsRope) {
   World world(by_events(GetParam()));
-  const BodyId id = world.add_body(ball("ball", 2.0, {0.6, 0.0, 0.0}));
+  const BodyId id = world.add_body(small_ball("ball", 2.0, {0.6, 0.0, 0.0}));
   world.add_joint(hang("rope", id, rope(1.0)));
   const double taut = std::sqrt(2.0 * 0.8 / kGravity);
   // starts from the exact state when the rope is taut
   World pendulum(by_events(Carried{1e-3, Method::kAuto}));
-  const BodyId bob = pendulum.add_body(ball("bob", 2.0, {0.6, 0.0, -0.8}));
+  const BodyId bob = pendulum.add_body(small_ball("bob", 2.0, {0.6, 0.0, -0.8}));
   pendulum.add_joint(hang("rod", bob, rod(1.0)));
   BodyState state = pendulum.state(bob);
   const Vector3d n(0.6, 0.0, -0.8), v(0.0, 0.0, -kGravity * taut);
@@ -176,14 +175,14 @@ TEST_P(AtTicks, ABallThrownSidewaysSwingsOnItsRope) {
   options.time_step = world.time() - taut - pendulum.time();
   pendulum.set_options(options);
   run(pendulum, 1);
-  EXPECT_LT((world.state(id).position - pendulum.state(bob).position).norm(), kPlace);
+  EXPECT_LT((world.state(id).position - pendulum.state(bob).position).norm(), kPlaceAtTicks);
   EXPECT_LT((world.state(id).linear_velocity - pendulum.state(bob).linear_velocity).norm(), 1e-7);
 }
 
 TEST_P(AtTicks, AStopIsHitWithItsRestitution) {
   for (const double e : {0.0, 0.5, 0.9, 1.0}) {
     World world(by_events(GetParam()));
-    const BodyId id = world.add_body(ball("ball", 3.0, {0.0, 0.0, 0.5}));
+    const BodyId id = world.add_body(small_ball("ball", 3.0, {0.0, 0.0, 0.5}));
     CoordinateLaw law;
     law.lower = 0.0;
     law.limit_restitution = e;
@@ -197,7 +196,7 @@ TEST_P(AtTicks, AStopIsHitWithItsRestitution) {
       worst =
           std::max(worst, std::abs(world.state(id).position.z() - bouncing(0.5, e, world.time())));
     }
-    EXPECT_LT(worst, kPlace) << e;
+    EXPECT_LT(worst, kPlaceAtTicks) << e;
     if (e < 1.0) {
       EXPECT_EQ(world.state(id).linear_velocity.z(), 0.0) << e;
     }
@@ -208,7 +207,7 @@ TEST_P(AtTicks, AStopIsHitWithItsRestitution) {
 // hangs.
 TEST_P(AtTicks, ARopeOnABrakeSlipsUntilItHolds) {
   World world(by_events(GetParam()));
-  const BodyId id = world.add_body(ball("ball", 2.0, {0.0, 0.0, -0.8}));
+  const BodyId id = world.add_body(small_ball("ball", 2.0, {0.0, 0.0, -0.8}));
   Joint joint = hang("rope", id, rope(1.0));
   joint.motor.max_force = 2.0 * 2.0 * kGravity;
   const JointId rope_id = world.add_joint(joint);
@@ -218,9 +217,9 @@ TEST_P(AtTicks, ARopeOnABrakeSlipsUntilItHolds) {
     const double t = world.time(), since = std::clamp(t - taut, 0.0, taut);
     const double z = t < taut ? -0.8 - 0.5 * kGravity * t * t
                               : -1.0 - v * since + 0.5 * kGravity * since * since;
-    ASSERT_NEAR(world.state(id).position.z(), z, kPlace) << t;
+    ASSERT_NEAR(world.state(id).position.z(), z, kPlaceAtTicks) << t;
     ASSERT_LT(std::abs(world.joint_state(rope_id).error), 1e-9) << t;
-    if (std::abs(t - taut) > kTime && std::abs(t - 2.0 * taut) > kTime) {
+    if (std::abs(t - taut) > kTimeAtTicks && std::abs(t - 2.0 * taut) > kTimeAtTicks) {
       ASSERT_EQ(world.joint_state(rope_id).saturated, t > taut && t < 2.0 * taut) << t;
     }
   }
@@ -230,7 +229,7 @@ TEST_P(AtTicks, ARopeOnABrakeSlipsUntilItHolds) {
 TEST_P(AtTicks, AMotorAtItsLimitAccelerates) {
   constexpr double kMass = 2.0, kForce = 5.0, kSpeed = 1.3;
   World world(by_events(GetParam(), 0.0));
-  const BodyId id = world.add_body(ball("ball", kMass, Vector3d::Zero()));
+  const BodyId id = world.add_body(small_ball("ball", kMass, Vector3d::Zero()));
   CoordinateLaw law;
   law.motor.emplace();
   law.motor->bias = kSpeed;
@@ -241,8 +240,8 @@ TEST_P(AtTicks, AMotorAtItsLimitAccelerates) {
     world.step();
     const double t = world.time();
     const double z = t < there ? 0.5 * a * t * t : kSpeed * (t - 0.5 * there);
-    ASSERT_NEAR(world.state(id).position.z(), z, kPlace) << t;
-    if (std::abs(t - there) > kTime) {
+    ASSERT_NEAR(world.state(id).position.z(), z, kPlaceAtTicks) << t;
+    if (std::abs(t - there) > kTimeAtTicks) {
       ASSERT_EQ(world.joint_state(joint).saturated, t < there) << t;
     }
   }
@@ -253,7 +252,7 @@ TEST_P(AtTicks, AMotorAtItsLimitFollowsASinusoid) {
   constexpr double kForce = 1.0, kFrequency = 0.5, kAmplitude = 0.5;
   const double omega = 2.0 * kPi * kFrequency;
   World world(by_events(GetParam(), 0.0));
-  const BodyId id = world.add_body(ball("ball", 1.0, Vector3d::Zero()));
+  const BodyId id = world.add_body(small_ball("ball", 1.0, Vector3d::Zero()));
   CoordinateLaw law;
   law.motor.emplace();
   law.motor->amplitude = kAmplitude;
@@ -281,14 +280,14 @@ TEST_P(AtTicks, AMotorAtItsLimitFollowsASinusoid) {
   ASSERT_LT(caught, lost);
   for (int i = 0; (i + 1) * GetParam() < 1.2; ++i) {
     world.step();
-    ASSERT_NEAR(world.state(id).position.z(), place(world.time()), kPlace) << world.time();
+    ASSERT_NEAR(world.state(id).position.z(), place(world.time()), kPlaceAtTicks) << world.time();
   }
 }
 
 TEST_P(AtTicks, FrictionStopsASlider) {
   constexpr double kMass = 2.0, kFriction = 3.0, kSpeed = 1.1;
   World world(by_events(GetParam(), 0.0));
-  Body body = ball("ball", kMass, Vector3d::Zero());
+  Body body = small_ball("ball", kMass, Vector3d::Zero());
   body.state.linear_velocity.z() = kSpeed;
   const BodyId id = world.add_body(body);
   CoordinateLaw law;
@@ -299,7 +298,7 @@ TEST_P(AtTicks, FrictionStopsASlider) {
   for (int i = 0; i * GetParam() < 1.0; ++i) {
     world.step();
     const double t = std::min(world.time(), stop);
-    ASSERT_NEAR(world.state(id).position.z(), kSpeed * t - 0.5 * a * t * t, kPlace) << t;
+    ASSERT_NEAR(world.state(id).position.z(), kSpeed * t - 0.5 * a * t * t, kPlaceAtTicks) << t;
   }
   EXPECT_EQ(world.state(id).linear_velocity.z(), 0.0);
 }
@@ -309,8 +308,8 @@ TEST_P(AtTicks, FrictionStopsASlider) {
 TEST_P(AtTicks, AnAnchorDraggedByASpringSticksAndSlips) {
   constexpr double kMass = 1.5, kFriction = 2.0, kStiffness = 30.0, kSpeed = 0.25;
   World world(by_events(GetParam(), 0.0));
-  const BodyId id = world.add_body(ball("dragged", kMass, Vector3d::Zero()));
-  Body puller = ball("puller", 1.0, {0.0, 0.0, 1.0});
+  const BodyId id = world.add_body(small_ball("dragged", kMass, Vector3d::Zero()));
+  Body puller = small_ball("puller", 1.0, {0.0, 0.0, 1.0});
   puller.state.linear_velocity.z() = kSpeed;
   puller.type = BodyType::kKinematic;
   const BodyId end = world.add_body(puller);
@@ -324,7 +323,7 @@ TEST_P(AtTicks, AnAnchorDraggedByASpringSticksAndSlips) {
     world.step();
     const double tau = std::max(world.time() - slips, 0.0);
     const double y = kSpeed * tau - kSpeed / omega * std::sin(omega * tau);
-    ASSERT_NEAR(world.state(id).position.z(), y, kPlace) << world.time();
+    ASSERT_NEAR(world.state(id).position.z(), y, kPlaceAtTicks) << world.time();
   }
 }
 
@@ -333,8 +332,8 @@ TEST_P(AtTicks, AnAnchorDraggedByASpringSticksAndSlips) {
 // by Lagrange's equations in long double.
 TEST_P(AtTicks, AHeavyLoadOnARopeBesideALightBobOnARod) {
   World world(by_events(GetParam()));
-  const BodyId load = world.add_body(ball("load", 1e4, {0.0, 0.0, -0.8}));
-  const BodyId bob = world.add_body(ball("bob", 1.0, {1.0, 0.0, -0.8}));
+  const BodyId load = world.add_body(small_ball("load", 1e4, {0.0, 0.0, -0.8}));
+  const BodyId bob = world.add_body(small_ball("bob", 1.0, {1.0, 0.0, -0.8}));
   world.add_joint(hang("rope", load, rope(1.0)));
   const JointId rod_id =
       world.add_joint(make_joint("rod", load, Vector3d::Zero(), bob, Vector3d::Zero(), rod(1.0)));
@@ -366,7 +365,7 @@ TEST_P(AtTicks, AHeavyLoadOnARopeBesideALightBobOnARod) {
 TEST_P(AtTicks, ARodBreaksWhereItsForceSays) {
   constexpr double kShare = 0.6;  // over 3 m g
   World world(by_events(GetParam()));
-  const BodyId id = world.add_body(ball("bob", 1.0, {1.0, 0.0, 0.0}));
+  const BodyId id = world.add_body(small_ball("bob", 1.0, {1.0, 0.0, 0.0}));
   Joint joint = hang("rod", id, rod(1.0));
   joint.break_force = 3.0 * kGravity * kShare;
   const JointId rod_id = world.add_joint(joint);
@@ -381,7 +380,7 @@ TEST_P(AtTicks, ARodBreaksWhereItsForceSays) {
     ASSERT_EQ(world.joint_state(rod_id).broken, since > 0.0) << world.time();
     if (since < 0.0) continue;
     const Vector3d place = x + since * v - Vector3d(0.0, 0.0, 0.5 * kGravity * since * since);
-    ASSERT_LT((world.state(id).position - place).norm(), kPlace) << world.time();
+    ASSERT_LT((world.state(id).position - place).norm(), kPlaceAtTicks) << world.time();
   }
 }
 

@@ -59,7 +59,7 @@ TEST(FalseAlarms, CorrectionsDoTheWorkThatAWrenchLoses) {
 // ---- commands
 
 /// An arm of 1 kg and 0.5 m on a hinge about y, held level by a motor.
-World arm(Method method, double max_force) {
+World motorized_arm(Method method, double max_force) {
   WorldOptions options;
   options.method = method;
   World world(options);
@@ -85,7 +85,7 @@ void send(World* world, double position) {
 TEST(FalseAlarms, AMotorOnItsWayIsReportedApart) {
   for (const Method method : {Method::kAuto, Method::kEnergyMomentum})
     for (const double max_force : {0.0, 20.0}) {
-      World world = arm(method, max_force);
+      World world = motorized_arm(method, max_force);
       for (int i = 0; i < 10; ++i) world.step();
       send(&world, -0.4);
       double largest = 0.0;
@@ -108,7 +108,7 @@ TEST(FalseAlarms, AMotorOnItsWayIsReportedApart) {
 
 // A motor that cannot lift the arm is saturated; the hinge holds nevertheless.
 TEST(FalseAlarms, AMotorWithoutTheForceIsNoUnclosedJoint) {
-  World world = arm(Method::kAuto, 1.0);
+  World world = motorized_arm(Method::kAuto, 1.0);
   for (int i = 0; i < 300; ++i) {
     const StepReport& report = world.step();
     ASSERT_LE(report.max_constraint_error, 1e-9) << i;

@@ -13,8 +13,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTick = 1.0 / 240.0;
-constexpr double kRadius = 0.05;
+constexpr double kFastTick = 1.0 / 240.0;
+constexpr double kFastRadius = 0.05;
 constexpr double kWall = 1e-3;  // thickness [m]
 // Accuracy of an impact: 1e-9 of the thickness of the wall, and 1e-9 of a tick, which is 2e-9 m at
 // 500 m/s.
@@ -32,8 +32,8 @@ BodyId add_wall(World* world, const Vector3d& position, int axis = 0, double res
 
 BodyId add_ball(World* world, const Vector3d& position, const Vector3d& velocity,
                 double restitution = 0.0) {
-  Body ball =
-      make_body("ball" + std::to_string(world->body_ids().size()), Sphere{kRadius}, 1.0, position);
+  Body ball = make_body("ball" + std::to_string(world->body_ids().size()), Sphere{kFastRadius}, 1.0,
+                        position);
   ball.state.linear_velocity = velocity;
   ball.restitution = restitution;
   return world->add_body(ball);
@@ -42,14 +42,14 @@ BodyId add_ball(World* world, const Vector3d& position, const Vector3d& velocity
 TEST(FastBodies, BallOf500MetresASecondMeetsAWallOfAMillimetreAtItsPlace) {
   for (const double e : {0.0, 0.5, 1.0}) {
     for (const double start : {-0.06, -1.0, -2.0, -3.3}) {
-      WorldOptions integrated = weightless(kTick);
+      WorldOptions integrated = weightless(kFastTick);
       integrated.method = Method::kAuto;  // integrated until the tick of the impact
-      World world(start < -1.5 ? integrated : weightless(kTick));
+      World world(start < -1.5 ? integrated : weightless(kFastTick));
       add_wall(&world, Vector3d::Zero());
       const BodyId ball = add_ball(&world, {start, 0.1, 0.2}, {500.0, 0.0, 0.0}, e);
       run(world, 2);
-      const double at_wall = -kRadius - 0.5 * kWall;
-      const double left = 2.0 * kTick - (at_wall - start) / 500.0;
+      const double at_wall = -kFastRadius - 0.5 * kWall;
+      const double left = 2.0 * kFastTick - (at_wall - start) / 500.0;
       EXPECT_NEAR(world.state(ball).position.x(), at_wall - e * 500.0 * left, kMet) << e << start;
       EXPECT_NEAR(world.state(ball).linear_velocity.x(), -e * 500.0, 1e-9) << e << start;
       EXPECT_FALSE(world.report().hits_left_body);
@@ -58,33 +58,33 @@ TEST(FastBodies, BallOf500MetresASecondMeetsAWallOfAMillimetreAtItsPlace) {
 }
 
 TEST(FastBodies, HitIsToldWithItsForce) {
-  World world(weightless(kTick));
+  World world(weightless(kFastTick));
   add_wall(&world, Vector3d::Zero());
   add_ball(&world, {-1.0, 0.0, 0.0}, {500.0, 0.0, 0.0}, 1.0);
   const StepReport& report = world.step();
   EXPECT_EQ(report.hits, 1u);
   ASSERT_EQ(world.contacts().size(), 1u);
-  EXPECT_NEAR(world.contacts()[0].normal_force, 2.0 * 500.0 / kTick, 1e-6 * 500.0 / kTick);
+  EXPECT_NEAR(world.contacts()[0].normal_force, 2.0 * 500.0 / kFastTick, 1e-6 * 500.0 / kFastTick);
   EXPECT_EQ(world.step().hits, 0u);
 }
 
 // A ball that misses the edge of the wall by a centimetre moves straight on.
 TEST(FastBodies, MissStaysAMiss) {
-  World world(weightless(kTick));
+  World world(weightless(kFastTick));
   add_wall(&world, Vector3d::Zero());
-  const Vector3d start(-1.0, 2.0 + kRadius + 0.01, 0.0);
+  const Vector3d start(-1.0, 2.0 + kFastRadius + 0.01, 0.0);
   const Vector3d velocity(500.0, 0.0, 0.0);
   const BodyId ball = add_ball(&world, start, velocity);
   for (int step = 1; step <= 3; ++step) {
     EXPECT_EQ(world.step().hits, 0u);
     EXPECT_EQ(world.report().contacts, 0u);
     EXPECT_EQ(world.state(ball).linear_velocity, velocity);
-    EXPECT_LT((world.state(ball).position - (start + step * kTick * velocity)).norm(), 1e-13);
+    EXPECT_LT((world.state(ball).position - (start + step * kFastTick * velocity)).norm(), 1e-13);
   }
   // a micrometre nearer the ball hits the edge
-  World other(weightless(kTick));
+  World other(weightless(kFastTick));
   add_wall(&other, Vector3d::Zero());
-  const BodyId grazing = add_ball(&other, {-1.0, 2.0 + kRadius - 1e-6, 0.0}, velocity);
+  const BodyId grazing = add_ball(&other, {-1.0, 2.0 + kFastRadius - 1e-6, 0.0}, velocity);
   other.step();
   EXPECT_EQ(other.report().hits, 1u);
   EXPECT_NE(other.state(grazing).linear_velocity.y(), 0.0);
@@ -92,26 +92,26 @@ TEST(FastBodies, MissStaysAMiss) {
 
 // A ball between two walls: its path is that of a free ball, folded.
 TEST(FastBodies, BounceSeveralTimesInAStep) {
-  World world(weightless(kTick));
+  World world(weightless(kFastTick));
   add_wall(&world, {-0.25, 0.0, 0.0});
   add_wall(&world, {0.25, 0.0, 0.0});
   const double speed = 500.0;
   const BodyId ball = add_ball(&world, {0.1, 0.0, 0.0}, {speed, 0.0, 0.0}, 1.0);
-  const double width = 0.5 - kWall - 2.0 * kRadius;
+  const double width = 0.5 - kWall - 2.0 * kFastRadius;
   std::uint32_t hits = 0;
   for (int step = 1; step <= 50; ++step) {
     hits += world.step().hits;
-    const double way = 0.1 + 0.5 * width + speed * step * kTick;
+    const double way = 0.1 + 0.5 * width + speed * step * kFastTick;
     const double folded = std::fmod(way, 2.0 * width);
     const double x = (folded < width ? folded : 2.0 * width - folded) - 0.5 * width;
     EXPECT_NEAR(world.state(ball).position.x(), x, (hits + 1) * kMet) << step;
     EXPECT_NEAR(std::abs(world.state(ball).linear_velocity.x()), speed, 1e-9);
   }
-  EXPECT_EQ(hits, static_cast<std::uint32_t>((0.1 + 0.5 * width + speed * 50 * kTick) / width));
+  EXPECT_EQ(hits, static_cast<std::uint32_t>((0.1 + 0.5 * width + speed * 50 * kFastTick) / width));
 }
 
 TEST(FastBodies, TooManyHitsAreToldAndNothingIsPassedThrough) {
-  World world(weightless(kTick));
+  World world(weightless(kFastTick));
   add_wall(&world, {-0.06, 0.0, 0.0});
   add_wall(&world, {0.06, 0.0, 0.0});
   const BodyId ball = add_ball(&world, {0.0, 0.0, 0.0}, {500.0, 0.0, 0.0}, 1.0);
@@ -130,7 +130,7 @@ TEST(FastBodies, NoneLeavesARoomOfThinWallsAndNoneGainsEnergy) {
     return low + (high - low) * (static_cast<double>(generator()) / 4294967296.0);
   };
   for (const double e : {0.0, 0.7, 1.0}) {
-    World world(weightless(kTick));
+    World world(weightless(kFastTick));
     for (int axis = 0; axis < 3; ++axis)
       for (const double side : {-0.6, 0.6}) add_wall(&world, side * Vector3d::Unit(axis), axis, e);
     std::vector<BodyId> balls;
@@ -166,7 +166,7 @@ TEST(FastBodies, TurningBoxesStayOnTheirSideAndGainNoEnergy) {
   std::uint32_t hits = 0;
   int told = 0;
   for (int trial = 0; trial < 100; ++trial) {
-    World world(weightless(kTick));
+    World world(weightless(kFastTick));
     add_wall(&world, Vector3d::Zero());
     Body box = make_body("box", Box{{0.3, 0.1, 0.05}}, 2.0, {-1.0, 0.1, 0.2});
     box.state.orientation = random.orientation();
@@ -191,19 +191,19 @@ TEST(FastBodies, TurningBoxesStayOnTheirSideAndGainNoEnergy) {
 }
 
 TEST(FastBodies, ElasticBallsExchangeTheirVelocities) {
-  World world(weightless(kTick));
+  World world(weightless(kFastTick));
   const BodyId a = add_ball(&world, {-1.0, 0.0, 0.0}, {400.0, 0.0, 0.0}, 1.0);
   const BodyId b = add_ball(&world, {0.0, 0.0, 0.0}, {-100.0, 0.0, 0.0}, 1.0);
   world.step();
-  const double t = (1.0 - 2.0 * kRadius) / 500.0;
+  const double t = (1.0 - 2.0 * kFastRadius) / 500.0;
   EXPECT_NEAR(world.state(a).linear_velocity.x(), -100.0, 1e-9);
   EXPECT_NEAR(world.state(b).linear_velocity.x(), 400.0, 1e-9);
-  EXPECT_NEAR(world.state(a).position.x(), -1.0 + 400.0 * t - 100.0 * (kTick - t), kMet);
-  EXPECT_NEAR(world.state(b).position.x(), -100.0 * t + 400.0 * (kTick - t), kMet);
+  EXPECT_NEAR(world.state(a).position.x(), -1.0 + 400.0 * t - 100.0 * (kFastTick - t), kMet);
+  EXPECT_NEAR(world.state(b).position.x(), -100.0 * t + 400.0 * (kFastTick - t), kMet);
 }
 
 TEST(FastBodies, WallThatMovesByItselfStrikesABallAtRest) {
-  World world(weightless(kTick));
+  World world(weightless(kFastTick));
   const BodyId wall = add_wall(&world, {-0.5, 0.0, 0.0});
   Body moving = world.body(wall);
   world.remove_body(wall);
@@ -212,13 +212,13 @@ TEST(FastBodies, WallThatMovesByItselfStrikesABallAtRest) {
   world.add_body(moving);
   const BodyId ball = add_ball(&world, Vector3d::Zero(), Vector3d::Zero(), 1.0);
   world.step();
-  const double t = (0.5 - kRadius - 0.5 * kWall) / 200.0;
+  const double t = (0.5 - kFastRadius - 0.5 * kWall) / 200.0;
   EXPECT_NEAR(world.state(ball).linear_velocity.x(), 400.0, 1e-9);
-  EXPECT_NEAR(world.state(ball).position.x(), 400.0 * (kTick - t), kMet);
+  EXPECT_NEAR(world.state(ball).position.x(), 400.0 * (kFastTick - t), kMet);
 }
 
 TEST(FastBodies, WakeWhatTheyHit) {
-  WorldOptions sleepy = weightless(kTick);
+  WorldOptions sleepy = weightless(kFastTick);
   sleepy.sleep_after = 0.01;
   World world(sleepy);
   const BodyId target = add_ball(&world, {0.0, 0.0, 0.0}, Vector3d::Zero(), 1.0);
@@ -232,18 +232,18 @@ TEST(FastBodies, WakeWhatTheyHit) {
 
 // A falling ball meets the floor where the step's own parabola does.
 TEST(FastBodies, FallOnAThinFloor) {
-  World world(options(kTick));
+  World world(options(kFastTick));
   add_wall(&world, Vector3d::Zero(), 2);
   const BodyId ball = add_ball(&world, {0.0, 0.0, 1.0}, {0.0, 0.0, -300.0}, 0.0);
   run(world, 100);
   // at rest, with an overlap of the fall of a step
-  const double slop = kGravity * kTick * kTick;
-  EXPECT_NEAR(world.state(ball).position.z(), kRadius + 0.5 * kWall, slop * 1.01);
+  const double slop = kGravity * kFastTick * kFastTick;
+  EXPECT_NEAR(world.state(ball).position.z(), kFastRadius + 0.5 * kWall, slop * 1.01);
   EXPECT_LT(world.state(ball).linear_velocity.norm(), 1e-3);
 }
 
 TEST(FastBodies, GoOnAsTheyWereCopied) {
-  World world(weightless(kTick));
+  World world(weightless(kFastTick));
   add_wall(&world, {-0.25, 0.0, 0.0});
   add_wall(&world, {0.25, 0.0, 0.0});
   add_ball(&world, {0.1, 0.0, 0.0}, {500.0, 3.0, 0.0}, 0.99);

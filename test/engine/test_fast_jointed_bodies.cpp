@@ -12,7 +12,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kSpeed = 500.0;
-constexpr double kRadius = 0.05;
+constexpr double kBobRadius = 0.05;
 constexpr double kPlate = 1e-3;  // thickness [m]
 
 void add_plate(World* world, const Vector3d& size, const Vector3d& position, double restitution) {
@@ -22,7 +22,7 @@ void add_plate(World* world, const Vector3d& size, const Vector3d& position, dou
   world->add_body(plate);
 }
 
-WorldOptions by(Method method, double time_step) {
+WorldOptions weightless_by(Method method, double time_step) {
   WorldOptions options = weightless(time_step);
   options.method = method;
   return options;
@@ -43,8 +43,8 @@ std::vector<BodyId> add_joined_balls(World* world, double x, double z, double re
                                      double break_force = 0.0) {
   std::vector<BodyId> ids;
   for (const double behind : {0.0, 0.3}) {
-    Body ball =
-        make_body("ball" + std::to_string(ids.size()), Sphere{kRadius}, 1.0, {x - behind, 0.0, z});
+    Body ball = make_body("ball" + std::to_string(ids.size()), Sphere{kBobRadius}, 1.0,
+                          {x - behind, 0.0, z});
     ball.state.linear_velocity.x() = kSpeed;
     ball.restitution = restitution;
     ids.push_back(world->add_body(ball));
@@ -60,10 +60,10 @@ TEST(FastJointedBodies, EventsMeetAPlateAtItsPlace) {
   constexpr double kRestitution = 0.5;
   for (const Method method : {Method::kAuto, Method::kEventDriven}) {
     for (const double tick : {1.0 / 60, 1.0 / 240, 1.0 / 1000}) {
-      World world(by(method, tick));
+      World world(weightless_by(method, tick));
       add_plate(&world, {1.0, 2.0, kPlate}, {1.0, 0.0, -0.5}, kRestitution);
-      const BodyId bob = add_bob(&world, Sphere{kRadius}, kRestitution);
-      const double hit = std::asin(0.5 - 0.5 * kPlate - kRadius);
+      const BodyId bob = add_bob(&world, Sphere{kBobRadius}, kRestitution);
+      const double hit = std::asin(0.5 - 0.5 * kPlate - kBobRadius);
       while (world.time() < 0.016) {
         world.step();
         const double way = kSpeed * world.time() - hit;
@@ -80,12 +80,12 @@ TEST(FastJointedBodies, EventsMeetAPlateAtItsPlace) {
 
 // Impulses, requested or as the fallback for contacts: e = 0 leaves the bob on the plate.
 TEST(FastJointedBodies, ABobStaysOnAPlateWhoeverCarriesIt) {
-  const Shape shapes[] = {Sphere{kRadius}, Box{Vector3d::Constant(2.0 * kRadius)},
-                          Cylinder{kRadius, 2.0 * kRadius}};
+  const Shape shapes[] = {Sphere{kBobRadius}, Box{Vector3d::Constant(2.0 * kBobRadius)},
+                          Cylinder{kBobRadius, 2.0 * kBobRadius}};
   for (const Shape& shape : shapes) {
     for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kSequentialImpulses}) {
       for (const double tick : {1.0 / 60, 1.0 / 240, 1.0 / 1000}) {
-        World world(by(method, tick));
+        World world(weightless_by(method, tick));
         add_plate(&world, {1.0, 2.0, kPlate}, {1.0, 0.0, -0.5}, 0.0);
         const BodyId bob = add_bob(&world, shape, 0.0);
         const double before = world.energy();
@@ -105,7 +105,7 @@ TEST(FastJointedBodies, JoinedBallsStayOnTheirSideOfAWall) {
   for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kSequentialImpulses}) {
     for (const double e : {0.0, 0.5, 1.0}) {
       for (const double tick : {1.0 / 60, 1.0 / 240, 1.0 / 1000}) {
-        World world(by(method, tick));
+        World world(weightless_by(method, tick));
         add_plate(&world, {kPlate, 4.0, 4.0}, Vector3d::Zero(), e);
         const std::vector<BodyId> balls = add_joined_balls(&world, -1.0, 0.0, e);
         const double before = world.energy();
@@ -125,7 +125,7 @@ TEST(FastJointedBodies, JoinedBallsStayOnTheirSideOfAWall) {
 TEST(FastJointedBodies, ABarOnAHingeStopsAtAPlate) {
   for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kSequentialImpulses}) {
     for (const double tick : {1.0 / 60, 1.0 / 240, 1.0 / 1000}) {
-      World world(by(method, tick));
+      World world(weightless_by(method, tick));
       add_plate(&world, {0.5, 2.0, kPlate}, {0.9, 0.0, -0.4}, 0.0);
       Body bar = make_body("bar", Box{{2.0, 0.1, 0.1}}, 1.0, Vector3d::Zero());
       bar.state.angular_velocity.y() = kSpeed;
@@ -155,10 +155,10 @@ TEST(FastJointedBodies, ABarOnAHingeStopsAtAPlate) {
 TEST(FastJointedBodies, AMissStaysAMiss) {
   for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kSequentialImpulses}) {
     for (const double tick : {1.0 / 240, 1.0 / 1000}) {
-      World world(by(method, tick)), without(by(method, tick));
-      add_plate(&world, {1.0, 2.0, kPlate}, {1.0 + kRadius + 0.01 + 0.5, 0.0, -0.1}, 1.0);
-      const BodyId bob = add_bob(&world, Sphere{kRadius}, 1.0);
-      const BodyId free = add_bob(&without, Sphere{kRadius}, 1.0);
+      World world(weightless_by(method, tick)), without(weightless_by(method, tick));
+      add_plate(&world, {1.0, 2.0, kPlate}, {1.0 + kBobRadius + 0.01 + 0.5, 0.0, -0.1}, 1.0);
+      const BodyId bob = add_bob(&world, Sphere{kBobRadius}, 1.0);
+      const BodyId free = add_bob(&without, Sphere{kBobRadius}, 1.0);
       while (world.time() < 0.02) {
         world.step();
         without.step();
@@ -167,8 +167,7 @@ TEST(FastJointedBodies, AMissStaysAMiss) {
         if (method == Method::kSequentialImpulses) continue;
         EXPECT_LT((world.state(bob).position - without.state(free).position).norm(), 1e-7)
             << name(method) << ' ' << tick;
-        EXPECT_EQ(world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)],
-                  0u);
+        EXPECT_EQ(world.report().islands[index_of(Method::kSequentialImpulses)], 0u);
       }
     }
   }
@@ -179,7 +178,7 @@ TEST(FastJointedBodies, AMissStaysAMiss) {
 TEST(FastJointedBodies, ARodBreaksByTheMeanOfTheTick) {
   constexpr double kTick = 1.0 / 240;
   for (const double bears : {0.9, 1.1}) {
-    World world(by(Method::kSequentialImpulses, kTick));
+    World world(weightless_by(Method::kSequentialImpulses, kTick));
     add_plate(&world, {kPlate, 4.0, 4.0}, Vector3d::Zero(), 0.0);
     add_joined_balls(&world, -1.0, 0.0, 0.0, bears * kSpeed / kTick);
     const JointId rod = world.joint_ids().front();
@@ -192,7 +191,7 @@ TEST(FastJointedBodies, ARodBreaksByTheMeanOfTheTick) {
 
 // A sleeping plate of a kilogram stops the balls and moves with them.
 TEST(FastJointedBodies, WakeWhatTheyMayHit) {
-  WorldOptions options = by(Method::kSequentialImpulses, 1.0 / 240);
+  WorldOptions options = weightless_by(Method::kSequentialImpulses, 1.0 / 240);
   options.sleep_after = 0.01;
   World world(options);
   const BodyId plate =
@@ -209,9 +208,9 @@ TEST(FastJointedBodies, WakeWhatTheyMayHit) {
 
 // Balls that slide along a plate, nearer than a step can be divided.
 TEST(FastJointedBodies, WhatIsLeftIsTold) {
-  World world(by(Method::kSequentialImpulses, 1.0 / 60));
+  World world(weightless_by(Method::kSequentialImpulses, 1.0 / 60));
   add_plate(&world, {40.0, 4.0, kPlate}, {15.0, 0.0, 0.0}, 0.0);
-  add_joined_balls(&world, 0.0, 0.5 * kPlate + kRadius + 1e-5, 0.0);
+  add_joined_balls(&world, 0.0, 0.5 * kPlate + kBobRadius + 1e-5, 0.0);
   world.step();
   ASSERT_EQ(step_warnings(world).size(), 1u);
   EXPECT_EQ(to_string(step_warnings(world)[0]),

@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTime = 1e-9, kPlace = 1e-8, kMass = 2.0;
+constexpr double kSlidingMass = 2.0;
 
 WorldOptions automatic(const Carried& by, double gravity = 0.0) { return by_events(by, gravity); }
 
@@ -30,7 +30,7 @@ struct Slider {
 
   Slider(const WorldOptions& options, const CoordinateLaw& law, double speed = 0.0)
       : world(options) {
-    Body body = make_body("body", Sphere{0.1}, kMass, Vector3d::Zero());
+    Body body = make_body("body", Sphere{0.1}, kSlidingMass, Vector3d::Zero());
     body.state.linear_velocity.z() = speed;
     id = world.add_body(body);
     Joint slider = make_joint("slider", kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(),
@@ -87,10 +87,11 @@ struct LimitedOscillator {
 
   std::pair<double, double> after(double h) const {
     if (side != 0) {
-      const double a = (load + side * most) / kMass;
+      const double a = (load + side * most) / kSlidingMass;
       return {q + v * h + 0.5 * a * h * h, v + a * h};
     }
-    const double delta = 0.5 * C / kMass, omega = std::sqrt(K / kMass - delta * delta);
+    const double delta = 0.5 * C / kSlidingMass,
+                 omega = std::sqrt(K / kSlidingMass - delta * delta);
     const double center = R + load / K, y = q - center, b = (v + delta * y) / omega;
     const double decay = std::exp(-delta * h), c = std::cos(omega * h), s = std::sin(omega * h);
     const double now = decay * (y * c + b * s);
@@ -141,20 +142,21 @@ TEST_P(ForceLimitsAt, AServoIsAtItsLimitUntilItIsNear) {
     for (const double gravity : {0.0, kGravity}) {
       Slider slider(automatic(GetParam(), gravity), servo(1.0, 60.0, damping, 30.0));
       EXPECT_EQ(slider.world.islands().front().why, MethodReason::kForceLimit);
-      LimitedOscillator exact{60.0, 1.0, damping, 30.0, -kMass * gravity};
+      LimitedOscillator exact{60.0, 1.0, damping, 30.0, -kSlidingMass * gravity};
       std::vector<double> told;
       for (int i = 0; i < steps(3.0); ++i) {
         slider.world.step();
         for (const Event& event : slider.world.events()) told.push_back(event.time);
         ASSERT_EQ(slider.world.islands().front().method, Method::kEventDriven);
-        ASSERT_NEAR(slider.q(), exact.at(slider.world.time()), kPlace) << slider.world.time();
-        if (std::abs(slider.world.time() - exact.changes.back()) > kTime) {
+        ASSERT_NEAR(slider.q(), exact.at(slider.world.time()), kPlaceAtTicks)
+            << slider.world.time();
+        if (std::abs(slider.world.time() - exact.changes.back()) > kTimeAtTicks) {
           ASSERT_EQ(slider.state().saturated, exact.side != 0) << slider.world.time();
         }
       }
       ASSERT_EQ(told.size() + 1, exact.changes.size()) << damping;
       for (std::size_t k = 0; k < told.size(); ++k)
-        EXPECT_NEAR(told[k], exact.changes[k + 1], kTime);
+        EXPECT_NEAR(told[k], exact.changes[k + 1], kTimeAtTicks);
       EXPECT_GE(told.size(), damping < 2.0 ? 4u : 1u);
     }
   }
@@ -162,19 +164,20 @@ TEST_P(ForceLimitsAt, AServoIsAtItsLimitUntilItIsNear) {
 
 TEST_P(ForceLimitsAt, ASpringOfALengthIsAtItsLimitUntilItIsNear) {
   World world(automatic(GetParam(), kGravity));
-  const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, kMass, {0.0, 0.0, -1.5}));
+  const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, kSlidingMass, {0.0, 0.0, -1.5}));
   Joint joint = hang("spring", id, spring(1.0, 200.0, 4.0));
   joint.motor.max_force = 50.0;
   const JointId of = world.add_joint(joint);
   EXPECT_EQ(world.islands().front().why, MethodReason::kForceLimit);
-  LimitedOscillator exact{200.0, 1.0, 4.0, 50.0, kMass * kGravity};  // along −z
+  LimitedOscillator exact{200.0, 1.0, 4.0, 50.0, kSlidingMass * kGravity};  // along −z
   exact.q = 1.5;
   double energy = world.energy();
   for (int i = 0; i < steps(2.0); ++i) {
     world.step();
     ASSERT_EQ(world.islands().front().method, Method::kEventDriven);
-    ASSERT_NEAR(-world.state(id).position.z(), exact.at(world.time()), kPlace) << world.time();
-    if (std::abs(world.time() - exact.changes.back()) > kTime) {
+    ASSERT_NEAR(-world.state(id).position.z(), exact.at(world.time()), kPlaceAtTicks)
+        << world.time();
+    if (std::abs(world.time() - exact.changes.back()) > kTimeAtTicks) {
       ASSERT_EQ(world.joint_state(of).saturated, exact.side != 0);
     }
     ASSERT_LT(world.energy(),
@@ -187,7 +190,7 @@ TEST_P(ForceLimitsAt, ASpringOfALengthIsAtItsLimitUntilItIsNear) {
 // A spring whose other end is moved by a motor.
 TEST_P(ForceLimitsAt, ASpringThatAMotorWindsSlipsNoFurtherThanItsLimit) {
   World world(automatic(GetParam()));
-  const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, kMass, {0.0, 0.0, -1.0}));
+  const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, kSlidingMass, {0.0, 0.0, -1.0}));
   Joint joint = hang("spring", id, spring(1.0, 30.0, 0.0));
   joint.motor.max_force = 2.0;
   joint.motor.bias = 0.5;
@@ -198,7 +201,7 @@ TEST_P(ForceLimitsAt, ASpringThatAMotorWindsSlipsNoFurtherThanItsLimit) {
   for (int i = 0; i < steps(2.0); ++i) {
     world.step();
     const double expected = 1.0 + 0.5 * world.time() + exact.at(world.time());
-    ASSERT_NEAR(-world.state(id).position.z(), expected, kPlace) << world.time();
+    ASSERT_NEAR(-world.state(id).position.z(), expected, kPlaceAtTicks) << world.time();
   }
   EXPECT_GT(exact.changes.size(), 3u);
 }
@@ -220,13 +223,13 @@ TEST_P(ForceLimitsAt, AServoBelowItsLimitIsTheOneWithout) {
 // which is reported.
 TEST(ForceLimits, AStiffServoIsFollowedBySubsteps) {
   for (const double omega : {1e2, 1e4, 2e5}) {
-    const double K = kMass * omega * omega;
+    const double K = kSlidingMass * omega * omega;
     for (const Method method : {Method::kAuto, Method::kEventDriven}) {
       WorldOptions options = automatic(1.0 / 60);
       options.tolerance = 1e-8;
       options.method = method;
       if (omega > 1e5 && method == Method::kEventDriven) continue;  // some 1e4 substeps a tick
-      Slider slider(options, servo(0.01, K, 2.0 * kMass * omega, 0.005 * K));
+      Slider slider(options, servo(0.01, K, 2.0 * kSlidingMass * omega, 0.005 * K));
       const bool is_left = omega > 1e5;
       EXPECT_EQ(slider.world.islands().front().why,
                 is_left ? MethodReason::kLimitedSpring : MethodReason::kForceLimit);
@@ -266,11 +269,12 @@ TEST_P(ForceLimitsAt, AMotorTooWeakForItsCourseStopsInItsPositionAllTheSame) {
   Slider slider(automatic(GetParam()), to_position(kGoal, kForce));
   const double T = slider.world.options().closing_time;
   const auto course = [&](double t) { return closing_course(t, T); };
-  const double lost = bisect(
-      0.0, 0.2 * T, [&](double t) { return -kGoal * course(t).acceleration * kMass < kForce; });
+  const double lost = bisect(0.0, 0.2 * T, [&](double t) {
+    return -kGoal * course(t).acceleration * kSlidingMass < kForce;
+  });
   ASSERT_LT(lost, 0.19 * T);
   const double q1 = kGoal * (1.0 - course(lost).value), v1 = -kGoal * course(lost).rate;
-  const double a = kForce / kMass, b = 0.5 * a;
+  const double a = kForce / kSlidingMass, b = 0.5 * a;
   const double q2 = (2.0 * b * kGoal + 2.0 * a * q1 - v1 * v1) / (2.0 * (a + b));
   const double v2 = std::sqrt(2.0 * b * (kGoal - q2)), brakes = lost + (v2 - v1) / a,
                rests = brakes + v2 / b;
@@ -283,8 +287,8 @@ TEST_P(ForceLimitsAt, AMotorTooWeakForItsCourseStopsInItsPositionAllTheSame) {
                      : t < brakes ? q1 + v1 * since + 0.5 * a * since * since
                      : t < rests  ? kGoal - 0.5 * b * left * left
                                   : kGoal;
-    ASSERT_NEAR(slider.q(), q, kPlace) << t;
-    if (std::abs(t - lost) > kTime && std::abs(t - brakes) > kTime) {
+    ASSERT_NEAR(slider.q(), q, kPlaceAtTicks) << t;
+    if (std::abs(t - lost) > kTimeAtTicks && std::abs(t - brakes) > kTimeAtTicks) {
       ASSERT_EQ(slider.state().saturated, t > lost && t < brakes) << t;
     }
     if (t - GetParam() > brakes && t < rests) {
@@ -293,9 +297,9 @@ TEST_P(ForceLimitsAt, AMotorTooWeakForItsCourseStopsInItsPositionAllTheSame) {
   }
   ASSERT_EQ(told.size(), 2u);
   EXPECT_EQ(told[0].kind, EventKind::kSaturated);
-  EXPECT_NEAR(told[0].time, lost, kTime);
+  EXPECT_NEAR(told[0].time, lost, kTimeAtTicks);
   EXPECT_EQ(told[1].kind, EventKind::kReleased);
-  EXPECT_NEAR(told[1].time, brakes, kTime);
+  EXPECT_NEAR(told[1].time, brakes, kTimeAtTicks);
   EXPECT_NEAR(slider.q(), kGoal, 1e-15);
   EXPECT_EQ(slider.rate(), 0.0);
 }
@@ -305,8 +309,9 @@ TEST_P(ForceLimitsAt, AMotorThatALoadPushesAwayComesBack) {
   constexpr double kForce = 15.0, kLoad = -20.0, kFor = 0.5;
   Slider slider(automatic(GetParam()), to_position(0.0, kForce));
   slider.push(kLoad, 0.1, kFor);
-  const double away = (kForce + kLoad) / kMass, end = 0.1 + kFor;
-  const double q1 = 0.5 * away * kFor * kFor, v1 = away * kFor, a = kForce / kMass, b = 0.5 * a;
+  const double away = (kForce + kLoad) / kSlidingMass, end = 0.1 + kFor;
+  const double q1 = 0.5 * away * kFor * kFor, v1 = away * kFor, a = kForce / kSlidingMass,
+               b = 0.5 * a;
   const double q2 = (2.0 * a * q1 - v1 * v1) / (2.0 * (a + b)), v2 = std::sqrt(-2.0 * b * q2);
   const double brakes = end + (v2 - v1) / a, rests = brakes + v2 / b;
   for (int i = 0; i < steps(3.0); ++i) {
@@ -317,8 +322,8 @@ TEST_P(ForceLimitsAt, AMotorThatALoadPushesAwayComesBack) {
                      : t < brakes ? q1 + v1 * since + 0.5 * a * since * since
                      : t < rests  ? -0.5 * b * left * left
                                   : 0.0;
-    ASSERT_NEAR(slider.q(), q, kPlace) << t;
-    if (std::abs(t - 0.1) > kTime && std::abs(t - brakes) > kTime) {
+    ASSERT_NEAR(slider.q(), q, kPlaceAtTicks) << t;
+    if (std::abs(t - 0.1) > kTimeAtTicks && std::abs(t - brakes) > kTimeAtTicks) {
       ASSERT_EQ(slider.state().saturated, t > 0.1 && t < brakes) << t;
     }
   }
@@ -338,7 +343,7 @@ TEST_P(ForceLimitsAt, AMotorHoldsWithItsForceAndFriction) {
     ASSERT_EQ(holds.q(), 0.0);
     ASSERT_FALSE(holds.state().saturated);
     if (t > 0.4) break;
-    ASSERT_NEAR(gives_way.q(), 0.5 * (8.0 - 6.0) / kMass * t * t, kPlace);
+    ASSERT_NEAR(gives_way.q(), 0.5 * (8.0 - 6.0) / kSlidingMass * t * t, kPlaceAtTicks);
   }
   // The motor brakes without counting on friction: b is its own force.
   run(gives_way.world, steps(2.0));

@@ -5,8 +5,8 @@
 #include "constraint_sim/engine/snapshot.h"
 #include "engine/snapshot/snapshot_checks.h"
 #include "sanitized.h"
+#include "shipped_scenes.h"
 #include "support.h"
-#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -20,11 +20,8 @@ constexpr int kChanges = 200;
 const char* const kScenes[] = {"double_pendulum", "gear_train", "two_boxes", "winch",
                                "heavy_load",      "crane",      "gripper",   "stewart_platform"};
 
-World shipped(const std::string& scene, Method method) {
-  World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR) + "/" + scene + ".yaml");
-  WorldOptions options = world.options();
-  options.method = method;
-  world.set_options(options);
+World after_steps(const std::string& scene, Method method) {
+  World world = shipped(scene, method);
   for (int i = 0; i < 20; ++i) world.step();
   return world;
 }
@@ -68,7 +65,7 @@ TEST(ForgedSnapshots, AreRefusedOrGiveAWorldThatCanBeStepped) {
     for (const Method method : {Method::kAuto, Method::kEnergyMomentum, Method::kEventDriven,
                                 Method::kSequentialImpulses}) {
       SCOPED_TRACE(std::string(scene) + " by " + name(method));
-      const std::string bytes = write_snapshot(shipped(scene, method));
+      const std::string bytes = write_snapshot(after_steps(scene, method));
       ASSERT_EQ(write_snapshot(read_world(bytes, true)), bytes);
       for (int i = 0; i < kChanges / 4; ++i) {
         const std::string forged = changed(bytes, &random);
@@ -95,7 +92,7 @@ TEST(ForgedSnapshots, AreRefusedOrGiveAWorldThatCanBeStepped) {
 }
 
 TEST(ForgedSnapshots, ThatAreCutOffAreRefused) {
-  const std::string bytes = write_snapshot(shipped("two_boxes", Method::kAuto));
+  const std::string bytes = write_snapshot(after_steps("two_boxes", Method::kAuto));
   std::mt19937 random(3);
   for (int i = 0; i < 200; ++i)
     EXPECT_THROW(read_world(bytes.substr(0, random() % bytes.size()), false), SnapshotError);

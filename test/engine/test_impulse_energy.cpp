@@ -2,8 +2,8 @@
 // position corrections it never rises, at any tick, mass ratio and number of sweeps.
 
 #include "constraint_sim/engine/scene.h"
+#include "shipped_scenes.h"
 #include "support.h"
-#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -203,22 +203,22 @@ void expect_no_gain(MakeWorld make, int scenes, bool soft, double tolerance) {
   }
 }
 
-constexpr double kRounding = 1e-11;
+constexpr double kEnergyRounding = 1e-11;
 
 TEST(ImpulseEnergy, NeverRisesInChains) {
-  expect_no_gain(random_chain, 60 / kSeedShare, false, kRounding);
+  expect_no_gain(random_chain, 60 / kSeedShare, false, kEnergyRounding);
 }
 TEST(ImpulseEnergy, NeverRisesInNets) {
-  expect_no_gain(random_net, 30 / kSeedShare, false, kRounding);
+  expect_no_gain(random_net, 30 / kSeedShare, false, kEnergyRounding);
 }
 TEST(ImpulseEnergy, NeverRisesInStacks) {
-  expect_no_gain(random_stack, 30 / kSeedShare, false, kRounding);
+  expect_no_gain(random_stack, 30 / kSeedShare, false, kEnergyRounding);
 }
 TEST(ImpulseEnergy, NeverRisesInBridges) {
-  expect_no_gain(random_bridge, 30 / kSeedShare, false, kRounding);
+  expect_no_gain(random_bridge, 30 / kSeedShare, false, kEnergyRounding);
 }
 TEST(ImpulseEnergy, NeverRisesWithSprings) {
-  expect_no_gain(random_chain, 60 / kSeedShare, true, kRounding);
+  expect_no_gain(random_chain, 60 / kSeedShare, true, kEnergyRounding);
 }
 
 // ---- reported work, against closed forms
@@ -344,10 +344,7 @@ TEST(SelfStress, OfAnImpactIsLost) {
 // Nine planks of 1 kg and two balls of 3 kg together, fallen onto them: about 70 N at each joint,
 // also after impacts of 60 kN.
 TEST(SelfStress, OfTheShippedBridgeIsLost) {
-  World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/bridge.yaml");
-  WorldOptions chosen = world.options();
-  chosen.method = Method::kSequentialImpulses;
-  world.set_options(chosen);
+  World world = shipped("bridge", Method::kSequentialImpulses);
   run(world, 5000);
   const double weight = 12.0 * kGravity;
   for (const JointId joint : world.joint_ids())

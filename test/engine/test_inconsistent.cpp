@@ -26,9 +26,9 @@ using Eigen::Vector3d;
 constexpr double kClosingTime = 0.5;
 
 /// An island advanced by InconsistentMotion alone, from the first step on.
-class Island {
+class LoneIsland {
  public:
-  explicit Island(double gravity = kGravity) : gravity_(0.0, 0.0, -gravity) {
+  explicit LoneIsland(double gravity = kGravity) : gravity_(0.0, 0.0, -gravity) {
     add(0.0, Vector3d::Zero());
   }
 
@@ -206,7 +206,7 @@ Vector3d fit(Vector3d x, double share) {
       gradient += error * n;
       slope += n * n.transpose() + error / d.norm() * (Matrix3d::Identity() - n * n.transpose());
     }
-    const Vector3d change = slope.partialPivLu().solve(gradient);
+    const Vector3d change = slope.inverse() * gradient;
     x -= change;
     if (change.norm() < 1e-15) break;
   }
@@ -225,7 +225,7 @@ TEST(Inconsistent, FiveRodsComeToRestWhereTheirErrorsAreLeast) {
     x = next;
   }
   for (const double h : kSteps) {
-    Island island;
+    LoneIsland island;
     const std::size_t bob = island.add(2.0, kTetrahedronStart);
     for (const Anchor& anchor : kTetrahedron)
       island.join(0, anchor.place, bob, Vector3d::Zero(), rod(anchor.length));
@@ -247,8 +247,8 @@ TEST(Inconsistent, FiveRodsComeToRestWhereTheirErrorsAreLeast) {
 
 // ---- momenta
 
-Island five_points(double gravity, double too_long) {
-  Island island(gravity);
+LoneIsland five_points(double gravity, double too_long) {
+  LoneIsland island(gravity);
   const List<Vector3d> places{
       {1.0, 1.0, 1.0}, {1.0, -1.0, -1.0}, {-1.0, 1.0, -1.0}, {-1.0, -1.0, 1.0}, {0.0, 0.0, 0.1}};
   for (std::size_t i = 0; i < places.size(); ++i) {
@@ -266,7 +266,7 @@ Island five_points(double gravity, double too_long) {
 // Rounding accumulates over the ticks: 1e-15 of 18.5 kg m²/s in each of 4000.
 TEST(Inconsistent, ATumblingNetKeepsItsMomenta) {
   for (const double h : kSteps) {
-    Island island = five_points(0.0, 1.2);
+    LoneIsland island = five_points(0.0, 1.2);
     const Vector3d P = island.momentum(), L = island.angular_momentum();
     for (long k = 0; k < ticks(4.0, h); ++k) {
       const double before = island.kinetic_energy();
@@ -286,7 +286,7 @@ TEST(Inconsistent, ATumblingNetKeepsItsMomenta) {
 // corrections, up to 1e-14 m, on the angular momentum accumulates.
 TEST(Inconsistent, TumblingBoxesKeepTheirMomenta) {
   for (const double h : kSteps) {
-    Island island(0.0);
+    LoneIsland island(0.0);
     const std::size_t a = island.add(1.0, {0.0, 0.0, 0.0}, {0.1, 0.2, 0.25});
     const std::size_t b = island.add(3.0, {0.0, 0.0, 1.0}, {0.5, 0.3, 0.4});
     for (const double side : {-1.0, 1.0})
@@ -333,7 +333,7 @@ TEST(Inconsistent, RodsOfTwoLengthsSwingAsOneBetween) {
   List<double> errors;
   const List<double> steps{1.0 / 50.0, 1.0 / 100.0, 1.0 / 200.0};
   for (const double h : steps) {
-    Island island;
+    LoneIsland island;
     const std::size_t bob = island.add(2.0, {1.1, 0.0, 0.0});
     island.join(0, bob, 1.0);
     island.join(0, bob, 1.2);
@@ -359,18 +359,12 @@ TEST(Inconsistent, RodsOfTwoLengthsSwingAsOneBetween) {
 
 // ---- driven rows
 
-Motor motor(double bias) {
-  Motor of;
-  of.bias = bias;
-  return of;
-}
-
 TEST(Inconsistent, MotorsAgainstEachOtherShareTheDifference) {
   for (const double h : {0.1, 0.01, 0.001}) {
-    Island island(0.0);
+    LoneIsland island(0.0);
     const std::size_t bob = island.add(2.0, {1.0, 0.0, 0.0});
-    island.join(0, Vector3d::Zero(), bob, Vector3d::Zero(), rod(1.0), motor(0.3));
-    island.join(0, Vector3d::Zero(), bob, Vector3d::Zero(), rod(1.0), motor(-0.1));
+    island.join(0, Vector3d::Zero(), bob, Vector3d::Zero(), rod(1.0), rate_motor(0.3));
+    island.join(0, Vector3d::Zero(), bob, Vector3d::Zero(), rod(1.0), rate_motor(-0.1));
     for (long k = 0; k < ticks(2.0, h); ++k) {
       ASSERT_TRUE(island.step(h).done);
       EXPECT_NEAR(island.states[bob].position.x(), 1.0 + 0.1 * island.t, 1e-9);
@@ -382,7 +376,7 @@ TEST(Inconsistent, MotorsAgainstEachOtherShareTheDifference) {
 
 // A kinematic body pulls one of two contradictory rods; then it stands still.
 TEST(Inconsistent, AMovingBodyDrawsWhatItCan) {
-  Island island(0.0);
+  LoneIsland island(0.0);
   const std::size_t hand = island.add(0.0, {2.0, 0.0, 0.0});
   const std::size_t bob = island.add(1.0, {1.0, 0.0, 0.0});
   island.join(0, bob, 1.0);
@@ -411,7 +405,7 @@ TEST(Inconsistent, AMovingBodyDrawsWhatItCan) {
 TEST(Inconsistent, HeavyLoadsOnLightLinksGainNothing) {
   for (const double load : {1.0, 1e3, 1e6}) {
     for (const double h : {0.1, 0.01, 0.001}) {
-      Island island;
+      LoneIsland island;
       std::size_t before = 0;
       for (int i = 1; i <= 6; ++i) {
         const Vector3d place(0.6 * i, 0.0, -0.8 * i);
@@ -441,7 +435,7 @@ TEST(Inconsistent, HeavyLoadsOnLightLinksGainNothing) {
 TEST(Inconsistent, StiffSpringsStayBounded) {
   for (const double stiffness : {1e2, 1e6, 1e12}) {
     for (const double h : {0.1, 0.01, 0.001}) {
-      Island island;
+      LoneIsland island;
       const std::size_t bob = island.add(2.0, {1.1, 0.0, 0.0});
       const std::size_t knob = island.add(0.05, {1.6, 0.0, 0.0});
       island.join(0, bob, 1.0);
@@ -463,8 +457,8 @@ TEST(Inconsistent, StiffSpringsStayBounded) {
 
 /// Points and boxes of 1e-2 to 100 kg, each joined to each by a rod up to a fifth too long or too
 /// short, or by a spring; free, or held to the world.
-Island random_island(Random* random, int scene) {
-  Island island(scene % 2 == 0 ? kGravity : 0.0);
+LoneIsland random_island(Random* random, int scene) {
+  LoneIsland island(scene % 2 == 0 ? kGravity : 0.0);
   const int bodies = 3 + scene % 5;
   const auto is_box = [&](int i) { return (scene / 2 + i) % 3 == 0; };
   for (int i = 0; i < bodies; ++i) {
@@ -502,7 +496,7 @@ TEST(Inconsistent, RandomIslandsGainNothing) {
 #endif
   for (int scene = 0; scene < kScenes; ++scene) {
     const double h = List<double>{0.1, 1.0 / 60.0, 0.01}[static_cast<std::size_t>(scene % 3)];
-    Island island = random_island(&random, scene);
+    LoneIsland island = random_island(&random, scene);
     const Vector3d P = island.momentum();
     double scale = 1.0;
     for (long k = 0; k < ticks(2.0, h); ++k) {
@@ -600,7 +594,7 @@ TEST(Inconsistent, ClosingAddsNoEnergy) {
 
 // ---- in a World
 
-World with(World world, double time_step) {
+World with_time_step(World world, double time_step) {
   WorldOptions options = world.options();
   options.time_step = time_step;
   world.set_options(options);
@@ -608,7 +602,7 @@ World with(World world, double time_step) {
 }
 
 TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
-  World world = with(World(), 0.01);
+  World world = with_time_step(World(), 0.01);
   const BodyId bob = problems::add_mass(&world, "bob", {1.0, 0.0, 0.0});
   const JointId shorter = world.add_joint(hang("shorter", bob, rod(1.0)));
   const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
@@ -630,7 +624,7 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
 // Two winches on one load, one of which swings by 0.1 m: they agree once a period, and permanently
 // once it stops.
 TEST(Inconsistent, AnIslandIsSmoothAgainOnceMotorsAgree) {
-  World world = with(World(), 0.01);
+  World world = with_time_step(World(), 0.01);
   const BodyId bob = problems::add_mass(&world, "bob", {0.0, 0.0, -1.0});
   world.add_joint(hang("still", bob, rod(1.0)));
   const JointId winch = world.add_joint(hang("winch", bob, rod(1.0)));
@@ -665,7 +659,7 @@ Joint custom_force(const std::string& name, BodyId a, BodyId b, const std::strin
 // Both rods hold the bob against gravity and 1 N, by symmetry along their common line.
 TEST(Inconsistent, AForceWithoutRowsActsOnTwoContradictingRods) {
   example_types::register_all();
-  World world = with(World(), 0.01);
+  World world = with_time_step(World(), 0.01);
   const BodyId bob = world.add_body(make_body("bob", Sphere{0.1}, 1.0, {0.0, 0.0, -1.0}));
   world.add_joint(hang("shorter", bob, rod(1.0)));
   world.add_joint(hang("longer", bob, rod(1.2)));
@@ -695,7 +689,7 @@ TEST(Inconsistent, AForceBeyondAllNumbersFailsTheStep) {
     return std::make_shared<Power>(example_types::parameter(parameters, "exponent"));
   });
   for (const double exponent : {150.0, 300.0}) {
-    World world = with(World(), 0.01);
+    World world = with_time_step(World(), 0.01);
     const BodyId bob = world.add_body(make_body("bob", Sphere{0.1}, 1.0, {0.0, 0.0, -1.0}));
     world.add_joint(hang("shorter", bob, rod(1.0)));
     world.add_joint(hang("longer", bob, rod(1.2)));

@@ -68,14 +68,14 @@ TEST(FindIslands, AgreesWithLabelsSpreadAlongJoints) {
 
 // ---- methods and reasons
 
-WorldOptions automatic(double time_step = 0.01) {
+WorldOptions default_options(double time_step = 0.01) {
   WorldOptions options;
   options.time_step = time_step;
   return options;
 }
 
 /// A point mass on this joint.
-World hanging(const Joint& joint, const WorldOptions& options = automatic()) {
+World hanging(const Joint& joint, const WorldOptions& options = default_options()) {
   World world(options);
   Joint added = joint;
   added.body_b = world.add_body(make_body("bob", Point{}, 1.0, {1.0, 0.0, 0.0}));
@@ -107,7 +107,7 @@ TEST(Islands, SpringsOffCentreAreStifferOnSlimBodies) {
   // about the rod's axis z is 6.7e-5 kg m², about x and y 0.083 kg m². A lever along z turns the
   // rod about x and y only (at most 4 times 1/m), a lever across z about z too (3750 times 1/m).
   const auto why = [](const Vector3d& anchor) {
-    World world(automatic());
+    World world(default_options());
     Joint joint = hang("j", {}, spring(1.0, 1e6, 0.0));
     joint.body_b = world.add_body(make_body("rod", Box{{0.02, 0.02, 1.0}}, 1.0, {1.0, 0.0, 0.0}));
     joint.anchor_b = anchor;
@@ -128,14 +128,14 @@ TEST(Islands, SpringsAreIntegratedWhileSubstepsArePaying) {
             MethodReason::kStiff);
   EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 1.0, 2001.0)))).why,
             MethodReason::kStiff);
-  WorldOptions asked = automatic();
+  WorldOptions asked = default_options();
   asked.method = Method::kRungeKutta;
   const World world = hanging(hang("j", {}, spring(1.0, 1.01 * limit, 0.0)), asked);
   EXPECT_EQ(only_island(world).method, Method::kRungeKutta);
 }
 
 TEST(Islands, AMethodAskedForByNameIsTaken) {
-  WorldOptions asked = automatic();
+  WorldOptions asked = default_options();
   asked.method = Method::kSequentialImpulses;
   const Island island = only_island(hanging(hang("j", {}), asked));
   EXPECT_EQ(island.method, Method::kSequentialImpulses);
@@ -143,7 +143,7 @@ TEST(Islands, AMethodAskedForByNameIsTaken) {
 }
 
 TEST(Islands, AreMadeAnewWhenJointsComeAndGo) {
-  World world(automatic());
+  World world(default_options());
   const BodyId a = world.add_body(make_body("a", Point{}, 1.0, {1.0, 0.0, 0.0}));
   const BodyId b = world.add_body(make_body("b", Point{}, 1.0, {2.0, 0.0, 0.0}));
   world.step();
@@ -162,7 +162,7 @@ TEST(Islands, AreMadeAnewWhenJointsComeAndGo) {
 }
 
 TEST(Islands, AreImpulsesWhileTheyTouchAndTheReportSaysSo) {
-  WorldOptions options = automatic();
+  WorldOptions options = default_options();
   options.method = Method::kRungeKutta;
   World world(options);
   world.add_body(make_floor(0.5));
@@ -179,9 +179,8 @@ TEST(Islands, AreImpulsesWhileTheyTouchAndTheReportSaysSo) {
     const std::vector<Island> islands = world.islands();
     EXPECT_EQ(islands[0].why, touches ? MethodReason::kContact : MethodReason::kSmooth) << i;
     EXPECT_EQ(islands[1].why, MethodReason::kSmooth);
-    EXPECT_EQ(report.islands[static_cast<std::size_t>(Method::kSequentialImpulses)],
-              touches ? 1 : 0);
-    EXPECT_EQ(report.islands[static_cast<std::size_t>(Method::kRungeKutta)], touches ? 1 : 2);
+    EXPECT_EQ(report.islands[index_of(Method::kSequentialImpulses)], touches ? 1 : 0);
+    EXPECT_EQ(report.islands[index_of(Method::kRungeKutta)], touches ? 1 : 2);
     changes += report.changes;
   }
   EXPECT_TRUE(has_bounced);
@@ -189,7 +188,7 @@ TEST(Islands, AreImpulsesWhileTheyTouchAndTheReportSaysSo) {
 }
 
 TEST(Islands, AreToldAfterABodyInContactIsGone) {
-  World world(automatic());
+  World world(default_options());
   world.add_body(make_floor(0.5));
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.09}));
   world.add_body(make_body("far", Sphere{0.1}, 1.0, {9.0, 0.0, 99.0}));
@@ -201,7 +200,7 @@ TEST(Islands, AreToldAfterABodyInContactIsGone) {
 }
 
 TEST(Islands, ADrivenOneMayGoAfterASplitTick) {
-  World world(automatic());
+  World world(default_options());
   const BodyId a = world.add_body(make_body("a", Point{}, 1.0, {1.0, 0.0, 0.0}));
   Joint winch = hang("winch", a);
   winch.motor.bias = 0.1;
@@ -215,7 +214,7 @@ TEST(Islands, ADrivenOneMayGoAfterASplitTick) {
 
 TEST(Islands, WhatIsInNoContactDoesNotNoticeThoseThatAre) {
   const auto make = [](bool with_contact) {
-    World world(automatic());
+    World world(default_options());
     world.add_body(make_floor(0.5));
     world.add_joint(hang("rod", world.add_body(make_body("bob", Point{}, 1.0, {1.0, 0.0, 0.0}))));
     if (with_contact) world.add_body(make_body("ball", Sphere{0.1}, 1.0, {5.0, 0.0, 0.05}));
@@ -231,7 +230,7 @@ TEST(Islands, WhatIsInNoContactDoesNotNoticeThoseThatAre) {
 TEST(Islands, ComeBackFromImpulsesByClosingWhatTheseLeftOpen) {
   // A pendulum with a ball that hits a wall: the impulses of the impact leave a small error of the
   // rod.
-  WorldOptions options = automatic();
+  WorldOptions options = default_options();
   options.method = Method::kRungeKutta;
   World world(options);
   Body wall = make_body("wall", Plane{}, 0.0, {-0.2, 0.0, 0.0});

@@ -12,26 +12,14 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kTrials = 200;
+constexpr int kJacobianTrials = 200;
 
 // Central differences have an error of kStep² C''' (below 1e-9 for distances above 0.3 m) and of
 // the rounding of C over the step (1e-15 / 1e-5).
-constexpr double kStep = 1e-5;
+constexpr double kDifferenceStep = 1e-5;
 constexpr double kTolerance = 2e-9;
 
-struct Pair {
-  BodyState a, b;
-};
-
-/// Returns a body after moving for `step` with velocity v and angular velocity w.
-BodyState moved(BodyState body, const Vector3d& v, const Vector3d& w, double step) {
-  body.position += step * v;
-  if (w.norm() > 0.0)
-    body.orientation = Eigen::AngleAxisd(step * w.norm(), w.normalized()) * body.orientation;
-  return body;
-}
-
-void expect_gradient(const std::function<double(const Pair&)>& C, const Pair& pose,
+void expect_gradient(const std::function<double(const PairPose&)>& C, const PairPose& pose,
                      const Jacobian& J) {
   const Vector3d zero = Vector3d::Zero();
   const auto slope = [&](const Vector3d& v_A, const Vector3d& w_A, const Vector3d& v_B,
@@ -39,7 +27,7 @@ void expect_gradient(const std::function<double(const Pair&)>& C, const Pair& po
     const auto at = [&](double step) {
       return C({moved(pose.a, v_A, w_A, step), moved(pose.b, v_B, w_B, step)});
     };
-    return (at(kStep) - at(-kStep)) / (2.0 * kStep);
+    return (at(kDifferenceStep) - at(-kDifferenceStep)) / (2.0 * kDifferenceStep);
   };
   for (int i = 0; i < 3; ++i) {
     const Vector3d e = Vector3d::Unit(i);
@@ -61,14 +49,14 @@ Vector3d carried(const BodyState& now, const Vector3d& p, const BodyState& then)
 
 struct Joined {
   Joint joint;
-  Pair pose;
+  PairPose pose;
 
-  Vector3d d(const Pair& at) const {
+  Vector3d d(const PairPose& at) const {
     return point_of(at.b, joint.anchor_b) - point_of(at.a, joint.anchor_a);
   }
 };
 
-Joined random_joint(Random* random) {
+Joined random_distance_joint(Random* random) {
   Joined joined;
   do {
     joined.joint.anchor_a = random->vector();
@@ -81,10 +69,10 @@ Joined random_joint(Random* random) {
 
 TEST(Jacobians, DistanceRow) {
   Random random;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    const Joined joined = random_joint(&random);
+  for (int trial = 0; trial < kJacobianTrials; ++trial) {
+    const Joined joined = random_distance_joint(&random);
     const double travel = 0.1 * random();
-    const auto C = [&](const Pair& at) { return joined.d(at).norm() - 0.8 - travel; };
+    const auto C = [&](const PairPose& at) { return joined.d(at).norm() - 0.8 - travel; };
     Row rows[3];
     ASSERT_EQ(
         write_distance_rows(rod(0.8), {joined.joint, joined.pose.a, joined.pose.b}, travel, rows),
@@ -96,11 +84,11 @@ TEST(Jacobians, DistanceRow) {
 
 TEST(Jacobians, RowsOfLimits) {
   Random random;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    const Joined joined = random_joint(&random);
+  for (int trial = 0; trial < kJacobianTrials; ++trial) {
+    const Joined joined = random_distance_joint(&random);
     const double travel = 0.1 * random();
-    const auto C_max = [&](const Pair& at) { return joined.d(at).norm() - 1.5 - travel; };
-    const auto C_min = [&](const Pair& at) { return joined.d(at).norm() - 0.8 - travel; };
+    const auto C_max = [&](const PairPose& at) { return joined.d(at).norm() - 1.5 - travel; };
+    const auto C_min = [&](const PairPose& at) { return joined.d(at).norm() - 0.8 - travel; };
     Row rows[3];
     ASSERT_EQ(write_distance_rows(between(0.8, 1.5), {joined.joint, joined.pose.a, joined.pose.b},
                                   travel, rows),
@@ -119,8 +107,8 @@ TEST(Jacobians, RowsOfLimits) {
 // J V is the rate of the anchors' distance under the velocities: the tutorial's C-dot.
 TEST(Jacobians, TimesVelocitiesIsTheRateOfTheDistance) {
   Random random;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    const Joined joined = random_joint(&random);
+  for (int trial = 0; trial < kJacobianTrials; ++trial) {
+    const Joined joined = random_distance_joint(&random);
     const BodyState& a = joined.pose.a;
     const BodyState& b = joined.pose.b;
     Row row[3];
@@ -133,12 +121,13 @@ TEST(Jacobians, TimesVelocitiesIsTheRateOfTheDistance) {
     };
     EXPECT_NEAR(row[0].J.times(a.linear_velocity, a.angular_velocity, b.linear_velocity,
                                b.angular_velocity),
-                (C(kStep) - C(-kStep)) / (2.0 * kStep), 10.0 * kTolerance);
+                (C(kDifferenceStep) - C(-kDifferenceStep)) / (2.0 * kDifferenceStep),
+                10.0 * kTolerance);
   }
 }
 
 struct RandomContact {
-  Pair pose;
+  PairPose pose;
   Vector3d normal;
   Manifold::Point point;
 
@@ -164,11 +153,11 @@ struct RandomContact {
 // C of a contact row is the displacement of A's point against B's along a fixed direction.
 TEST(Jacobians, RowsOfAContact) {
   Random random;
-  for (int trial = 0; trial < kTrials; ++trial) {
+  for (int trial = 0; trial < kJacobianTrials; ++trial) {
     const RandomContact contact(&random);
     for (const Row& row : contact.rows()) {
       const Vector3d along = row.J.j1;
-      const auto C = [&](const Pair& at) {
+      const auto C = [&](const PairPose& at) {
         return along.dot(carried(contact.pose.a, contact.point.position, at.a) -
                          carried(contact.pose.b, contact.point.position, at.b));
       };
@@ -179,7 +168,7 @@ TEST(Jacobians, RowsOfAContact) {
 
 TEST(Jacobians, ContactDirectionsAreOrthonormal) {
   Random random;
-  for (int trial = 0; trial < kTrials; ++trial) {
+  for (int trial = 0; trial < kJacobianTrials; ++trial) {
     const RandomContact contact(&random);
     const std::vector<Row> rows = contact.rows();
     EXPECT_EQ(rows[0].J.j1, contact.normal);
@@ -193,12 +182,14 @@ TEST(Jacobians, ContactDirectionsAreOrthonormal) {
 // The normal row is the gradient of the true gap, not only of material points.
 TEST(Jacobians, NormalRowOfSpheresIsTheGradientOfTheirGap) {
   Random random;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    Pair pose{random.state(), random.state()};
+  for (int trial = 0; trial < kJacobianTrials; ++trial) {
+    PairPose pose{random.state(), random.state()};
     pose.b.position = pose.a.position + (0.6 + 0.3 * random()) * random.vector().normalized();
     const Manifold manifold = collide_sphere_sphere(pose.a.position, 0.4, pose.b.position, 0.7);
     ASSERT_EQ(manifold.count, 1);
-    const auto gap = [](const Pair& at) { return (at.a.position - at.b.position).norm() - 1.1; };
+    const auto gap = [](const PairPose& at) {
+      return (at.a.position - at.b.position).norm() - 1.1;
+    };
     Row row;
     const Body body;
     write_contact_rows(pose.a, pose.b, manifold.normal, manifold.points[0],

@@ -1,10 +1,10 @@
 // All kinds of joints, by iteration over their table: rows against finite differences and their own
 // steps, motion in free space by each method, closed forms, redundant mechanisms, rejections.
 
-#include <Eigen/QR>
 #include <functional>
 
 #include "constraint_sim/engine/scene.h"
+#include "dense_systems.h"
 #include "engine/constraints/joint_kinds.h"
 #include "random_joints.h"
 #include "rotation_between.h"
@@ -17,29 +17,18 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr int kTrials = 50;
+constexpr int kJointKindTrials = 50;
 
-struct Pose {
-  BodyState a, b;
-};
-
-Pose closed_pose(const Joint& joint, Random* random) {
+PairPose closed_pose(const Joint& joint, Random* random) {
   const BodyState a = random->state();
   return {a, attached(joint, a, random)};
-}
-
-BodyState moved(BodyState body, const Vector3d& v, const Vector3d& w, double t) {
-  body.position += t * v;
-  if (w.norm() > 0.0)
-    body.orientation = Eigen::AngleAxisd(t * w.norm(), w.normalized()) * body.orientation;
-  return body;
 }
 
 const ScalarForm& form_of(const Joint& joint, int row) {
   return info(joint.kind).function[static_cast<std::size_t>(row)];
 }
 
-double value_at(const Joint& joint, int row, const Pose& pose) {
+double value_at(const Joint& joint, int row, const PairPose& pose) {
   return value(form_of(joint, row), JointVectors(joint, pose.a, pose.b));
 }
 
@@ -47,12 +36,12 @@ double value_at(const Joint& joint, int row, const Pose& pose) {
 /// do not satisfy them; angles only where their vectors are not nearly normal to the plane of
 /// rotation, where all derivatives are large.
 void for_each_row(
-    const std::function<void(const Joint&, int row, const Pose&, const std::string&)>& check) {
+    const std::function<void(const Joint&, int row, const PairPose&, const std::string&)>& check) {
   Random random;
   for (const JointKind kind : joint_kinds()) {
-    for (int trial = 0; trial < kTrials; ++trial) {
+    for (int trial = 0; trial < kJointKindTrials; ++trial) {
       const Joint joint = random_joint(kind, &random);
-      const Pose pose{random.state(), random.state()};
+      const PairPose pose{random.state(), random.state()};
       for (int k = 0; k < info(kind).rows + info(kind).coordinates; ++k) {
         const ScalarForm& form = form_of(joint, k);
         if (form.is_angle) {
@@ -71,7 +60,7 @@ void for_each_row(
 // rounding of 1e-15 over the step.
 TEST(JointRows, JacobianIsTheGradient) {
   constexpr double kStep = 1e-3, kTolerance = 2e-10;
-  for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
+  for_each_row([&](const Joint& joint, int row, const PairPose& pose, const std::string& which) {
     const Jacobian J = jacobian(form_of(joint, row), {joint, pose.a, pose.b});
     const auto slope = [&](const Vector3d& v_A, const Vector3d& w_A, const Vector3d& v_B,
                            const Vector3d& w_B) {
@@ -95,7 +84,7 @@ TEST(JointRows, JacobianIsTheGradient) {
 // 1e-16/h² and h⁴ of a sixth derivative of a thousand are equal.
 TEST(JointRows, RateAndGammaAreTheDerivativesByTime) {
   constexpr double kStep = 2e-3, kTolerance = 5e-8;
-  for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
+  for_each_row([&](const Joint& joint, int row, const PairPose& pose, const std::string& which) {
     const auto C = [&](double t) {
       const auto at = [&](const BodyState& s) {
         return moved(s, s.linear_velocity, s.angular_velocity, t);
@@ -122,8 +111,8 @@ TEST(JointRows, RateAndGammaAreTheDerivativesByTime) {
 // For bodies rotated by Cayley's map of w, J at the means of the vectors times the step is C₁ − C₀.
 TEST(JointRows, JacobianAtTheMeansIsTheDiscreteGradient) {
   Random random;
-  for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
-    Pose end = pose;
+  for_each_row([&](const Joint& joint, int row, const PairPose& pose, const std::string& which) {
+    PairPose end = pose;
     std::array<Vector3d, 4> step;  // displacement and w, of A and B
     for (Vector3d& part : step) part = random.vector();
     const auto turned = [](const Quaterniond& q, const Vector3d& w) {
@@ -149,9 +138,9 @@ TEST(JointRows, HoldAllThatIsNotFree) {
   Random random;
   for (const JointKind kind : joint_kinds()) {
     if (kind == JointKind::kDistance) continue;
-    for (int trial = 0; trial < kTrials; ++trial) {
+    for (int trial = 0; trial < kJointKindTrials; ++trial) {
       const Joint joint = random_joint(kind, &random);
-      const Pose pose = closed_pose(joint, &random);
+      const PairPose pose = closed_pose(joint, &random);
       const JointVectors vectors(joint, pose.a, pose.b);
       Eigen::MatrixXd G(info(kind).rows, 12);
       for (int k = 0; k < info(kind).rows; ++k) {
@@ -159,9 +148,7 @@ TEST(JointRows, HoldAllThatIsNotFree) {
         const Jacobian J = jacobian(info(kind).row[static_cast<std::size_t>(k)], vectors);
         G.row(k) << J.j1.transpose(), J.j2.transpose(), J.j3.transpose(), J.j4.transpose();
       }
-      Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(G);
-      qr.setThreshold(0.01);
-      EXPECT_EQ(qr.rank(), info(kind).rows) << name(kind);
+      EXPECT_EQ(dense_rank(G, 0.01), info(kind).rows) << name(kind);
       EXPECT_LE(misalignment(info(kind).alignment, vectors).norm(), 1e-7) << name(kind);
     }
   }
@@ -172,9 +159,9 @@ TEST(JointRows, MisalignmentIsTheWayHome) {
   Random random;
   for (const JointKind kind : joint_kinds()) {
     if (info(kind).alignment == Alignment::kFree) continue;
-    for (int trial = 0; trial < kTrials; ++trial) {
+    for (int trial = 0; trial < kJointKindTrials; ++trial) {
       const Joint joint = random_joint(kind, &random);
-      Pose pose{random.state(), random.state()};
+      PairPose pose{random.state(), random.state()};
       const Vector3d way = misalignment(info(kind).alignment, JointVectors(joint, pose.a, pose.b));
       const Quaterniond frame_B = pose.b.orientation * *joint.frame_b;
       if (way.norm() > 0.0)
@@ -201,7 +188,7 @@ World free_pair(JointKind kind, Method method, double h) {
   Joint joint = random_joint(kind, &random);
   joint.anchor_a *= 0.4;
   joint.anchor_b *= 0.4;
-  Pose pose = closed_pose(joint, &random);
+  PairPose pose = closed_pose(joint, &random);
   // a common rigid motion, plus a small one that the start projects onto the joint
   pose.b.linear_velocity =
       pose.a.linear_velocity + pose.a.angular_velocity.cross(pose.b.position - pose.a.position);

@@ -11,8 +11,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::array<Method, 3> kMethods{Method::kRungeKutta, Method::kEnergyMomentum,
-                                         Method::kSequentialImpulses};
+constexpr std::array<Method, 3> kTestedMethods{Method::kRungeKutta, Method::kEnergyMomentum,
+                                               Method::kSequentialImpulses};
 
 /// Two boxes in free space, in a consistent joint of this kind.
 World pair(JointKind kind, Method method, double h, bool enabled = true) {
@@ -48,7 +48,7 @@ bool are_equal(const World& a, const World& b) {
 }
 
 TEST(DisabledJoint, DoesNotAct) {
-  for (const Method method : kMethods) {
+  for (const Method method : kTestedMethods) {
     World world = pair(JointKind::kHinge, method, 0.01, false);
     World without = pair(JointKind::kHinge, method, 0.01);
     without.remove_joint(without.joint_ids().front());
@@ -87,7 +87,7 @@ class EnabledJoint : public testing::TestWithParam<JointKind> {};
 // rounding of their coordinates, and free bodies have kept their momenta (by energy_momentum: to
 // Newton's tolerance over 60 steps; a ball joint closes by offsets that keep only the linear one).
 TEST_P(EnabledJoint, ClosesWhatHasOpened) {
-  for (const Method method : kMethods) {
+  for (const Method method : kTestedMethods) {
     World world = pair(GetParam(), method, 0.01);
     const JointId id = world.joint_ids().front();
     run(world, 10);
@@ -193,7 +193,7 @@ World driven_box(Method method, double h) {
 // The coordinate is bias · timeout to rounding, at any tick; by impulses within the sweeps'
 // residual.
 TEST(Timeouts, OfEachCoordinateEndInTime) {
-  for (const Method method : kMethods) {
+  for (const Method method : kTestedMethods) {
     for (const double h : {0.05, 0.01, 0.003}) {
       World world = driven_box(method, h);
       run(world, static_cast<int>(std::lround(0.3 / h)));

@@ -31,19 +31,11 @@ struct Hanging {
   const JointState& state() const { return world.joint_state(joint); }
 };
 
-Motor motor(double bias, double max_force = 0.0, double timeout = 0.0) {
-  Motor motor;
-  motor.bias = bias;
-  motor.max_force = max_force;
-  motor.timeout = timeout;
-  return motor;
-}
-
 // ---- motors
 
 TEST(Motor, ConstantBiasIsReachedInTheFirstStepAndTravels) {
   for (const double bias : {-0.2, 0.3}) {
-    Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), motor(bias));
+    Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), rate_motor(bias));
     for (int step = 1; step <= 200; ++step) {
       hanging.world.step();
       EXPECT_NEAR(hanging.state().reached_rate, bias, kRoundOff);
@@ -91,9 +83,9 @@ TEST(Motor, SinusoidFasterThanTheTickKeepsItsMean) {
 }
 
 TEST(Motor, WithoutBiasItHoldsWhatItHasReached) {
-  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), motor(-0.2));
+  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), rate_motor(-0.2));
   run(hanging.world, 150);
-  hanging.world.set_motor(hanging.joint, motor(0.0));
+  hanging.world.set_motor(hanging.joint, rate_motor(0.0));
   run(hanging.world, 300);
   EXPECT_NEAR(hanging.length(), 0.7, kRoundOff);
   EXPECT_NEAR(hanging.state().reached_rate, 0.0, kRoundOff);
@@ -101,9 +93,9 @@ TEST(Motor, WithoutBiasItHoldsWhatItHasReached) {
 }
 
 TEST(Motor, CanBeSetWhileRunning) {
-  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), motor(-0.2));
+  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), rate_motor(-0.2));
   run(hanging.world, 100);
-  hanging.world.set_motor(hanging.joint, motor(0.5));
+  hanging.world.set_motor(hanging.joint, rate_motor(0.5));
   run(hanging.world, 100);
   EXPECT_NEAR(hanging.length(), 1.0 - 0.2 + 0.5, kRoundOff);
   EXPECT_EQ(hanging.world.joint(hanging.joint).motor.bias, 0.5);
@@ -115,7 +107,7 @@ TEST(Motor, TimeoutEndsTheBiasOnTime) {
     for (const double timeout : {0.1, 0.3, 0.305}) {
       Hanging hanging(weightless(0.01), 5.0, 1.0, rod(1.0));
       run(hanging.world, start);
-      hanging.world.set_motor(hanging.joint, motor(-0.2, 0.0, timeout));
+      hanging.world.set_motor(hanging.joint, rate_motor(-0.2, 0.0, timeout));
       run(hanging.world, 60);
       EXPECT_NEAR(hanging.length(), 1.0 - 0.2 * timeout, kRoundOff) << start << ", " << timeout;
     }
@@ -123,7 +115,7 @@ TEST(Motor, TimeoutEndsTheBiasOnTime) {
 }
 
 TEST(Motor, TimeoutLeavesTheSinusoidRunning) {
-  Motor both = motor(-0.2, 0.0, 0.5);
+  Motor both = rate_motor(-0.2, 0.0, 0.5);
   both.amplitude = 0.3;
   both.frequency = 1.0;
   Hanging hanging(weightless(0.01), 5.0, 1.0, rod(1.0), both);
@@ -132,15 +124,15 @@ TEST(Motor, TimeoutLeavesTheSinusoidRunning) {
 }
 
 TEST(Motor, NewTimeoutReplacesTheOld) {
-  Hanging hanging(weightless(0.01), 5.0, 1.0, rod(1.0), motor(-0.2, 0.0, 0.5));
+  Hanging hanging(weightless(0.01), 5.0, 1.0, rod(1.0), rate_motor(-0.2, 0.0, 0.5));
   run(hanging.world, 40);
-  hanging.world.set_motor(hanging.joint, motor(-0.2, 0.0, 0.5));
+  hanging.world.set_motor(hanging.joint, rate_motor(-0.2, 0.0, 0.5));
   run(hanging.world, 100);
   EXPECT_NEAR(hanging.length(), 1.0 - 0.2 * 0.9, kRoundOff);
 }
 
 TEST(Motor, TimeoutSurvivesAJumpOfTheClock) {
-  Hanging hanging(weightless(0.01), 5.0, 1.0, rod(1.0), motor(-0.2, 0.0, 0.5));
+  Hanging hanging(weightless(0.01), 5.0, 1.0, rod(1.0), rate_motor(-0.2, 0.0, 0.5));
   hanging.world.set_time(1000.0, 7);
   run(hanging.world, 100);
   EXPECT_NEAR(hanging.length(), 0.9, 1e-10);  // times of 1000 s are rounded to 1e-13 s a step
@@ -148,7 +140,7 @@ TEST(Motor, TimeoutSurvivesAJumpOfTheClock) {
 
 // 60 N lift 49.05 N: with (60 − 49.05)/5 m/s² to 0.2 m/s, then evenly.
 TEST(Motor, ForceLimitAboveTheLoadLifts) {
-  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), motor(-0.2, 60.0));
+  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), rate_motor(-0.2, 60.0));
   hanging.world.step();
   EXPECT_TRUE(hanging.state().saturated);
   EXPECT_NEAR(hanging.state().force, -60.0, 1e-9);
@@ -162,7 +154,7 @@ TEST(Motor, ForceLimitAboveTheLoadLifts) {
 
 // 40 N do not hold 49.05 N: the load falls with g − 40/5.
 TEST(Motor, ForceLimitBelowTheLoadYields) {
-  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), motor(-0.2, 40.0));
+  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), rate_motor(-0.2, 40.0));
   for (int step = 1; step <= 100; ++step) {
     hanging.world.step();
     EXPECT_TRUE(hanging.state().saturated);
@@ -173,9 +165,9 @@ TEST(Motor, ForceLimitBelowTheLoadYields) {
 }
 
 TEST(Motor, ForceLimitHoldsWhatIsReachedOnceItCan) {
-  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), motor(-0.2, 40.0));
+  Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), rate_motor(-0.2, 40.0));
   run(hanging.world, 100);
-  hanging.world.set_motor(hanging.joint, motor(0.0, 200.0));
+  hanging.world.set_motor(hanging.joint, rate_motor(0.0, 200.0));
   run(hanging.world, 100);
   const double reached = hanging.length();
   EXPECT_GT(reached, 1.0);
@@ -189,7 +181,7 @@ TEST(Motor, ForceLimitHoldsWhatIsReachedOnceItCan) {
 TEST(Motor, SaturationIsSeenForEveryLimit) {
   for (double limit = 0.1; limit < 40.0; limit += 0.37) {
     for (const double time_step : {0.01, 1.0 / 30.0, 0.003}) {
-      Hanging hanging(options(time_step), 5.0, 1.0, rod(1.0), motor(0.0, limit));
+      Hanging hanging(options(time_step), 5.0, 1.0, rod(1.0), rate_motor(0.0, limit));
       run(hanging.world, 3);
       EXPECT_TRUE(hanging.state().saturated) << limit << " N, " << time_step << " s";
       EXPECT_NEAR(hanging.state().error, 0.0, kRoundOff) << limit << " N, " << time_step << " s";
@@ -198,14 +190,14 @@ TEST(Motor, SaturationIsSeenForEveryLimit) {
 }
 
 TEST(Motor, WindingInStopsAtOneHundredthOfTheLength) {
-  Hanging hanging(options(0.01), 5.0, 2.0, rod(2.0), motor(-1.0));
+  Hanging hanging(options(0.01), 5.0, 2.0, rod(2.0), rate_motor(-1.0));
   for (int step = 0; step < 400; ++step) {
     hanging.world.step();
     ASSERT_GT(hanging.length(), 0.02 - kRoundOff);
   }
   EXPECT_NEAR(hanging.length(), 0.02, kRoundOff);
   EXPECT_TRUE(hanging.state().saturated);
-  hanging.world.set_motor(hanging.joint, motor(0.5));
+  hanging.world.set_motor(hanging.joint, rate_motor(0.5));
   run(hanging.world, 100);
   EXPECT_NEAR(hanging.length(), 0.52, kRoundOff);
   EXPECT_FALSE(hanging.state().saturated);
@@ -213,7 +205,7 @@ TEST(Motor, WindingInStopsAtOneHundredthOfTheLength) {
 
 // The load flies on through the anchor when the rope stops, then hangs on the remaining length.
 TEST(Motor, WindingInARopeStopsThereToo) {
-  Hanging hanging(options(0.01), 5.0, 2.0, rope(2.0), motor(-1.0));
+  Hanging hanging(options(0.01), 5.0, 2.0, rope(2.0), rate_motor(-1.0));
   for (int step = 0; step < 1000; ++step) {
     ASSERT_FALSE(hanging.world.step().failed);
     ASSERT_LT(hanging.length(), std::max(2.0 - 0.01 * (step + 1), 0.02) + kRoundOff);
@@ -238,14 +230,14 @@ TEST(Motor, SinusoidAtTheEndOfItsTravelStaysFinite) {
 
 // A rope 0.5 m too long: wound in for 2.5 s at 0.2 m/s it is taut, then it lifts.
 TEST(Motor, WindsARopeInUntilItLifts) {
-  Hanging hanging(options(0.01), 5.0, 1.0, rope(1.5), motor(-0.2));
+  Hanging hanging(options(0.01), 5.0, 1.0, rope(1.5), rate_motor(-0.2));
   Body table = make_floor(0.0);
   table.state.position.z() = -1.2;
   hanging.world.remove_body(hanging.load);
   hanging.world.add_body(table);
   hanging.load = hanging.world.add_body(make_body("ball", Sphere{0.2}, 5.0, {0.0, 0.0, -1.0}));
   Joint rope_joint = hang("rope", hanging.load, rope(1.5));
-  rope_joint.motor = motor(-0.2);
+  rope_joint.motor = rate_motor(-0.2);
   hanging.joint = hanging.world.add_joint(rope_joint);
   run(hanging.world, 245);
   EXPECT_EQ(hanging.state().force, 0.0);
@@ -260,7 +252,7 @@ TEST(Motor, BallJointHasNone) {
   World world(options(0.01));
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
   const JointId joint = world.add_joint(hang("joint", ball, JointKind::kBall));
-  EXPECT_THROW(world.set_motor(joint, motor(0.1)), std::invalid_argument);
+  EXPECT_THROW(world.set_motor(joint, rate_motor(0.1)), std::invalid_argument);
   Joint other = hang("other", ball, JointKind::kBall);
   other.motor.amplitude = 0.1;
   EXPECT_THROW(world.add_joint(other), std::invalid_argument);

@@ -1,7 +1,6 @@
 // Reported forces of redundant joints: closed forms by symmetry, and a dense pseudo-inverse in long
 // double.
 
-#include <Eigen/QR>
 #include <memory>
 #include <numeric>
 
@@ -18,7 +17,7 @@ namespace {
 using Eigen::Vector3d;
 using redundant::join;
 
-constexpr Method kSmooth[] = {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum};
+constexpr Method kAutoAndSmooth[] = {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum};
 
 void set_method(World* world, Method method, double time_step) {
   WorldOptions options = world->options();
@@ -54,7 +53,7 @@ double force(const World& world, std::size_t j) {
 // At rest each rod carries a quarter of the weight, by symmetry. With a torque about y the
 // least-norm forces for Σ f = m g and Σ x f = T are f = m g/4 + T x/(4 · 0.25 m²). 1e-12: rounding.
 TEST(LeastNormForces, OfAHangingTableAreSharedByItsLegs) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     for (const double torque : {0.0, 4.0}) {
       World world = hanging_table();
       set_method(&world, method, 0.01);
@@ -76,7 +75,7 @@ TEST(LeastNormForces, OfAHangingTableAreSharedByItsLegs) {
 // Two or three legs alone would carry half of the weight each.
 TEST(LeastNormForces, DecideWhatBreaks) {
   const double weight = 8.0 * kGravity;
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     for (const double share : {0.26, 0.24}) {
       World world = hanging_table(share * weight);
       set_method(&world, method, 0.01);
@@ -90,7 +89,7 @@ TEST(LeastNormForces, DecideWhatBreaks) {
 // Several equal joints carry equal shares of the force of one joint. 1e-7 of the weight: the
 // motion's accuracy with the tolerance of 1e-8 m/s.
 TEST(LeastNormForces, OfEqualRodsAreEqual) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     for (const int count : {2, 3}) {
       World alone, shared;
       for (World* world : {&alone, &shared}) {
@@ -113,7 +112,7 @@ TEST(LeastNormForces, OfEqualRodsAreEqual) {
 // A door on two ball joints, equally far above and below its centre: each carries half of the
 // weight, to rounding.
 TEST(LeastNormForces, OfADoorAreSharedByItsHinges) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     World world = redundant::door();
     set_method(&world, method, 0.01);
     for (int i = 0; i < 20; ++i) {
@@ -238,14 +237,23 @@ struct Columns {
     }
   }
 
-  /// Returns λ of least Σ a λ² that gives the force and torque of `lambda` on each body.
+  /// Returns λ of least Σ a λ² that gives the force and torque of `lambda` on each body. √a λ is
+  /// the projection of √a `lambda` onto the rows of Gᵀ / √a. Gram and Schmidt's orthogonalization
+  /// takes the longest remaining row first.
   Vector least(const Vector& lambda) const {
-    const Vector scale = weight.cwiseSqrt().cwiseInverse();
-    const Matrix B = by_mass.asDiagonal() * G_T * scale.asDiagonal();
-    Eigen::CompleteOrthogonalDecomposition<Matrix> factors;
-    factors.setThreshold(1e-9L);  // between rounding and the pivots of the kept rows
-    factors.compute(B);
-    return scale.cwiseProduct(factors.solve(by_mass.cwiseProduct(G_T * lambda)));
+    const Vector scale = weight.cwiseSqrt(), scaled = scale.cwiseProduct(lambda);
+    Matrix rows = (by_mass.asDiagonal() * G_T * scale.cwiseInverse().asDiagonal()).transpose();
+    Vector projection = Vector::Zero(scaled.size());
+    for (;;) {
+      Eigen::Index longest = 0;
+      const Real length = rows.colwise().norm().maxCoeff(&longest);
+      if (length < 1e-9L) break;  // between rounding and the pivots of the kept rows
+      const Vector direction = rows.col(longest) / length;
+      projection += direction.dot(scaled) * direction;
+      for (Eigen::Index i = 0; i < rows.cols(); ++i)
+        rows.col(i) -= direction.dot(rows.col(i)) * direction;
+    }
+    return projection.cwiseQuotient(scale);
   }
 
  private:
@@ -316,7 +324,7 @@ TEST(LeastNormForces, AreThoseOfThePseudoInverse) {
 
 // A spring beside redundant rods reports its own force.
 TEST(LeastNormForces, LeaveSpringsAsTheyAre) {
-  for (const Method method : kSmooth) {
+  for (const Method method : kAutoAndSmooth) {
     World world = hanging_table();
     DistanceJoint spring;
     spring.stiffness = 100.0;

@@ -1,8 +1,7 @@
 // Dense systems of any rank against Eigen's complete orthogonal decomposition.
 
-#include <Eigen/QR>
-
 #include "counted_allocations.h"
+#include "dense_systems.h"
 #include "engine/math/least_norm_solver.h"
 #include "support.h"
 
@@ -15,13 +14,14 @@ using Eigen::VectorXd;
 
 constexpr double kLeastPivot = 1e-10;
 // Products of random factors have condition numbers of up to some thousands.
-constexpr double kRounding = 1e4 * kEpsilon;
+constexpr double kSolverRounding = 1e4 * kEpsilon;
 
 MatrixXd random_matrix(Index rows, Index columns, Random* random) {
   return MatrixXd::NullaryExpr(rows, columns, [&] { return (*random)(); });
 }
 
-VectorXd solve(const MatrixXd& A, VectorXd b, LeastNormSolver* solver, bool is_regular = false) {
+VectorXd least_norm_solution(const MatrixXd& A, VectorXd b, LeastNormSolver* solver,
+                             bool is_regular = false) {
   double* const to = solver->resize(static_cast<std::size_t>(A.rows()));
   Eigen::Map<MatrixXd>(to, A.rows(), A.rows()) = A;
   if (is_regular)
@@ -39,12 +39,11 @@ TEST(LeastNormSolver, FindsWhatACompleteOrthogonalDecompositionFinds) {
     for (Index rank = 0; rank <= n; ++rank) {
       const MatrixXd A = random_matrix(n, rank, &random) * random_matrix(rank, n, &random);
       const VectorXd b = random_matrix(n, 1, &random);  // mostly inconsistent
-      Eigen::CompleteOrthogonalDecomposition<MatrixXd> expected;
-      expected.setThreshold(kLeastPivot);
-      expected.compute(A);
-      const VectorXd x = solve(A, b, &solver), other = expected.solve(b);
+      const VectorXd x = least_norm_solution(A, b, &solver);
+      const VectorXd other = dense_least_norm_solution(A, b, kLeastPivot);
       EXPECT_EQ(solver.rank(), static_cast<std::size_t>(rank));
-      EXPECT_LT((x - other).norm(), kRounding * (1.0 + other.squaredNorm())) << n << ' ' << rank;
+      EXPECT_LT((x - other).norm(), kSolverRounding * (1.0 + other.squaredNorm()))
+          << n << ' ' << rank;
     }
   }
 }
@@ -56,8 +55,8 @@ TEST(LeastNormSolver, SolvesWhatIsRegularWithEitherFactors) {
     const MatrixXd A = random_matrix(n, n, &random);
     const VectorXd x = random_matrix(n, 1, &random);
     for (const bool is_regular : {false, true})
-      EXPECT_LT((solve(A, A * x, &solver, is_regular) - x).norm(),
-                kRounding * static_cast<double>(n))
+      EXPECT_LT((least_norm_solution(A, A * x, &solver, is_regular) - x).norm(),
+                kSolverRounding * static_cast<double>(n))
           << n;
   }
 }
@@ -67,7 +66,7 @@ TEST(LeastNormSolver, AnswersNoNumbersWithNone) {
   MatrixXd A = MatrixXd::Identity(3, 3);
   A(1, 2) = kNaN;
   for (const bool is_regular : {false, true})
-    EXPECT_FALSE(solve(A, VectorXd::Ones(3), &solver, is_regular).allFinite());
+    EXPECT_FALSE(least_norm_solution(A, VectorXd::Ones(3), &solver, is_regular).allFinite());
 }
 
 TEST(LeastNormSolver, AllocatesNothingOnceItHasHadItsLargest) {

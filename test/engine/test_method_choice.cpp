@@ -9,11 +9,11 @@ namespace constraint_sim::engine {
 namespace {
 
 constexpr std::uint64_t kNow = 1000;  // [steps]
-constexpr Method kAuto = Method::kAuto, kRungeKutta = Method::kRungeKutta,
+constexpr Method kAutomatic = Method::kAuto, kRungeKutta = Method::kRungeKutta,
                  kGradients = Method::kEnergyMomentum, kImpulses = Method::kSequentialImpulses,
                  kEvents = Method::kEventDriven;
 
-WorldOptions with(Method method) {
+WorldOptions options_with(Method method) {
   WorldOptions options;
   options.method = method;
   return options;
@@ -27,12 +27,12 @@ TEST(MethodChoice, NatureOfAnIslandByOptionsJointsAndSprings) {
   };
   constexpr double kCalm = 3999.0, kFast = 4001.0;  // h ω of 40 is the limit at a tick of 0.01 s
   const Case cases[] = {
-      {kAuto, {false, MethodReason::kSmooth, 0.0}, MethodReason::kSmooth},
-      {kAuto, {true, MethodReason::kSmooth, kCalm}, MethodReason::kSmooth},
-      {kAuto, {true, MethodReason::kSmooth, kFast}, MethodReason::kStiff},
-      {kAuto, {true, MethodReason::kLimit, 0.0}, MethodReason::kLimit},
-      {kAuto, {true, MethodReason::kLimit, kFast}, MethodReason::kLimit},
-      {kAuto, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
+      {kAutomatic, {false, MethodReason::kSmooth, 0.0}, MethodReason::kSmooth},
+      {kAutomatic, {true, MethodReason::kSmooth, kCalm}, MethodReason::kSmooth},
+      {kAutomatic, {true, MethodReason::kSmooth, kFast}, MethodReason::kStiff},
+      {kAutomatic, {true, MethodReason::kLimit, 0.0}, MethodReason::kLimit},
+      {kAutomatic, {true, MethodReason::kLimit, kFast}, MethodReason::kLimit},
+      {kAutomatic, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
       {kRungeKutta, {true, MethodReason::kSmooth, kFast}, MethodReason::kSmooth},
       {kRungeKutta, {true, MethodReason::kLimit, 0.0}, MethodReason::kLimit},
       {kGradients, {true, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
@@ -44,7 +44,7 @@ TEST(MethodChoice, NatureOfAnIslandByOptionsJointsAndSprings) {
       {kImpulses, {false, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
   };
   for (const Case& c : cases)
-    EXPECT_EQ(classify(c.traits, with(c.asked)), c.nature)
+    EXPECT_EQ(classify(c.traits, options_with(c.asked)), c.nature)
         << name(c.asked) << ", jumps: " << to_string(c.traits.jumps) << ", "
         << c.traits.fastest_spring;
 }
@@ -60,8 +60,8 @@ TEST(MethodChoice, EveryReasonHasOneMethod) {
       {MethodReason::kFewContacts, kEvents},     {MethodReason::kContactsGivenUp, kImpulses},
       {MethodReason::kManyContacts, kImpulses},  {MethodReason::kOverlap, kImpulses}};
   for (const auto& [why, method] : cases)
-    EXPECT_EQ(method_for(why, with(kGradients)), method) << to_string(why);
-  EXPECT_EQ(method_for(MethodReason::kAskedFor, with(kImpulses)), kImpulses);
+    EXPECT_EQ(method_for(why, options_with(kGradients)), method) << to_string(why);
+  EXPECT_EQ(method_for(MethodReason::kAskedFor, options_with(kImpulses)), kImpulses);
 }
 
 TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
@@ -105,10 +105,11 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
     memory.refused_until = c.is_refused ? kNow + 1 : kNow;  // refused until this step only
     memory.inconsistent_until = c.is_inconsistent ? kNow + 1 : kNow;
     memory.is_stiff = c.is_stiff;
-    const MethodChoice choice = choose(c.nature, c.in_contact, memory, kNow, with(kAuto));
+    const MethodChoice choice =
+        choose(c.nature, c.in_contact, memory, kNow, options_with(kAutomatic));
     EXPECT_EQ(choice.why, c.why) << c.what << ": " << to_string(choice.why);
     EXPECT_EQ(choice.method, c.method) << c.what << ": " << name(choice.method);
-    EXPECT_EQ(choice.method, method_for(choice.why, with(kAuto))) << c.what;
+    EXPECT_EQ(choice.method, method_for(choice.why, options_with(kAutomatic))) << c.what;
     remember_choice(choice, c.in_contact, kNow, &memory);
     EXPECT_EQ(memory.touched_until > kNow, c.in_contact) << c.what;
     if (choice.method == kImpulses) {
@@ -121,7 +122,7 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
 // islands that were too large only while they touch anything.
 TEST(MethodChoice, WhatEventsHaveLeftStaysAwayForHalfASecond) {
   for (const double h : {0.1, 0.01, 0.001}) {
-    WorldOptions options = with(kAuto);
+    WorldOptions options = options_with(kAutomatic);
     options.time_step = h;
     const auto steps = static_cast<std::uint64_t>(std::lround(0.5 / h));
     for (const MethodReason why : {MethodReason::kContactsGivenUp, MethodReason::kManyContacts}) {
@@ -143,7 +144,7 @@ TEST(MethodChoice, WhatEventsHaveLeftStaysAwayForHalfASecond) {
 }
 
 TEST(MethodChoice, AJerkDoesNotMakeAnIslandStiffButWhatGoesOnDoes) {
-  const WorldOptions options = with(kAuto);
+  const WorldOptions options = options_with(kAutomatic);
   IslandMemory memory;
   IntegrationResult progress;
   progress.is_stiff = true;
@@ -175,8 +176,8 @@ TEST(MethodChoice, SubstepsThatCostLessThanGradientsAreNotStiff) {
   IntegrationResult progress;
   progress.is_stiff = true;
   progress.substeps = 1;  // 12 evaluations beside 300
-  EXPECT_FALSE(
-      learn_from_substeps(gradient_cost(false, memory), kNow, with(kAuto), &progress, &memory));
+  EXPECT_FALSE(learn_from_substeps(gradient_cost(false, memory), kNow, options_with(kAutomatic),
+                                   &progress, &memory));
   EXPECT_FALSE(progress.is_stiff);
   EXPECT_EQ(memory.stiff_ticks, 0);
 }
@@ -184,7 +185,7 @@ TEST(MethodChoice, SubstepsThatCostLessThanGradientsAreNotStiff) {
 // With gradient_cost() of 300 and 2400 evaluations at h ω = 100 the costs are equal at h ω = 12.5;
 // below stiffness_limit substeps are used nevertheless.
 TEST(MethodChoice, SubstepsThatCostMoreThanStabilityAsksForAreRemembered) {
-  WorldOptions options = with(kAuto);
+  WorldOptions options = options_with(kAutomatic);
   options.stiffness_limit = 5.0;
   const double ahead = most_frequency(300.0, {}, options);
   EXPECT_NEAR(ahead * options.time_step, 300.0 * 5.0 / 12.0, 1e-9);
@@ -203,7 +204,7 @@ TEST(MethodChoice, SubstepsThatCostMoreThanStabilityAsksForAreRemembered) {
 }
 
 TEST(MethodChoice, AStiffIslandThatCalmsDownIsLetGo) {
-  const WorldOptions options = with(kAuto);
+  const WorldOptions options = options_with(kAutomatic);
   IslandMemory memory;
   memory.is_stiff = true;
   memory.stiff_until = kNow + 10;
@@ -222,7 +223,7 @@ TEST(MethodChoice, AStiffIslandThatCalmsDownIsLetGo) {
 }
 
 TEST(MethodChoice, WithoutAToleranceTheLimitIsThatOfStability) {
-  WorldOptions options = with(kAuto);
+  WorldOptions options = options_with(kAutomatic);
   EXPECT_EQ(stiffness_limit(options), options.stiffness_limit);
   options.tolerance = 0.0;
   EXPECT_EQ(stiffness_limit(options), 5.0);  // limit for a single substep of order 8 per tick

@@ -11,7 +11,7 @@ using Eigen::AngleAxisd;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kMass = 2.0;
+constexpr double kCarriedMass = 2.0;
 
 class MovingContactsAt : public testing::TestWithParam<Carried> {};
 
@@ -50,8 +50,8 @@ TEST_P(MovingContactsAt, ABoxOnAConveyorIsCarriedAlong) {
   World world(by_events(GetParam()));
   world.add_body(
       with_surface(mover({20.0, 2.0, 0.2}, {0.0, 0.0, -0.1}, {kSpeed, 0.0, 0.0}), kMu, 0));
-  const BodyId id = world.add_body(
-      with_surface(make_body("box", Box{{0.4, 0.3, 0.2}}, kMass, {0.0, 0.0, 0.1}), kMu, 0.0));
+  const BodyId id = world.add_body(with_surface(
+      make_body("box", Box{{0.4, 0.3, 0.2}}, kCarriedMass, {0.0, 0.0, 0.1}), kMu, 0.0));
   frame_anew(&world, GetParam());
   const double before = world.energy(), sticks = kSpeed / (kMu * kGravity);
   const Told told = go_on(&world, 1.0);
@@ -61,8 +61,8 @@ TEST_P(MovingContactsAt, ABoxOnAConveyorIsCarriedAlong) {
   ASSERT_EQ(told.events.size(), 1u);
   EXPECT_EQ(told.events[0].kind, EventKind::kSticks);
   EXPECT_NEAR(told.events[0].time, sticks, kTime);
-  EXPECT_NEAR(told.driven, kMass * kSpeed * kSpeed, 1e-11);
-  EXPECT_NEAR(world.energy() - before, 0.5 * kMass * kSpeed * kSpeed, 1e-11);
+  EXPECT_NEAR(told.driven, kCarriedMass * kSpeed * kSpeed, 1e-11);
+  EXPECT_NEAR(world.energy() - before, 0.5 * kCarriedMass * kSpeed * kSpeed, 1e-11);
 }
 
 // The lift's power is m g v.
@@ -71,7 +71,8 @@ TEST_P(MovingContactsAt, ALiftCarriesABoxWithoutAnEvent) {
   World world(by_events(GetParam()));
   world.add_body(
       with_surface(mover({2.0, 2.0, 0.2}, {0.0, 0.0, -0.1}, {0.2, 0.0, kSpeed}), 0.5, 0));
-  Body box = with_surface(make_body("box", Box{{0.4, 0.3, 0.2}}, kMass, {0.0, 0.0, 0.1}), 0.5, 0.0);
+  Body box =
+      with_surface(make_body("box", Box{{0.4, 0.3, 0.2}}, kCarriedMass, {0.0, 0.0, 0.1}), 0.5, 0.0);
   box.state.linear_velocity = {0.2, 0.0, kSpeed};
   const BodyId id = world.add_body(box);
   frame_anew(&world, GetParam());
@@ -80,7 +81,7 @@ TEST_P(MovingContactsAt, ALiftCarriesABoxWithoutAnEvent) {
   EXPECT_TRUE(told.events.empty());
   const double t = world.time();
   EXPECT_LT((world.state(id).position - Vector3d(0.2 * t, 0.0, 0.1 + kSpeed * t)).norm(), kPlace);
-  EXPECT_NEAR(told.driven, kMass * kGravity * kSpeed * t, 1e-10);
+  EXPECT_NEAR(told.driven, kCarriedMass * kGravity * kSpeed * t, 1e-10);
   EXPECT_NEAR(world.energy() - before, told.driven, 1e-10);
   EXPECT_EQ(world.contacts().size(), 4u);
 }
@@ -92,7 +93,8 @@ TEST_P(MovingContactsAt, AWallHitsABall) {
     World world(by_events(GetParam(), 0.0));
     world.add_body(
         with_surface(mover({0.2, 4.0, 4.0}, {0.2 + kGap, 0.0, 0.0}, {kWall, 0.0, 0.0}), 0.2, e));
-    Body ball = with_surface(make_body("ball", Sphere{0.1}, kMass, Vector3d::Zero()), 0.2, e);
+    Body ball =
+        with_surface(make_body("ball", Sphere{0.1}, kCarriedMass, Vector3d::Zero()), 0.2, e);
     ball.state.linear_velocity.x() = kBall;
     const BodyId id = world.add_body(ball);
     frame_anew(&world, GetParam());
@@ -104,8 +106,8 @@ TEST_P(MovingContactsAt, AWallHitsABall) {
     ASSERT_GE(told.events.size(), 1u);
     EXPECT_EQ(told.events[0].kind, EventKind::kContactBegan);
     EXPECT_NEAR(told.events[0].time, hits, kTime) << e;
-    EXPECT_NEAR(told.events[0].impulse, kMass * (kBall - after), kPlace) << e;
-    EXPECT_NEAR(told.driven, kWall * kMass * (after - kBall), 1e-11) << e;
+    EXPECT_NEAR(told.events[0].impulse, kCarriedMass * (kBall - after), kPlace) << e;
+    EXPECT_NEAR(told.driven, kWall * kCarriedMass * (after - kBall), 1e-11) << e;
   }
 }
 
@@ -117,8 +119,8 @@ TEST_P(MovingContactsAt, ATurntableTakesABoxRound) {
   Body table = mover({3.0, 3.0, 0.2}, {0.1, 0.0, -0.1}, {0.0, kTurn * 0.1, 0.0});
   table.state.angular_velocity.z() = kTurn;
   world.add_body(with_surface(table, 0.5, 0.0));
-  Body box =
-      with_surface(make_body("box", Box{{0.2, 0.2, 0.2}}, kMass, {kArm, 0.0, 0.1}), 0.5, 0.0);
+  Body box = with_surface(make_body("box", Box{{0.2, 0.2, 0.2}}, kCarriedMass, {kArm, 0.0, 0.1}),
+                          0.5, 0.0);
   box.state.linear_velocity.y() = kTurn * kArm;  // v + ω (R − 0.1)
   box.state.angular_velocity.z() = kTurn;
   const BodyId id = world.add_body(box);

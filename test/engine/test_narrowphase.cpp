@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "draw.h"
 #include "engine/collision/narrowphase.h"
 
 namespace constraint_sim::engine {
@@ -23,26 +23,17 @@ BodyState at(const Vector3d& position, const Quaterniond& orientation = Quaterni
   return state;
 }
 
-/// Random numbers, uniform in [0, 1), equal with every standard library.
-class Random {
+/// Random directions and poses of shapes.
+class NarrowphaseDraw : public Draw {
  public:
-  double operator()() { return static_cast<double>(generator_()) / 4294967296.0; }
-  double between(double low, double high) { return low + (high - low) * (*this)(); }
-  Vector3d vector(double low, double high) {
-    const double x = between(low, high);
-    const double y = between(low, high);
-    return {x, y, between(low, high)};
-  }
+  NarrowphaseDraw() : Draw(11) {}
   Vector3d direction() {
     for (;;) {
-      const Vector3d v = vector(-1.0, 1.0);
+      const Vector3d v = vector_between(-1.0, 1.0);
       if (v.norm() > 0.1 && v.norm() < 1.0) return v.normalized();
     }
   }
   Quaterniond orientation() { return Quaterniond(AngleAxisd(between(-M_PI, M_PI), direction())); }
-
- private:
-  std::mt19937 generator_{11};
 };
 
 double deepest(const Manifold& manifold) {
@@ -173,18 +164,18 @@ TEST(Interfaces, OfPointsAndOfTwoPlanesAreNone) {
 
 /// Two overlapping shapes without ties between features, so that rounding cannot change the choice.
 std::vector<Touch> generic_contacts() {
-  Random random;
+  NarrowphaseDraw random;
   std::vector<Touch> contacts;
   const auto add = [&](const std::string& name, const Shape& shape_a, const Shape& shape_b,
                        const Vector3d& offset) {
-    const Vector3d p_b = random.vector(-1.0, 1.0);
+    const Vector3d p_b = random.vector_between(-1.0, 1.0);
     contacts.push_back({name, shape_a, at(p_b + offset, random.orientation()), shape_b,
                         at(p_b, random.orientation()), 0});
   };
   for (int i = 0; i < 20; ++i) {
     const Vector3d near = random.between(0.1, 0.6) * random.direction();
-    const Box box_a{random.vector(0.6, 1.5)};
-    const Box box_b{random.vector(0.6, 1.5)};
+    const Box box_a{random.vector_between(0.6, 1.5)};
+    const Box box_b{random.vector_between(0.6, 1.5)};
     add("sphere, sphere", Sphere{0.3}, Sphere{0.7}, near);
     add("sphere, plane", Sphere{0.7}, Plane{}, near);
     add("box, plane", box_a, Plane{}, near);
@@ -195,12 +186,12 @@ std::vector<Touch> generic_contacts() {
 }
 
 TEST(Interfaces, DoNotDependOnPlaceDirectionOrScale) {
-  Random random;
+  NarrowphaseDraw random;
   for (const Touch& c : generic_contacts()) {
     const Manifold expected = collide(c.shape_a, c.a, c.shape_b, c.b);
     for (const double scale : {1.0, 1e-12, 1e-6, 1e6}) {
       const Quaterniond turn = random.orientation();
-      const Vector3d shift = random.vector(-3.0, 3.0);
+      const Vector3d shift = random.vector_between(-3.0, 3.0);
       const auto moved_point = [&](const Vector3d& p) -> Vector3d {
         return scale * (turn * p + shift);
       };
@@ -420,20 +411,20 @@ Overlap overlap_by_projection(const Boxes& boxes) {
   return Overlap::kUndecided;
 }
 
-Boxes random_boxes(Random& random) {
+Boxes random_boxes(NarrowphaseDraw& random) {
   Boxes boxes;
-  boxes.size_a = random.vector(0.1, 2.0);
-  boxes.size_b = random.vector(0.1, 2.0);
-  boxes.b = at(random.vector(-1.0, 1.0), random.orientation());
-  boxes.a = at(boxes.b.position + random.vector(-1.5, 1.5), random.orientation());
+  boxes.size_a = random.vector_between(0.1, 2.0);
+  boxes.size_b = random.vector_between(0.1, 2.0);
+  boxes.b = at(random.vector_between(-1.0, 1.0), random.orientation());
+  boxes.a = at(boxes.b.position + random.vector_between(-1.5, 1.5), random.orientation());
   return boxes;
 }
 
 /// A box resting on another with slight tilt and depth, possibly overhanging.
-Boxes resting_boxes(Random& random) {
+Boxes resting_boxes(NarrowphaseDraw& random) {
   Boxes boxes;
-  boxes.size_a = random.vector(0.5, 1.5);
-  boxes.size_b = random.vector(0.5, 1.5);
+  boxes.size_a = random.vector_between(0.5, 1.5);
+  boxes.size_b = random.vector_between(0.5, 1.5);
   const double tilt = std::pow(10.0, random.between(-9.0, -1.0));
   const double depth = std::pow(10.0, random.between(-6.0, -2.0));
   const Quaterniond yaw(AngleAxisd(random.between(-M_PI, M_PI), Vector3d::UnitZ()));
@@ -559,7 +550,7 @@ TEST(BoxBox, IdenticalBoxesPartAlongTheShortestSide) {
 }
 
 TEST(BoxBox, StackedFlushKeepsItsFeaturesThroughRoundOff) {
-  Random random;
+  NarrowphaseDraw random;
   Boxes boxes{Vector3d::Ones(), at({0.0, 0.0, 1.0 - 1e-4}), Vector3d::Ones(), BodyState{}};
   const std::set<std::uint32_t> expected = features(boxes.contact());
   EXPECT_EQ(expected.size(), 4u);
@@ -574,7 +565,7 @@ TEST(BoxBox, StackedFlushKeepsItsFeaturesThroughRoundOff) {
 
 TEST(BoxBox, OverhangingKeepsItsFeaturesAndItsFace) {
   // where edges cross at the border, the edges' axis has the least depth as soon as the box tilts
-  Random random;
+  NarrowphaseDraw random;
   Boxes boxes{Vector3d::Ones(), BodyState{}, Vector3d::Ones(), BodyState{}};
   const Vector3d place(0.6, 0.3, 1.0 - 1e-3);
   const Quaterniond yaw(AngleAxisd(0.4, Vector3d::UnitZ()));
@@ -593,7 +584,7 @@ TEST(BoxBox, OverhangingKeepsItsFeaturesAndItsFace) {
 TEST(BoxBox, FeaturesDoNotDependOnWhichFaceWasClipped) {
   // tilted by a degree, either A's or B's face has the lesser depth; upside down, a face's vertices
   // are in the opposite order
-  Random random;
+  NarrowphaseDraw random;
   const Quaterniond yaw(AngleAxisd(0.4, Vector3d::UnitZ()));
   const Quaterniond upside_down(0.0, 1.0, 0.0, 0.0);
   for (const Quaterniond& pose_a : {yaw, yaw * upside_down}) {
@@ -619,7 +610,7 @@ TEST(BoxBox, FeaturesDoNotDependOnWhichFaceWasClipped) {
 }
 
 TEST(BoxBox, DepthsAreExactFarFromTheOrigin) {
-  Random random;
+  NarrowphaseDraw random;
   const Vector3d far = Vector3d::Constant(std::pow(2.0, 30));
   for (int trial = 0; trial < 100; ++trial) {
     Boxes boxes = random_boxes(random);
@@ -649,7 +640,7 @@ TEST(BoxBox, OnTheBorderOfAHugeBoxStaysWithinIt) {
 }
 
 TEST(BoxBox, AgreesWithAlternatingProjection) {
-  Random random;
+  NarrowphaseDraw random;
   int yes = 0;
   int no = 0;
   for (int trial = 0; trial < 5000; ++trial) {
@@ -667,7 +658,7 @@ TEST(BoxBox, AgreesWithAlternatingProjection) {
 // Alternating projection gives an upper bound of the distance, and the plane between the points a
 // lower bound.
 TEST(BoxBox, WithinAMarginHaveTheirDistance) {
-  Random random;
+  NarrowphaseDraw random;
   const double margin = 0.05;
   int near = 0;
   int exact = 0;
@@ -707,7 +698,7 @@ TEST(BoxBox, WithinAMarginHaveTheirDistance) {
 
 // A box about to land has the contact points on which it will rest.
 TEST(BoxBox, LandingKeepsItsFeatures) {
-  Random random;
+  NarrowphaseDraw random;
   int landed = 0;
   for (int trial = 0; trial < 1000; ++trial) {
     Boxes boxes = resting_boxes(random);
@@ -728,7 +719,7 @@ TEST(BoxBox, LandingKeepsItsFeatures) {
 }
 
 TEST(BoxBox, DepthIsTheLeastThatParts) {
-  Random random;
+  NarrowphaseDraw random;
   for (int trial = 0; trial < 5000; ++trial) {
     const Boxes boxes = random_boxes(random);
     const Manifold contact = boxes.contact();
@@ -744,7 +735,7 @@ TEST(BoxBox, DepthIsTheLeastThatParts) {
 }
 
 TEST(BoxBox, RestingBoxesHaveTheWholeFaceAndTheRightDepth) {
-  Random random;
+  NarrowphaseDraw random;
   int contacts = 0;
   for (int trial = 0; trial < 5000; ++trial) {
     const Boxes boxes = resting_boxes(random);

@@ -37,7 +37,7 @@ struct Placed {
   }
 };
 
-struct Pair {
+struct PlacedPair {
   Placed a, b;
 
   Manifold contact(double margin = 0.0) const {
@@ -48,8 +48,8 @@ struct Pair {
   double depth_along(const Vector3d& n) const {
     return a.reach(n) + b.reach(n) - n.dot(a.state.position - b.state.position);
   }
-  Pair with_a_moved(const Vector3d& shift) const {
-    Pair moved = *this;
+  PlacedPair with_a_moved(const Vector3d& shift) const {
+    PlacedPair moved = *this;
     moved.a.state.position += shift;
     return moved;
   }
@@ -57,7 +57,7 @@ struct Pair {
 
 /// Returns the distance and the direction from B to A; 0 where they overlap, none where projections
 /// do not converge.
-std::optional<double> distance_by_projection(const Pair& pair, Vector3d* direction) {
+std::optional<double> distance_by_projection(const PlacedPair& pair, Vector3d* direction) {
   Vector3d on_b = pair.b.state.position;
   for (int i = 0; i < 20000; ++i) {
     const Vector3d on_a = pair.a.nearest(on_b);
@@ -71,7 +71,7 @@ std::optional<double> distance_by_projection(const Pair& pair, Vector3d* directi
 }
 
 /// Returns the least depth found by a search that uses depth_along() only.
-double least_depth(const Pair& pair, Random* random) {
+double least_depth(const PlacedPair& pair, Random* random) {
   std::vector<std::pair<double, Vector3d>> found;
   for (int i = 0; i < 3000; ++i) {
     const Vector3d n = random->vector().normalized();
@@ -112,8 +112,8 @@ BodyState random_state(const Vector3d& position, Random* random) {
 }
 
 /// Boxes and cylinders with cylinders, every fourth with aligned or crossed axes.
-Pair random_pair(int i, Random* random) {
-  Pair pair;
+PlacedPair random_pair(int i, Random* random) {
+  PlacedPair pair;
   const Vector3d place = random->vector();
   pair.a = {random_shape(i % 2 == 0, random), random_state(place, random)};
   pair.b = {random_shape(false, random), random_state(place + 0.8 * random->vector(), random)};
@@ -129,7 +129,7 @@ TEST(CylinderContacts, AreThereWhereShapesOverlap) {
   Random random;
   int overlapping = 0, apart = 0, undecided = 0;
   for (int i = 0; i < 4000 / kSanitizedShare; ++i) {
-    const Pair pair = random_pair(i, &random);
+    const PlacedPair pair = random_pair(i, &random);
     Vector3d direction = Vector3d::Zero();
     const auto distance = distance_by_projection(pair, &direction);
     if (!distance) {
@@ -159,7 +159,7 @@ TEST(CylinderContacts, HaveTheLeastDepth) {
   Random random;
   int tested = 0;
   for (int i = 0; i < 1200 / kSanitizedShare; ++i) {
-    const Pair pair = random_pair(i, &random);
+    const PlacedPair pair = random_pair(i, &random);
     const double depth = -pair.apart().gap;
     if (depth <= 0.0) continue;
     ++tested;
@@ -173,7 +173,7 @@ TEST(CylinderContacts, PartShapesAndLieOnTheSecond) {
   Random random;
   int points = 0;
   for (int i = 0; i < 2000 / kSanitizedShare; ++i) {
-    const Pair pair = random_pair(i, &random);
+    const PlacedPair pair = random_pair(i, &random);
     const Manifold contact = pair.contact();
     if (contact.count == 0) continue;
     ASSERT_NEAR(contact.normal.norm(), 1.0, 1e-14);
@@ -181,7 +181,7 @@ TEST(CylinderContacts, PartShapesAndLieOnTheSecond) {
     // a thousandth of the sine of 2.56° times the size, where a face's normal is used
     EXPECT_LT(depth, -pair.apart().gap + 0.05 * 2.0) << i;
     EXPECT_EQ(pair.with_a_moved((depth + 1e-9) * contact.normal).contact().count, 0) << i;
-    const Pair reversed{pair.b, pair.a};
+    const PlacedPair reversed{pair.b, pair.a};
     EXPECT_EQ(reversed.contact().count, contact.count) << i;
     for (int k = 0; k < contact.count; ++k) {
       ++points;
@@ -215,7 +215,7 @@ TEST(CylinderContacts, HaveThePointsThatHoldAShape) {
   const Quaterniond skew(AngleAxisd(0.7, Vector3d::UnitZ()));
   struct Case {
     const char* name;
-    Pair pair;
+    PlacedPair pair;
     int count;
     double width_x, width_y;  // extent of the points
   };
@@ -309,7 +309,7 @@ TEST(CylinderContacts, OnAPlaneKnowTheLowestPoint) {
                           Quaterniond(AngleAxisd(kPi * random(), Vector3d::UnitZ()));
     const double reach = a.reach(Vector3d::UnitZ());
     a.state.position.z() = reach - 0.1;
-    const Pair pair{a, placed(Plane{}, Vector3d::Zero())};
+    const PlacedPair pair{a, placed(Plane{}, Vector3d::Zero())};
     const Manifold contact = pair.contact();
     double deepest = 0.0;
     for (int k = 0; k < contact.count; ++k)

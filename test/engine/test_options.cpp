@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
-#include <regex>
 #include <set>
 #include <sstream>
 #include <string>
@@ -52,11 +52,14 @@ std::map<std::string, WorldOptions> changed_one_by_one() {
 
 /// Returns the text of an option's value in a scene.
 std::string text_of(const WorldOptions& options, const std::string& name) {
-  std::smatch found;
-  const std::string saved = save_scene(World(options));
-  const std::regex line("(?:^|\n) *" + name + ": ([^\n]*)");
-  EXPECT_TRUE(std::regex_search(saved, found, line)) << name << " is saved";
-  return found.empty() ? "" : found[1].str();
+  std::istringstream saved(save_scene(World(options)));
+  const std::string key = name + ": ";
+  for (std::string line; std::getline(saved, line);) {
+    const std::size_t start = std::min(line.find_first_not_of(' '), line.size());
+    if (line.compare(start, key.size(), key) == 0) return line.substr(start + key.size());
+  }
+  ADD_FAILURE() << name << " is not saved";
+  return "";
 }
 
 /// Returns a scene that sets one option.
@@ -137,8 +140,19 @@ TEST(Options, AreInThePlanByMethod) {
 
 /// Strips markup: `[text](address)` becomes text, and code marks are dropped.
 std::string plain(const std::string& cell) {
-  const std::string text = std::regex_replace(cell, std::regex(R"(\[([^\]]+)\]\([^)]*\))"), "$1");
-  return std::regex_replace(text, std::regex("`"), "");
+  std::string text;
+  for (std::size_t i = 0; i < cell.size(); ++i) {
+    const std::size_t middle = cell[i] == '[' ? cell.find("](", i) : std::string::npos;
+    const std::size_t end = middle == std::string::npos ? middle : cell.find(')', middle);
+    if (end != std::string::npos) {
+      text += cell.substr(i + 1, middle - i - 1);
+      i = end;
+    } else {
+      text += cell[i];
+    }
+  }
+  text.erase(std::remove(text.begin(), text.end(), '`'), text.end());
+  return text;
 }
 
 /// Returns rows of the table of a section of docs/scenes.md, by their first cell.
@@ -182,9 +196,10 @@ TEST(Options, StandInTheManualAsTheyAre) {
 TEST(Options, HaveTheDefaultsOfTheNodesParameters) {
   std::ifstream file(CONSTRAINT_SIM_SCENE_DIR "/../parameters.yaml");
   std::map<std::string, std::string> parameters;
-  std::smatch found;
-  for (std::string line; std::getline(file, line);)
-    if (std::regex_match(line, found, std::regex("(\\w+): (.*)"))) parameters[found[1]] = found[2];
+  for (std::string line; std::getline(file, line);) {
+    const std::size_t colon = line.find(": ");
+    if (colon != std::string::npos) parameters[line.substr(0, colon)] = line.substr(colon + 2);
+  }
   EXPECT_EQ(parameters.count("closing_time"), 1u);  // the file was read
   const WorldOptions defaults;
   visit_options(defaults, [&](const OptionInfo& info, const auto&, auto) {

@@ -13,7 +13,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using problems::Reals;
 
-constexpr double kMass = 2.0, kInertia = 0.03, kRadius = 0.2;
+constexpr double kBallMass = 2.0, kBallInertia = 0.03, kBallRadius = 0.2;
 
 class PosedContactsAt : public testing::TestWithParam<Carried> {};
 
@@ -21,8 +21,8 @@ INSTANTIATE_TEST_SUITE_P(Ticks, PosedContactsAt, testing::ValuesIn(each_way(Meth
 
 /// A ball with its shape's centre at `offset` from its centre of mass, with isotropic inertia.
 Body lopsided_ball(const Vector3d& offset) {
-  Body ball = make_body("ball", Sphere{kRadius}, kMass, Vector3d::Zero());
-  ball.inertia = Vector3d::Constant(kInertia);
+  Body ball = make_body("ball", Sphere{kBallRadius}, kBallMass, Vector3d::Zero());
+  ball.inertia = Vector3d::Constant(kBallInertia);
   ball.shape_pose = ShapePose{offset, Quaterniond(0.7, 0.1, -0.5, 0.5)};
   return ball;
 }
@@ -45,7 +45,7 @@ struct Bouncing {
     return later;
   }
   static double gap(const BodyState& now, const Vector3d& offset) {
-    return now.position.z() + (now.orientation * offset).z() - kRadius;
+    return now.position.z() + (now.orientation * offset).z() - kBallRadius;
   }
   void advance(double since, double h) {
     constexpr int kLooks = 1000;
@@ -64,11 +64,12 @@ struct Bouncing {
       }
       state = after(low);
       done += low;
-      const Vector3d n = Vector3d::UnitZ(), r = state.orientation * offset - kRadius * n;
+      const Vector3d n = Vector3d::UnitZ(), r = state.orientation * offset - kBallRadius * n;
       const double rate = n.dot(state.linear_velocity + state.angular_velocity.cross(r));
-      const double p = -(1.0 + e) * rate / (1.0 / kMass + r.cross(n).squaredNorm() / kInertia);
-      state.linear_velocity += p / kMass * n;
-      state.angular_velocity += p / kInertia * r.cross(n);
+      const double p =
+          -(1.0 + e) * rate / (1.0 / kBallMass + r.cross(n).squaredNorm() / kBallInertia);
+      state.linear_velocity += p / kBallMass * n;
+      state.angular_velocity += p / kBallInertia * r.cross(n);
       Event& hit = hits.emplace_back();
       hit.time = since + done;
       hit.impulse = p;
@@ -104,7 +105,8 @@ TEST_P(PosedContactsAt, ALopsidedBallBounces) {
       EXPECT_NEAR(events[i].impulse, expected.hits[i].impulse, 1e-7);
     }
     if (e == 1.0) {
-      const double start = kMass * kGravity * 0.6 + 0.5 * kMass * 0.34 + 0.5 * kInertia * 14.0;
+      const double start =
+          kBallMass * kGravity * 0.6 + 0.5 * kBallMass * 0.34 + 0.5 * kBallInertia * 14.0;
       EXPECT_NEAR(world.energy(), start, 1e-8);
     }
   }
@@ -121,17 +123,16 @@ TEST_P(PosedContactsAt, ALopsidedBallRocks) {
     world.add_body(make_floor(rolls ? 2.0 : 0.0));
     Body ball = with_surface(lopsided_ball({0.0, 0.0, d}), rolls ? 2.0 : 0.0, 0.0);
     ball.state.orientation = Quaterniond(AngleAxisd(kStart, Vector3d::UnitY()));
-    const Vector3d middle(0.0, 0.0, kRadius);
+    const Vector3d middle(0.0, 0.0, kBallRadius);
     ball.state.position = middle - ball.state.orientation * Vector3d(0.0, 0.0, d);
     const BodyId id = world.add_body(ball);
     const auto rate = [&](const Reals& y) {
-      const long double s = std::sin(y[0]), c = std::cos(y[0]), pull = kMass * kGravity * d * s;
-      return rolls
-                 ? Reals{y[1],
-                         -(kMass * kRadius * d * s * y[1] * y[1] + pull) /
-                             (kInertia + kMass * (kRadius * kRadius + d * d - 2 * kRadius * d * c))}
-                 : Reals{y[1], -(kMass * d * d * s * c * y[1] * y[1] + pull) /
-                                   (kInertia + kMass * d * d * s * s)};
+      const long double s = std::sin(y[0]), c = std::cos(y[0]), pull = kBallMass * kGravity * d * s;
+      return rolls ? Reals{y[1], -(kBallMass * kBallRadius * d * s * y[1] * y[1] + pull) /
+                                     (kBallInertia + kBallMass * (kBallRadius * kBallRadius +
+                                                                  d * d - 2 * kBallRadius * d * c))}
+                   : Reals{y[1], -(kBallMass * d * d * s * c * y[1] * y[1] + pull) /
+                                     (kBallInertia + kBallMass * d * d * s * s)};
     };
     Reals turned{static_cast<long double>(kStart), 0};
     for (double t = 0.0; world.time() < 1.5 - 1e-9; t = world.time()) {
@@ -139,8 +140,8 @@ TEST_P(PosedContactsAt, ALopsidedBallRocks) {
       turned = problems::integrate(rate, turned, static_cast<long double>(world.time()) - t, 1);
       const auto angle = static_cast<double>(turned[0]);
       const double x =
-          rolls ? kRadius * (angle - kStart) - d * std::sin(angle) : -d * std::sin(kStart);
-      const Vector3d place(x, 0.0, kRadius - d * std::cos(angle));
+          rolls ? kBallRadius * (angle - kStart) - d * std::sin(angle) : -d * std::sin(kStart);
+      const Vector3d place(x, 0.0, kBallRadius - d * std::cos(angle));
       ASSERT_LT((world.state(id).position - place).norm(), 1e-8) << world.time();
       ASSERT_NEAR(2.0 * std::asin(world.state(id).orientation.y()), angle, 1e-7);
     }
@@ -149,7 +150,7 @@ TEST_P(PosedContactsAt, ALopsidedBallRocks) {
 
 /// A box with its centre of mass `above` the centre of its shape.
 Body topheavy_box(const Vector3d& half, double above) {
-  Body box = make_body("box", Box{2.0 * half}, kMass, {0.0, 0.0, half.z() + above});
+  Body box = make_body("box", Box{2.0 * half}, kBallMass, {0.0, 0.0, half.z() + above});
   box.inertia = {0.2, 0.15, 0.1};
   box.shape_pose = ShapePose{{0.0, 0.0, -above}, Quaterniond::Identity()};
   return box;
@@ -168,13 +169,13 @@ TEST_P(PosedContactsAt, ABoxTipsByTheHeightOfItsMass) {
       const double push = (1.0 + off) * ratio;
       Wrench wrench;
       wrench.body = id;
-      wrench.force.x() = push * kMass * kGravity;
+      wrench.force.x() = push * kBallMass * kGravity;
       world.add_wrench(wrench);
       const double arm = std::hypot(half.x(), high), start = std::atan2(high, half.x());
       const auto rate = [&](const Reals& y) {
         const long double phi = start + y[0];
-        return Reals{y[1], kMass * kGravity * arm * (push * std::sin(phi) - std::cos(phi)) /
-                               (0.15 + kMass * arm * arm)};
+        return Reals{y[1], kBallMass * kGravity * arm * (push * std::sin(phi) - std::cos(phi)) /
+                               (0.15 + kBallMass * arm * arm)};
       };
       Reals turned{0, 0};
       for (double t = 0.0; world.time() < 0.4 - 1e-9; t = world.time()) {
@@ -213,8 +214,8 @@ TEST_P(PosedContactsAt, ABoxSlidesToRestOnItsCorners) {
       force += contact.normal_force;
       moment += contact.normal_force * (x > 0.0 ? half.x() : -half.x());
     }
-    EXPECT_NEAR(force, kMass * kGravity, 1e-9);
-    EXPECT_NEAR(moment, kMu * kMass * kGravity * 0.6, 1e-9);
+    EXPECT_NEAR(force, kBallMass * kGravity, 1e-9);
+    EXPECT_NEAR(moment, kMu * kBallMass * kGravity * 0.6, 1e-9);
   }
   const double way = kSpeed * kSpeed / (2.0 * kMu * kGravity);
   EXPECT_LT((world.state(id).position - Vector3d(way, 0.0, 0.6)).norm(), kPlace);

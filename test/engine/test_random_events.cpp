@@ -9,8 +9,8 @@
 #include "constraint_sim/engine/scene.h"
 #include "event_costs.h"
 #include "judge_events.h"
+#include "shipped_scenes.h"
 #include "support.h"
-#include "test_paths.h"
 
 namespace constraint_sim::engine::random_events {
 namespace {
@@ -218,7 +218,7 @@ TEST(RandomEvents, BeginAndEndInTurn) {
     for (unsigned seed = 0; seed < kScenes / 8; ++seed) {
       World world = world_of(scene_of(kind, seed));
       std::map<std::string, bool> has_begun;
-      while (world.time() < 2.0 && !world.step().failed && !is_by_impulses(world)) {
+      while (world.time() < 2.0 && !world.step().failed && !is_with_impulses(world)) {
         for (const Event& event : world.events()) {
           if (!event.joint &&
               event.kind == EventKind::kContactBegan)  // slipping or sticking starts anew
@@ -244,7 +244,7 @@ TEST(RandomEvents, BeginAndEndInTurn) {
 // machine.
 TEST(EventCosts, OfShippedScenesAreAtMostFiveSubsteps) {
   for (const char* name : event_costs::kScenes) {
-    World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR "/") + name + ".yaml");
+    World world = shipped(name);
     const event_costs::Costs costs = event_costs::follow(world, event_costs::kDuration);
     EXPECT_GT(costs.events, 0u) << name;
     EXPECT_LE(costs.of_an_event(), 5.0 * costs.ordinary()) << name;

@@ -34,7 +34,7 @@ int below(int n, Random* random) {
   return std::min(n - 1, static_cast<int>(n * 0.5 * ((*random)() + 1.0)));
 }
 
-double between(double low, double high, Random* random) {
+double draw_between(double low, double high, Random* random) {
   return low + 0.5 * ((*random)() + 1.0) * (high - low);
 }
 
@@ -47,9 +47,9 @@ CoordinateMotor rigid_motor(Random* random) {
   }
   motor.bias = 2.0 * (*random)();
   motor.amplitude = (*random)();
-  motor.frequency = between(0.0, 3.0, random);
+  motor.frequency = draw_between(0.0, 3.0, random);
   motor.phase = (*random)();
-  if (below(2, random) == 0) motor.timeout = between(0.03, 0.2, random);
+  if (below(2, random) == 0) motor.timeout = draw_between(0.03, 0.2, random);
   return motor;
 }
 
@@ -61,31 +61,31 @@ CoordinateMotor soft_motor(Random* random) {
   }
   motor.position = (*random)();
   if (below(2, random) == 0) {
-    motor.servo_frequency = between(0.1, 3.0, random);
-    motor.servo_damping_ratio = between(0.0, 2.0, random);
+    motor.servo_frequency = draw_between(0.1, 3.0, random);
+    motor.servo_damping_ratio = draw_between(0.0, 2.0, random);
   } else {
-    motor.servo_stiffness = between(0.1, 50.0, random);
-    motor.servo_damping = between(0.0, 2.0, random);
+    motor.servo_stiffness = draw_between(0.1, 50.0, random);
+    motor.servo_damping = draw_between(0.0, 2.0, random);
   }
   return motor;
 }
 
 /// Returns springs, dampers, forces and servos.
-CoordinateLaw soft_law(Random* random) {
+CoordinateLaw draw_soft_law(Random* random) {
   CoordinateLaw law;
   if (below(2, random) == 0) law.position = (*random)();
   law.rest = (*random)();
   switch (below(4, random)) {
     case 0:
-      law.frequency = between(0.1, 3.0, random);
-      law.damping_ratio = between(0.0, 2.0, random);
+      law.frequency = draw_between(0.1, 3.0, random);
+      law.damping_ratio = draw_between(0.0, 2.0, random);
       break;
     case 1:
-      law.stiffness = between(0.1, 50.0, random);
-      law.damping = between(0.0, 2.0, random);
+      law.stiffness = draw_between(0.1, 50.0, random);
+      law.damping = draw_between(0.0, 2.0, random);
       break;
     case 2:
-      law.damping = between(0.0, 2.0, random);
+      law.damping = draw_between(0.0, 2.0, random);
       break;
     default:
       break;
@@ -96,14 +96,14 @@ CoordinateLaw soft_law(Random* random) {
 
 /// Returns limits, friction, and force-limited motors.
 CoordinateLaw one_sided_law(Random* random) {
-  CoordinateLaw law = soft_law(random);
+  CoordinateLaw law = draw_soft_law(random);
   law.position = (*random)();
-  if (below(2, random) == 0) law.lower = *law.position - between(0.0, 0.5, random);
-  if (below(2, random) == 0) law.upper = *law.position + between(0.01, 0.5, random);
+  if (below(2, random) == 0) law.lower = *law.position - draw_between(0.0, 0.5, random);
+  if (below(2, random) == 0) law.upper = *law.position + draw_between(0.01, 0.5, random);
   if (law.is_limited()) law.limit_restitution = std::max(0.0, (*random)());
-  if (below(2, random) == 0) law.friction = between(0.0, 2.0, random);
+  if (below(2, random) == 0) law.friction = draw_between(0.0, 2.0, random);
   if (below(2, random) == 0) law.motor = rigid_motor(random);
-  if (law.motor && below(2, random) == 0) law.motor->max_force = between(0.1, 10.0, random);
+  if (law.motor && below(2, random) == 0) law.motor->max_force = draw_between(0.1, 10.0, random);
   return law;
 }
 
@@ -126,7 +126,7 @@ void add_laws(Laws laws, Random* random, Joint* joint) {
   for (int i = 0; i < coordinates(joint->kind); ++i) {
     CoordinateLaw& law = joint->coordinates[static_cast<std::size_t>(i)];
     if (below(3, random) == 0) continue;
-    law = laws == Laws::kOneSided ? one_sided_law(random) : soft_law(random);
+    law = laws == Laws::kOneSided ? one_sided_law(random) : draw_soft_law(random);
     if (laws == Laws::kMotors && below(2, random) == 0) law.motor = rigid_motor(random);
   }
 }
@@ -154,7 +154,8 @@ void add_couplings(Random* random, Mechanism* made) {
     Mechanism::Link gear;
     gear.joint.name = "gear_" + std::to_string(i);
     gear.joint.kind = JointKind::kGear;
-    gear.joint.coupling.ratio = (below(2, random) == 0 ? 1.0 : -1.0) * between(0.3, 3.0, random);
+    gear.joint.coupling.ratio =
+        (below(2, random) == 0 ? 1.0 : -1.0) * draw_between(0.3, 3.0, random);
     gear.a = i;
     gear.b = i + 1;
     made->couplings.push_back(gear);
@@ -257,7 +258,7 @@ World make_world(const Mechanism& mechanism, Method method, double h, bool is_re
   return world;
 }
 
-Mechanism moved(Mechanism mechanism, const Quaterniond& R, const Vector3d& p) {
+Mechanism moved_mechanism(Mechanism mechanism, const Quaterniond& R, const Vector3d& p) {
   for (Body& body : mechanism.bodies) {
     BodyState& state = body.state;
     state = {R * state.position + p, R * state.orientation, R * state.linear_velocity,
@@ -279,7 +280,7 @@ bool is_told(const World& world) {
 
 /// Steps for kSpan. Joints must hold to rounding, of coordinates, and of lengths over small pivots;
 /// inconsistent joints must be reported, returned in `told`.
-void run(World* world, const std::string& what, bool* told = nullptr) {
+void run_and_check(World* world, const std::string& what, bool* told = nullptr) {
   const int steps = static_cast<int>(std::lround(kSpan / world->options().time_step));
   for (int i = 0; i < steps; ++i) {
     const StepReport& report = world->step();
@@ -300,8 +301,9 @@ void run(World* world, const std::string& what, bool* told = nullptr) {
 
 /// Returns the largest distance of points a metre from the centres [m], with the second world moved
 /// back.
-double difference(const World& a, const World& b, const Quaterniond& R = Quaterniond::Identity(),
-                  const Vector3d& p = Vector3d::Zero()) {
+double point_difference(const World& a, const World& b,
+                        const Quaterniond& R = Quaterniond::Identity(),
+                        const Vector3d& p = Vector3d::Zero()) {
   double largest = 0.0;
   for (const BodyId id : a.body_ids()) {
     const BodyState& there = b.state(b.find_body(a.body(id).name));
@@ -321,23 +323,23 @@ class RandomMechanism : public testing::TestWithParam<int> {};
 TEST_P(RandomMechanism, MovesAlikeHoweverItIsPut) {
   const Mechanism mechanism = make_mechanism(GetParam());
   World world = make_world(mechanism, Method::kRungeKutta, 0.01);
-  run(&world, "as it is");
+  run_and_check(&world, "as it is");
   if (HasFatalFailure()) return;
 
   for (const double h : {0.1, 0.001}) {
     World other = make_world(mechanism, Method::kRungeKutta, h);
-    run(&other, "tick " + std::to_string(h));
-    EXPECT_LE(difference(world, other), 1e-6) << h;
+    run_and_check(&other, "tick " + std::to_string(h));
+    EXPECT_LE(point_difference(world, other), 1e-6) << h;
   }
   World reversed = make_world(mechanism, Method::kRungeKutta, 0.01, true);
-  run(&reversed, "reversed");
-  EXPECT_LE(difference(world, reversed), 1e-6);
+  run_and_check(&reversed, "reversed");
+  EXPECT_LE(point_difference(world, reversed), 1e-6);
 
   const Quaterniond R = Quaterniond(0.3, -0.5, 0.7, 0.4).normalized();
   const Vector3d p(1000.0, -500.0, 300.0);
-  World far = make_world(moved(mechanism, R, p), Method::kRungeKutta, 0.01);
-  run(&far, "far");
-  EXPECT_LE(difference(world, far, R, p), 1e-6);
+  World far = make_world(moved_mechanism(mechanism, R, p), Method::kRungeKutta, 0.01);
+  run_and_check(&far, "far");
+  EXPECT_LE(point_difference(world, far, R, p), 1e-6);
 }
 
 // Order 4 at 1/1000 s, with bodies that light links move much faster than themselves.
@@ -345,10 +347,10 @@ TEST_P(RandomMechanism, MovesAlikeByGradients) {
   const Mechanism mechanism = make_mechanism(GetParam());
   World world = make_world(mechanism, Method::kRungeKutta, 0.01);
   World other = make_world(mechanism, Method::kEnergyMomentum, 0.001);
-  run(&world, "runge_kutta");
-  run(&other, "energy_momentum");
+  run_and_check(&world, "runge_kutta");
+  run_and_check(&other, "energy_momentum");
   if (HasFatalFailure()) return;
-  EXPECT_LE(difference(world, other), 1e-5);
+  EXPECT_LE(point_difference(world, other), 1e-5);
 }
 
 // Motors, forces and springs amplify errors more than gravity does.
@@ -359,12 +361,12 @@ TEST_P(RandomMechanism, MovesAlikeWithLaws) {
     World world = make_world(mechanism, Method::kRungeKutta, 0.01);
     World other = make_world(mechanism, Method::kRungeKutta, 0.1);
     World reversed = make_world(mechanism, Method::kRungeKutta, 0.01, true);
-    run(&world, "as it is");
-    run(&other, "tick 0.1");
-    run(&reversed, "reversed");
+    run_and_check(&world, "as it is");
+    run_and_check(&other, "tick 0.1");
+    run_and_check(&reversed, "reversed");
     if (HasFatalFailure()) return;
-    EXPECT_LE(difference(world, other), 1e-6);
-    EXPECT_LE(difference(world, reversed), 1e-6);
+    EXPECT_LE(point_difference(world, other), 1e-6);
+    EXPECT_LE(point_difference(world, reversed), 1e-6);
   }
 }
 
@@ -378,18 +380,18 @@ TEST_P(RandomMechanism, MovesAlikeWithCouplings) {
     World gradients = make_world(mechanism, Method::kEnergyMomentum, 0.001);
     const Quaterniond R = Quaterniond(0.3, -0.5, 0.7, 0.4).normalized();
     const Vector3d p(1000.0, -500.0, 300.0);
-    World far = make_world(moved(mechanism, R, p), Method::kRungeKutta, 0.01);
-    run(&world, "as it is");
-    run(&other, "tick 0.1");
-    run(&reversed, "reversed");
+    World far = make_world(moved_mechanism(mechanism, R, p), Method::kRungeKutta, 0.01);
+    run_and_check(&world, "as it is");
+    run_and_check(&other, "tick 0.1");
+    run_and_check(&reversed, "reversed");
     bool is_gradients_told = false;
-    run(&gradients, "energy_momentum", &is_gradients_told);
-    run(&far, "far");
+    run_and_check(&gradients, "energy_momentum", &is_gradients_told);
+    run_and_check(&far, "far");
     if (HasFatalFailure()) return;
-    EXPECT_LE(difference(world, other), 1e-6);
-    EXPECT_LE(difference(world, reversed), 1e-6);
-    EXPECT_TRUE(is_gradients_told || difference(world, gradients) <= 1e-4);
-    EXPECT_LE(difference(world, far, R, p), 1e-6);
+    EXPECT_LE(point_difference(world, other), 1e-6);
+    EXPECT_LE(point_difference(world, reversed), 1e-6);
+    EXPECT_TRUE(is_gradients_told || point_difference(world, gradients) <= 1e-4);
+    EXPECT_LE(point_difference(world, far, R, p), 1e-6);
   }
 }
 
@@ -410,7 +412,7 @@ TEST_P(RandomMechanism, GoesOnFromWhatWasSaved) {
     if (method == Method::kSequentialImpulses)
       EXPECT_EQ(world.state_hash(), loaded.state_hash());
     else
-      EXPECT_LE(difference(world, loaded), 1e-6);
+      EXPECT_LE(point_difference(world, loaded), 1e-6);
   }
 }
 

@@ -40,7 +40,7 @@ using redundant::with;
 
 // ---- joints and energy are kept
 
-std::string name_of(const testing::TestParamInfo<Case>& info) {
+std::string name_of_case(const testing::TestParamInfo<Case>& info) {
   return info.param.name + "_" + std::to_string(std::lround(info.param.rate));
 }
 
@@ -59,13 +59,15 @@ TEST_P(Redundancy, KeepsJointsAndEnergy) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Permanent, Redundancy, testing::ValuesIn(redundant::permanent_cases()),
-                         name_of);
+                         name_of_case);
 INSTANTIATE_TEST_SUITE_P(FewDigits, Redundancy, testing::ValuesIn(redundant::few_digits_cases()),
-                         name_of);
+                         name_of_case);
 INSTANTIATE_TEST_SUITE_P(Momentary, Redundancy, testing::ValuesIn(redundant::momentary_cases()),
-                         name_of);
-INSTANTIATE_TEST_SUITE_P(Large, Redundancy, testing::ValuesIn(redundant::large_cases()), name_of);
-INSTANTIATE_TEST_SUITE_P(Ratio, Redundancy, testing::ValuesIn(redundant::ratio_cases()), name_of);
+                         name_of_case);
+INSTANTIATE_TEST_SUITE_P(Large, Redundancy, testing::ValuesIn(redundant::large_cases()),
+                         name_of_case);
+INSTANTIATE_TEST_SUITE_P(Ratio, Redundancy, testing::ValuesIn(redundant::ratio_cases()),
+                         name_of_case);
 
 // ---- number of redundant rows
 

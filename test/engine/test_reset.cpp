@@ -11,7 +11,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// Boxes and balls that fall on a floor, with motors and breaking joints.
-World busy_world() {
+World world_to_reset() {
   World world(options(0.01));
   Body floor = make_floor(0.5);
   floor.restitution = 0.3;
@@ -72,27 +72,27 @@ void expect_same_motion(World reset, World fresh) {
 }
 
 TEST(Reset, GivesTheMotionOfANewWorld) {
-  World world = busy_world();
+  World world = world_to_reset();
   disturb(world);
   ASSERT_TRUE(world.joint_state(world.find_joint("weak")).broken);
   ASSERT_FALSE(world.contacts().empty());
   world.reset();
-  expect_same_motion(world, busy_world());
+  expect_same_motion(world, world_to_reset());
   // a second time
   disturb(world);
   world.reset();
-  expect_same_motion(world, busy_world());
+  expect_same_motion(world, world_to_reset());
 }
 
 TEST(Reset, AtOnceChangesNothing) {
-  World world = busy_world();
+  World world = world_to_reset();
   const std::uint64_t hash = world.state_hash();
   world.reset();
   EXPECT_EQ(world.state_hash(), hash);
 }
 
 TEST(Reset, GivesTheMotionOfALoadedScene) {
-  const std::string text = save_scene(busy_world());
+  const std::string text = save_scene(world_to_reset());
   World world = load_scene(text);
   disturb(world);
   world.reset();
@@ -101,17 +101,17 @@ TEST(Reset, GivesTheMotionOfALoadedScene) {
 
 // Loading shifts the phases of motors, which a reset must undo.
 TEST(Reset, GivesTheMotionOfASceneLoadedLater) {
-  World before = busy_world();
+  World before = world_to_reset();
   run(before, 123);
-  World world = busy_world();
+  World world = world_to_reset();
   world.continue_from(before);
   disturb(world);
   world.reset();
-  expect_same_motion(world, busy_world());
+  expect_same_motion(world, world_to_reset());
 }
 
 TEST(Reset, LeavesTimeOptionsAndIdsAlone) {
-  World world = busy_world();
+  World world = world_to_reset();
   disturb(world);
   WorldOptions changed = world.options();
   changed.iterations = 7;
@@ -131,7 +131,7 @@ TEST(Reset, LeavesTimeOptionsAndIdsAlone) {
 }
 
 TEST(Reset, CountsTimeoutsFromNow) {
-  World world = busy_world();
+  World world = world_to_reset();
   disturb(world);
   world.reset();
   EXPECT_EQ(world.joint_state(world.find_joint("driven")).expires_at, world.time() + 0.77);
@@ -139,7 +139,7 @@ TEST(Reset, CountsTimeoutsFromNow) {
 }
 
 TEST(Reset, ReturnsTornJointsToWhatTheyWere) {
-  World world = busy_world();
+  World world = world_to_reset();
   disturb(world);
   world.reset();
   EXPECT_FALSE(world.joint_state(world.find_joint("weak")).broken);
@@ -163,12 +163,12 @@ void edit(World& world) {
 }
 
 TEST(Reset, KeepsWhatWasAddedAndRemoved) {
-  World world = busy_world();
+  World world = world_to_reset();
   run(world, 50);
   edit(world);
   run(world, 50);
   world.reset();
-  World fresh = busy_world();
+  World fresh = world_to_reset();
   edit(fresh);
   expect_same_motion(world, fresh);
 }

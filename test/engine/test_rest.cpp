@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTick = 0.01;
+constexpr double kRestTick = 0.01;
 constexpr double kSide = 0.4;  // edge of the boxes [m]
 
 /// Adds `height` boxes on each other, at rest to within the fall of one tick.
@@ -25,7 +25,7 @@ void add_pile(World* world, const std::string& name, int height, double x) {
 World piles(double sleep_after = 0.5, Method method = Method::kRungeKutta) {
   WorldOptions options;
   options.method = method;
-  options.time_step = kTick;
+  options.time_step = kRestTick;
   options.iterations = 50;
   options.sleep_after = sleep_after;
   World world(options);
@@ -134,12 +134,12 @@ TEST(Rest, IsNotWhatMerelyTurnsRound) {
 }
 
 /// A box on the floor, with an element that will move it although it stands still so far.
-struct Held {
+struct HeldBox {
   const char* name;
   void (*add)(World* world, BodyId box);
 };
 
-class RestOfHeld : public testing::TestWithParam<Held> {};
+class RestOfHeld : public testing::TestWithParam<HeldBox> {};
 
 TEST_P(RestOfHeld, WaitsForWhatDrivesIt) {
   World world = piles();
@@ -156,39 +156,39 @@ Joint on_top(BodyId body, BodyId box) {
 INSTANTIATE_TEST_SUITE_P(
     , RestOfHeld,
     testing::Values(
-        Held{"Wrench",
-             [](World* world, BodyId box) {
-               Wrench wrench;
-               wrench.body = box;
-               wrench.force.z() = -1.0;
-               wrench.start = 100.0;
-               wrench.end = 101.0;
-               world->add_wrench(wrench);
-             }},
-        Held{"Motor",
-             [](World* world, BodyId box) {
-               Joint joint = make_joint("joint", kWorldBody, {2.0, 0.0, 3.0}, box, Vector3d::Zero(),
-                                        rope(5.0));
-               joint.motor.bias = 1e-9;
-               world->add_joint(joint);
-             }},
-        Held{"TurningFloor",
-             [](World* world, BodyId) {
-               Body table = make_body("table", Sphere{0.1}, 0.0, {2.0, 0.0, 2 * kSide + 0.09});
-               table.type = BodyType::kKinematic;
-               table.state.angular_velocity.z() = 1.0;
-               world->add_body(table);
-             }},
-        Held{"JointToWhatTurns",
-             [](World* world, BodyId box) {
-               Body hook = make_body("hook", Point{}, 0.0, {2.0, 0.0, 3.0});
-               hook.type = BodyType::kKinematic;
-               hook.state.angular_velocity.z() = 1.0;
-               Joint joint = on_top(world->add_body(hook), box);
-               joint.distance = rope(5.0);
-               world->add_joint(joint);
-             }}),
-    [](const testing::TestParamInfo<Held>& info) { return std::string(info.param.name); });
+        HeldBox{"Wrench",
+                [](World* world, BodyId box) {
+                  Wrench wrench;
+                  wrench.body = box;
+                  wrench.force.z() = -1.0;
+                  wrench.start = 100.0;
+                  wrench.end = 101.0;
+                  world->add_wrench(wrench);
+                }},
+        HeldBox{"Motor",
+                [](World* world, BodyId box) {
+                  Joint joint = make_joint("joint", kWorldBody, {2.0, 0.0, 3.0}, box,
+                                           Vector3d::Zero(), rope(5.0));
+                  joint.motor.bias = 1e-9;
+                  world->add_joint(joint);
+                }},
+        HeldBox{"TurningFloor",
+                [](World* world, BodyId) {
+                  Body table = make_body("table", Sphere{0.1}, 0.0, {2.0, 0.0, 2 * kSide + 0.09});
+                  table.type = BodyType::kKinematic;
+                  table.state.angular_velocity.z() = 1.0;
+                  world->add_body(table);
+                }},
+        HeldBox{"JointToWhatTurns",
+                [](World* world, BodyId box) {
+                  Body hook = make_body("hook", Point{}, 0.0, {2.0, 0.0, 3.0});
+                  hook.type = BodyType::kKinematic;
+                  hook.state.angular_velocity.z() = 1.0;
+                  Joint joint = on_top(world->add_body(hook), box);
+                  joint.distance = rope(5.0);
+                  world->add_joint(joint);
+                }}),
+    [](const testing::TestParamInfo<HeldBox>& info) { return std::string(info.param.name); });
 
 // ---- waking
 
@@ -234,13 +234,13 @@ TEST(Rest, EndsInTimeForABlow) {
 }
 
 /// An edit, and what it wakes of two piles of three and two boxes.
-struct Edit {
+struct WakingEdit {
   const char* name;
   std::uint32_t sleeping_after;
   void (*apply)(World* world);
 };
 
-class RestUntil : public testing::TestWithParam<Edit> {};
+class RestUntil : public testing::TestWithParam<WakingEdit> {};
 
 TEST_P(RestUntil, TouchedByAnEdit) {
   World world = asleep();
@@ -251,64 +251,66 @@ TEST_P(RestUntil, TouchedByAnEdit) {
 INSTANTIATE_TEST_SUITE_P(
     , RestUntil,
     testing::Values(
-        Edit{"Nothing", 5, [](World*) {}},
-        Edit{"BodyElsewhere", 5, [](World* world) { world->add_body(ball_above(9.0, 9.0)); }},
-        Edit{"BodyOnTop", 2, [](World* world) { world->add_body(ball_above(0.0, 1.29)); }},
-        Edit{"StaticBody", 0,
-             [](World* world) {
-               Body post = make_body("post", Sphere{0.1}, 0.0, {9.0, 0.0, 0.0});
-               post.type = BodyType::kStatic;
-               world->add_body(post);
-             }},
-        Edit{"State", 3,
-             [](World* world) {
-               const BodyId id = world->find_body("b1");
-               BodyState state = world->state(id);
-               state.linear_velocity.x() = 1.0;
-               world->set_state(id, state);
-             }},
-        Edit{"Wrench", 3,
-             [](World* world) {
-               Wrench wrench;
-               wrench.body = world->find_body("b0");
-               wrench.force.x() = 1.0;
-               wrench.end = world->time() + 1.0;
-               world->add_wrench(wrench);
-             }},
-        Edit{"RemovalBelow", 2, [](World* world) { world->remove_body(world->find_body("a0")); }},
-        Edit{"RemovalOfTheFloor", 0,
-             [](World* world) { world->remove_body(world->find_body("floor")); }},
-        Edit{"JointBetweenThem", 0,
-             [](World* world) {
-               world->add_joint(make_joint("tie", world->find_body("a2"), Vector3d::Zero(),
-                                           world->find_body("b1"), Vector3d::Zero(), rope(5.0)));
-             }},
-        Edit{"Gravity", 0,
-             [](World* world) {
-               WorldOptions options = world->options();
-               options.gravity.z() = 1.0;
-               world->set_options(options);
-             }},
-        Edit{"Reset", 0, [](World* world) { world->reset(); }}),
-    [](const testing::TestParamInfo<Edit>& info) { return std::string(info.param.name); });
+        WakingEdit{"Nothing", 5, [](World*) {}},
+        WakingEdit{"BodyElsewhere", 5, [](World* world) { world->add_body(ball_above(9.0, 9.0)); }},
+        WakingEdit{"BodyOnTop", 2, [](World* world) { world->add_body(ball_above(0.0, 1.29)); }},
+        WakingEdit{"StaticBody", 0,
+                   [](World* world) {
+                     Body post = make_body("post", Sphere{0.1}, 0.0, {9.0, 0.0, 0.0});
+                     post.type = BodyType::kStatic;
+                     world->add_body(post);
+                   }},
+        WakingEdit{"State", 3,
+                   [](World* world) {
+                     const BodyId id = world->find_body("b1");
+                     BodyState state = world->state(id);
+                     state.linear_velocity.x() = 1.0;
+                     world->set_state(id, state);
+                   }},
+        WakingEdit{"Wrench", 3,
+                   [](World* world) {
+                     Wrench wrench;
+                     wrench.body = world->find_body("b0");
+                     wrench.force.x() = 1.0;
+                     wrench.end = world->time() + 1.0;
+                     world->add_wrench(wrench);
+                   }},
+        WakingEdit{"RemovalBelow", 2,
+                   [](World* world) { world->remove_body(world->find_body("a0")); }},
+        WakingEdit{"RemovalOfTheFloor", 0,
+                   [](World* world) { world->remove_body(world->find_body("floor")); }},
+        WakingEdit{"JointBetweenThem", 0,
+                   [](World* world) {
+                     world->add_joint(make_joint("tie", world->find_body("a2"), Vector3d::Zero(),
+                                                 world->find_body("b1"), Vector3d::Zero(),
+                                                 rope(5.0)));
+                   }},
+        WakingEdit{"Gravity", 0,
+                   [](World* world) {
+                     WorldOptions options = world->options();
+                     options.gravity.z() = 1.0;
+                     world->set_options(options);
+                   }},
+        WakingEdit{"Reset", 0, [](World* world) { world->reset(); }}),
+    [](const testing::TestParamInfo<WakingEdit>& info) { return std::string(info.param.name); });
 
 // Without the floor all boxes fall, without the lowest box the others do.
 TEST(Rest, EndsWhereTheGroundGoes) {
   World world = asleep();
   world.remove_body(world.find_body("a0"));
   world.step();
-  EXPECT_NEAR(world.state(world.find_body("a2")).linear_velocity.z(), -kGravity * kTick, 1e-9);
+  EXPECT_NEAR(world.state(world.find_body("a2")).linear_velocity.z(), -kGravity * kRestTick, 1e-9);
   world.remove_body(world.find_body("floor"));
   const double before = world.state(world.find_body("b0")).linear_velocity.z();
   world.step();
-  EXPECT_NEAR(world.state(world.find_body("b0")).linear_velocity.z(), before - kGravity * kTick,
+  EXPECT_NEAR(world.state(world.find_body("b0")).linear_velocity.z(), before - kGravity * kRestTick,
               1e-9);
 }
 
 TEST(Rest, EndsForAMotorAndForATornJoint) {
   for (const bool tears : {false, true}) {
     WorldOptions options;
-    options.time_step = kTick;
+    options.time_step = kRestTick;
     options.method = Method::kSequentialImpulses;
     World world(options);
     const BodyId load = world.add_body(make_body("load", Point{}, 1.0, {0.0, 0.0, -1.0}));

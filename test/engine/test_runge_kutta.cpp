@@ -15,7 +15,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using problems::largest_distance;
 
-World with(World world, double time_step, double tolerance, int order = 8) {
+World with_tolerance(World world, double time_step, double tolerance, int order = 8) {
   WorldOptions options = world.options();
   options.time_step = time_step;
   options.tolerance = tolerance;
@@ -36,7 +36,7 @@ void run_exactly(World& world, double duration) {
   for (long i = 0; i < steps; ++i) {
     const StepReport& report = world.step();
     ASSERT_FALSE(report.failed);
-    ASSERT_EQ(report.islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u);
+    ASSERT_EQ(report.islands[index_of(Method::kSequentialImpulses)], 0u);
     ASSERT_LE(report.max_constraint_error, round_off(world)) << "at t = " << world.time();
   }
 }
@@ -110,7 +110,7 @@ double measured_order(int links, double duration, int order, const std::vector<i
   const auto& reference = reference_of(links, duration);
   std::vector<double> steps, errors;
   for (const int rate : rates) {
-    World world = with(problems::chain(links), 1.0 / rate, 0.0, order);
+    World world = with_tolerance(problems::chain(links), 1.0 / rate, 0.0, order);
     WorldOptions options = world.options();
     options.method =
         Method::kRungeKutta;  // `auto` has a better method for the longest of these ticks
@@ -155,11 +155,11 @@ World shuffled_chain(const std::vector<int>& order) {
 }
 
 TEST(RungeKutta, ChainsSwingAlikeInWhateverOrderTheyAreAdded) {
-  World expected = with(problems::chain(5), 0.02, 0.0);
+  World expected = with_tolerance(problems::chain(5), 0.02, 0.0);
   run_exactly(expected, 1.0);
   for (const std::vector<int>& order :
        {std::vector<int>{1, 2, 3, 4, 5}, {5, 4, 3, 2, 1}, {3, 1, 5, 2, 4}, {2, 4, 1, 5, 3}}) {
-    World world = with(shuffled_chain(order), 0.02, 0.0);
+    World world = with_tolerance(shuffled_chain(order), 0.02, 0.0);
     run_exactly(world, 1.0);
     for (const std::string name : {"mass_1", "mass_2", "mass_3", "mass_4", "mass_5"}) {
       // rounding alone, which this motion amplifies little in a second
@@ -174,7 +174,7 @@ TEST(RungeKutta, ChainsSwingAlikeInWhateverOrderTheyAreAdded) {
 
 TEST(RungeKutta, AChainWithDependentRodsStays) {
   // straight between two fixed points as far apart as its length: one rod is redundant
-  World world = with(World(), 1.0 / 30.0, 1e-9);
+  World world = with_tolerance(World(), 1.0 / 30.0, 1e-9);
   const BodyId top = problems::add_mass(&world, "top", {0.0, 0.0, -1.0});
   const BodyId bottom = problems::add_mass(&world, "bottom", {0.0, 0.0, -2.0});
   problems::add_rod(&world, kWorldBody, top);
@@ -192,7 +192,7 @@ TEST(RungeKutta, AChainWithDependentRodsStays) {
 
 TEST(RungeKutta, AChainSwingsWithALoadThatMakesPivotsSmall) {
   const auto swing = [](double load) {
-    World world = with(problems::chain(2, load), 1.0 / 30.0, 1e-9);
+    World world = with_tolerance(problems::chain(2, load), 1.0 / 30.0, 1e-9);
     run_exactly(world, 0.2);
     return world.state(world.find_body("mass_2")).position;
   };
@@ -201,7 +201,7 @@ TEST(RungeKutta, AChainSwingsWithALoadThatMakesPivotsSmall) {
 }
 
 TEST(RungeKutta, AFreeChainKeepsItsMomentum) {
-  World world = with(without_weight(), 1.0 / 30.0, 1e-10);
+  World world = with_tolerance(without_weight(), 1.0 / 30.0, 1e-10);
   std::vector<BodyId> ids;
   for (int i = 0; i < 4; ++i) {
     ids.push_back(problems::add_mass(&world, "mass_" + std::to_string(i),
@@ -236,7 +236,7 @@ TEST(RungeKutta, AFreeChainKeepsItsMomentum) {
 void expect_within_tolerance(const World& scene, double duration,
                              const std::vector<Vector3d>& reference) {
   for (const int rate : {10, 30, 240}) {
-    World world = with(scene, 1.0 / rate, 1e-9);
+    World world = with_tolerance(scene, 1.0 / rate, 1e-9);
     run_exactly(world, duration);
     EXPECT_LE(largest_distance(world, reference), 3e-8) << "1/" << rate << " s";
   }
@@ -258,7 +258,7 @@ TEST(RungeKutta, TighterTolerancesGiveSmallerErrors) {
   const auto reference = problems::chain_reference(10, 2.0, 1.0 / 32.0);
   double before = kInfinity;
   for (const double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
-    World world = with(problems::chain(10), 0.1, tolerance);
+    World world = with_tolerance(problems::chain(10), 0.1, tolerance);
     run_exactly(world, 2.0);
     const double error = largest_distance(world, reference);
     EXPECT_LT(error, 0.1 * before) << tolerance;
@@ -271,7 +271,7 @@ std::vector<double> estimates_over_errors(World world) {
   std::vector<double> ratios;
   const WorldOptions options = world.options();
   for (int i = 0; i < 60; ++i) {
-    World exact = with(world, options.time_step / 8.0, 1e-13);
+    World exact = with_tolerance(world, options.time_step / 8.0, 1e-13);
     run(exact, 8);
     const double estimate = world.step().local_error;
     const double error = problems::largest_difference(world, exact);
@@ -291,7 +291,7 @@ TEST(RungeKutta, EstimatesItsLocalError) {
     for (const auto& [name, scene] : scenes) {
       for (const double tolerance : {1e-6, 1e-7, 1e-8, 1e-9}) {
         SCOPED_TRACE(std::string(name) + ", order " + std::to_string(order));
-        const auto ratios = estimates_over_errors(with(scene, 0.05, tolerance, order));
+        const auto ratios = estimates_over_errors(with_tolerance(scene, 0.05, tolerance, order));
         ASSERT_GT(ratios.size(), 20u) << tolerance;
         EXPECT_GE(ratios[ratios.size() / 20], 0.1) << tolerance;
         EXPECT_LE(ratios[ratios.size() - 1 - ratios.size() / 20], 30.0) << tolerance;
@@ -303,7 +303,7 @@ TEST(RungeKutta, EstimatesItsLocalError) {
 TEST(RungeKutta, TakesWhatSubstepsItNeedsInALongTick) {
   const auto reference = problems::chain_reference(10, 1.0, 1.0 / 32.0);
   for (const double tick : {0.1, 0.5, 1.0}) {
-    World world = with(problems::chain(10), tick, 1e-9);
+    World world = with_tolerance(problems::chain(10), tick, 1e-9);
     run_exactly(world, 1.0);
     EXPECT_LE(largest_distance(world, reference), 3e-8) << tick;
   }
@@ -319,7 +319,7 @@ TEST(RungeKutta, RefusesNoSmoothSceneAtTicksUpToATenthOfASecond) {
   scenes.push_back(problems::free_box());
   for (const World& scene : scenes) {
     for (const double tick : {0.1, 1.0 / 30.0}) {
-      World world = with(scene, tick, 1e-8);
+      World world = with_tolerance(scene, tick, 1e-8);
       run_exactly(world, 1.0);
     }
   }
@@ -331,7 +331,7 @@ TEST(FreeBody, TumblesAsPublished) {
   // bounds: those promised for one substep of each length
   const std::vector<std::pair<int, double>> bounds{{30, 5e-7}, {100, 2e-10}};
   for (const auto& [rate, bound] : bounds) {
-    World world = with(problems::free_box(), 1.0 / rate, 0.0);
+    World world = with_tolerance(problems::free_box(), 1.0 / rate, 0.0);
     const double energy = world.energy();
     const Vector3d L = angular_momentum_about_centre(world);
     for (int i = 0; i < 10 * rate; ++i) {
@@ -369,7 +369,7 @@ TEST(FreeBody, KeepsToItsTolerance) {
   const Quaterniond reference(static_cast<double>(y[6]), static_cast<double>(y[3]),
                               static_cast<double>(y[4]), static_cast<double>(y[5]));
   for (const int order : {5, 8}) {
-    World world = with(scene, 0.1, 1e-9, order);
+    World world = with_tolerance(scene, 0.1, 1e-9, order);
     run(world, 10);
     // 1e-9 m over a radius of gyration of 0.28 m, growing about the middle axis with e^(3.84 t)
     EXPECT_LE(problems::angle_between(world.state(world.find_body("box")).orientation, reference),
@@ -379,7 +379,7 @@ TEST(FreeBody, KeepsToItsTolerance) {
 }
 
 TEST(FreeBody, ATorqueAlongAPrincipalAxisTurnsItAsByHand) {
-  World world = with(without_weight(), 0.1, 1e-12);
+  World world = with_tolerance(without_weight(), 0.1, 1e-12);
   const BodyId id = world.add_body(make_body("box", Box{{1.0, 2.0, 3.0}}, 12.0, Vector3d::Zero()));
   Wrench wrench;
   wrench.body = id;
@@ -400,7 +400,7 @@ TEST(FreeBody, ATorqueAlongAPrincipalAxisTurnsItAsByHand) {
 }
 
 TEST(FreeBody, AfterAnEditItsMomentumIsTheNewOne) {
-  World world = with(problems::free_box(), 0.01, 1e-9);
+  World world = with_tolerance(problems::free_box(), 0.01, 1e-9);
   run(world, 10);
   const BodyId id = world.find_body("box");
   BodyState state = world.state(id);
@@ -412,7 +412,7 @@ TEST(FreeBody, AfterAnEditItsMomentumIsTheNewOne) {
 }
 
 TEST(RungeKutta, AToleranceBelowRoundingEndsAtRounding) {
-  World world = with(problems::chain(3), 1.0 / 30.0, 1e-16);
+  World world = with_tolerance(problems::chain(3), 1.0 / 30.0, 1e-16);
   run_exactly(world, 1.0);
   EXPECT_EQ(world.islands().front().method, Method::kRungeKutta);
   EXPECT_LE(largest_distance(world, problems::chain_reference(3, 1.0)), 1e-11);
@@ -441,7 +441,7 @@ double compound_pendulum_angle(double duration) {
 }
 
 TEST(RungeKutta, SwingsACompoundPendulum) {
-  World world = with(compound_pendulum(), 0.02, 1e-9);
+  World world = with_tolerance(compound_pendulum(), 0.02, 1e-9);
   run_exactly(world, 3.0);
   const double angle = compound_pendulum_angle(3.0);
   const Vector3d expected = 0.5 * Vector3d(std::cos(angle), 0.0, std::sin(angle));
@@ -450,7 +450,7 @@ TEST(RungeKutta, SwingsACompoundPendulum) {
 
 TEST(RungeKutta, KeepsEnergyAndMomentumOfLinkedBoxes) {
   // two boxes joined at corners, free in space: energy and momenta within the tolerance
-  World world = with(without_weight(), 0.02, 1e-11);
+  World world = with_tolerance(without_weight(), 0.02, 1e-11);
   Random random;
   Body a = make_body("a", Box{{0.3, 0.4, 0.5}}, 2.0, Vector3d::Zero());
   Body b = make_body("b", Box{{0.2, 0.3, 0.7}}, 1.0, {0.25, 0.35, 0.6});
@@ -475,7 +475,7 @@ TEST(RungeKutta, KeepsEnergyAndMomentumOfLinkedBoxes) {
 TEST(RungeKutta, AScaledSceneMovesAlike) {
   // a box on a rod from its corner, lengths times s and times times √s: the same numbers
   const auto end = [](double s) {
-    World world = with(World(), 0.02 * std::sqrt(s), 1e-9 * std::sqrt(s));
+    World world = with_tolerance(World(), 0.02 * std::sqrt(s), 1e-9 * std::sqrt(s));
     Body box = make_body("box", Box{{0.3 * s, 0.4 * s, 0.5 * s}}, 2.0, {s, 0.0, 0.0});
     const BodyId id = world.add_body(box);
     world.add_joint(
@@ -491,7 +491,7 @@ TEST(RungeKutta, AScaledSceneMovesAlike) {
 // makes no difference above that. With a motor, and from a moving point; from either end.
 TEST(RungeKutta, OneRodMovesAsTheFirstOfTwo) {
   const auto make = [](bool is_two, bool is_reversed) {
-    World world = with(World(), 0.02, 1e-10);
+    World world = with_tolerance(World(), 0.02, 1e-10);
     Body crane = make_body("crane", Point{}, 0.0, Vector3d::Zero());
     crane.type = BodyType::kKinematic;
     crane.state.linear_velocity = {0.3, 0.0, 0.0};
@@ -528,7 +528,7 @@ TEST(RungeKutta, PassesThroughSingularPoses) {
       const Vector3d reference = problems::four_bar_reference(windows, is_loaded, 10.0);
       for (const int rate : {30, 240, 1000, 4000}) {
         if (rate == 4000 && windows == 10 && !is_loaded) continue;  // the loaded one is harder
-        World world = with(problems::four_bar(windows, is_loaded), 1.0 / rate, 1e-9);
+        World world = with_tolerance(problems::four_bar(windows, is_loaded), 1.0 / rate, 1e-9);
         run_exactly(world, 10.0);
         EXPECT_LE((world.state(world.find_body("top_0")).position - reference).norm(), 3e-8)
             << windows << " windows, 1/" << rate << " s";
@@ -542,14 +542,14 @@ TEST(RungeKutta, PassesThroughSingularPoses) {
 // second; here only rounding of 1e3 rods remains.
 TEST(RungeKutta, ANetKeepsItsRodsAndEnergy) {
   for (const double sag : {0.0, 0.1}) {
-    World world = with(problems::net(32, sag), 1.0 / 60.0, 1e-6);
+    World world = with_tolerance(problems::net(32, sag), 1.0 / 60.0, 1e-6);
     run_exactly(world, 0.5);
     EXPECT_LE(std::abs(world.report().energy_drift), 1e-9) << sag;
   }
 }
 
 TEST(RungeKutta, DoubledRodsAreReportedAndChangeNothing) {
-  World once = with(problems::chain(3), 0.02, 1e-9);
+  World once = with_tolerance(problems::chain(3), 0.02, 1e-9);
   World twice = once;
   const std::vector<BodyId> ids = twice.body_ids();
   problems::add_rod(&twice, ids[0], ids[1]);
@@ -565,7 +565,7 @@ TEST(RungeKutta, DoubledRodsAreReportedAndChangeNothing) {
 
 TEST(RungeKutta, TwoRodsBetweenTwoFreeMassesAreAsOne) {
   // a rotating dumbbell: the force of its rod is m v²/r on either mass
-  World world = with(without_weight(), 0.01, 1e-9);
+  World world = with_tolerance(without_weight(), 0.01, 1e-9);
   for (const double side : {-1.0, 1.0}) {
     Body body = make_body(side < 0.0 ? "a" : "b", Point{}, 2.0, {side, 0.0, 0.0});
     body.state.linear_velocity = {0.0, 3.0 * side, 0.0};
@@ -586,7 +586,7 @@ TEST(RungeKutta, TwoRodsBetweenTwoFreeMassesAreAsOne) {
 TEST(RungeKutta, AWheelOnTwoBallJointsSpins) {
   // on an axle across, through the centre: one of the six rows depends on the others
   for (const Vector3d& place : {Vector3d(0.0, 0.0, 0.0), Vector3d(1.0, 2.0, 3.0)}) {
-    World world = with(World(), 0.01, 1e-9);
+    World world = with_tolerance(World(), 0.01, 1e-9);
     Body wheel = make_body("wheel", Point{}, 2.0, place);
     wheel.inertia = {0.3, 0.2, 0.2};
     wheel.state.orientation = Quaterniond(0.8, 0.1, 0.5, 0.3).normalized();
@@ -604,7 +604,7 @@ TEST(RungeKutta, AWheelOnTwoBallJointsSpins) {
 }
 
 TEST(RungeKutta, ABodyHeldAtItsCentreAtTheOriginStays) {
-  World world = with(World(), 0.01, 1e-9);
+  World world = with_tolerance(World(), 0.01, 1e-9);
   const BodyId id = world.add_body(make_body("b", Point{}, 0.3, Vector3d::Zero()));
   world.add_joint(
       make_joint("pin", kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(), JointKind::kBall));
@@ -615,7 +615,7 @@ TEST(RungeKutta, ABodyHeldAtItsCentreAtTheOriginStays) {
 
 TEST(RungeKutta, RowsThatContradictEachOtherStayFinite) {
   // three bars of 1, 1 and 3 m cannot form a triangle
-  World world = with(World(), 0.01, 1e-8);
+  World world = with_tolerance(World(), 0.01, 1e-8);
   const BodyId a = problems::add_mass(&world, "a", {0.0, 0.0, -1.0});
   const BodyId b = problems::add_mass(&world, "b", {0.8, 0.0, -1.0});
   world.add_joint(hang("short_1", a, rod(1.0)));
@@ -631,7 +631,7 @@ TEST(RungeKutta, RowsThatContradictEachOtherStayFinite) {
 
 TEST(RungeKutta, DrivesASinusoidWithoutDrift) {
   // a weightless mass on a driven rod: its distance is the integral of ζ
-  World world = with(without_weight(), 0.05, 1e-9);
+  World world = with_tolerance(without_weight(), 0.05, 1e-9);
   const BodyId id = problems::add_mass(&world, "load", {1.0, 0.0, 0.0});
   Joint winch = hang("winch", id);
   winch.motor.bias = 0.01;
@@ -654,7 +654,7 @@ TEST(RungeKutta, DrivesASinusoidWithoutDrift) {
 TEST(RungeKutta, AMotorOnASwingingLoadKeepsTheOrder) {
   // compared with 1/800 s: a winch that shortens and lengthens a swinging rod
   const auto end = [](int rate) {
-    World world = with(problems::chain(1), 1.0 / rate, 0.0);
+    World world = with_tolerance(problems::chain(1), 1.0 / rate, 0.0);
     Motor motor;
     motor.amplitude = 0.4;
     motor.frequency = 0.9;
@@ -672,7 +672,7 @@ TEST(RungeKutta, AMotorOnASwingingLoadKeepsTheOrder) {
 }
 
 TEST(RungeKutta, ABiasThatJumpsActsAsAnImpulse) {
-  World world = with(problems::chain(1), 0.01, 1e-10);
+  World world = with_tolerance(problems::chain(1), 0.01, 1e-10);
   const JointId rod = world.joint_ids().front();
   const BodyId bob = world.body_ids().front();
   run(world, 50);
@@ -694,7 +694,7 @@ TEST(RungeKutta, ABiasThatJumpsActsAsAnImpulse) {
 }
 
 TEST(RungeKutta, ASpringOscillatesAsByHand) {
-  World world = with(without_weight(), 0.02, 1e-11);
+  World world = with_tolerance(without_weight(), 0.02, 1e-11);
   const BodyId id = problems::add_mass(&world, "load", {1.5, 0.0, 0.0}, 2.0);
   const JointId joint = world.add_joint(hang("spring", id, spring(1.0, 50.0, 4.0)));
   run(world, 100);
@@ -709,14 +709,14 @@ TEST(RungeKutta, ASpringOscillatesAsByHand) {
 TEST(RungeKutta, ReportsTheMeanForceOfTheTick) {
   for (const int order : {5, 8}) {
     for (const double bias : {0.0, 0.5}) {
-      World world = with(problems::chain(1), 0.02, 1e-10, order);
+      World world = with_tolerance(problems::chain(1), 0.02, 1e-10, order);
       const JointId rod = world.joint_ids().front();
       Motor motor;
       motor.bias = bias;
       world.set_motor(rod, motor);
       run(world, 30);
       // compared with 64 shorter ticks: impulses add up
-      World fine = with(world, 0.02 / 64.0, 1e-12, order);
+      World fine = with_tolerance(world, 0.02 / 64.0, 1e-12, order);
       double impulse = 0.0;
       for (int i = 0; i < 64; ++i) {
         run(fine, 1);
@@ -733,7 +733,7 @@ TEST(RungeKutta, AMotorThatEndsAtATickStopsAtOnce) {
   // 0.5 s of bias at ticks of 0.01 s, against a tick that the end splits: a swinging load shows the
   // sideways effect of the velocity's jump
   const auto end = [](double tick) {
-    World world = with(problems::chain(1), tick, 1e-10);
+    World world = with_tolerance(problems::chain(1), tick, 1e-10);
     Motor motor;
     motor.bias = 2.0;
     motor.timeout = 0.5;
@@ -745,7 +745,7 @@ TEST(RungeKutta, AMotorThatEndsAtATickStopsAtOnce) {
 }
 
 TEST(RungeKutta, ASineThatReachedTheEndOfItsTravelComesBackAfterAnEdit) {
-  World world = with(problems::chain(1), 0.01, 1e-8);
+  World world = with_tolerance(problems::chain(1), 0.01, 1e-8);
   const JointId rod = world.joint_ids().front();
   Motor motor;
   motor.amplitude = -10.0;  // 3.2 m in half a period, more than the 1 m that there is
@@ -760,7 +760,7 @@ TEST(RungeKutta, ASineThatReachedTheEndOfItsTravelComesBackAfterAnEdit) {
 
 TEST(RungeKutta, FollowsAKinematicBody) {
   // a mass on a rod from the rim of a rotating wheel: at rest in the wheel's frame
-  World world = with(without_weight(), 0.02, 1e-10);
+  World world = with_tolerance(without_weight(), 0.02, 1e-10);
   Body wheel = make_body("wheel", Point{}, 0.0, {0.3, 0.0, 0.0});
   wheel.type = BodyType::kKinematic;
   wheel.state.angular_velocity = {0.0, 0.0, 2.0};
@@ -781,9 +781,9 @@ TEST(RungeKutta, FollowsAKinematicBody) {
 
 TEST(RungeKutta, TheTickMayChangeBetweenSteps) {
   const auto reference = problems::chain_reference(2, 3.0);
-  World world = with(problems::chain(2), 0.05, 1e-9);
+  World world = with_tolerance(problems::chain(2), 0.05, 1e-9);
   for (const double tick : {0.05, 0.01, 0.2, 0.001, 0.1}) {
-    world = with(world, tick, 1e-9);
+    world = with_tolerance(world, tick, 1e-9);
     const auto steps = static_cast<int>(std::lround(0.6 / tick));
     for (int i = 0; i < steps; ++i) {
       ASSERT_FALSE(world.step().failed);
@@ -795,7 +795,7 @@ TEST(RungeKutta, TheTickMayChangeBetweenSteps) {
 
 TEST(RungeKutta, KeepsRodsToRoundingFarFromTheOrigin) {
   // three masses on two rods fall and rotate for 200 s: 196 km
-  World world = with(World(), 0.1, 1e-8);
+  World world = with_tolerance(World(), 0.1, 1e-8);
   BodyId last = kWorldBody;
   for (int i = 0; i < 3; ++i) {
     Body body =
@@ -812,7 +812,7 @@ TEST(RungeKutta, KeepsRodsToRoundingFarFromTheOrigin) {
 TEST(RungeKutta, AMotorTravelsOnceWhoeverCarriesItsIsland) {
   // a winch without a force limit lifts a ball from the floor: impulses, then integration, and
   // impulses again when another ball hits it
-  World world = with(World(), 0.01, 1e-8);
+  World world = with_tolerance(World(), 0.01, 1e-8);
   world.add_body(make_floor(0.5));
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.1}));
   Joint winch = make_joint("winch", kWorldBody, {0.0, 0.0, 2.0}, ball, Vector3d::Zero());
@@ -831,7 +831,7 @@ TEST(RungeKutta, AMotorTravelsOnceWhoeverCarriesItsIsland) {
 TEST(RungeKutta, CopiesGoOnBitIdentically) {
   for (World original : {problems::chain(10), problems::chain_of_bars(10), problems::four_bar(3),
                          compound_pendulum(), problems::free_box()}) {
-    original = with(original, 0.05, 1e-9);
+    original = with_tolerance(original, 0.05, 1e-9);
     run(original, 20);
     World copy = original;
     for (int i = 0; i < 100; ++i) {
@@ -844,7 +844,7 @@ TEST(RungeKutta, CopiesGoOnBitIdentically) {
 
 TEST(RungeKutta, ALoopClosedAsItRunsIsClosedSmoothly) {
   // the free end of a hanging chain is joined to a hook 1.5 m away
-  World world = with(problems::chain(4), 0.01, 1e-8);
+  World world = with_tolerance(problems::chain(4), 0.01, 1e-8);
   run(world, 100);
   const BodyId last = world.body_ids().back();
   const Vector3d hook = world.state(last).position + Vector3d(0.5, 0.0, 1.4);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/scene.h"
+#include "shipped_scenes.h"
 #include "temporary_folder.h"
 #include "test_paths.h"
 
@@ -395,7 +396,7 @@ TEST_F(Runner, WritesConstraints) {
                 "--report report.json"),
             0)
       << err();
-  World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/gear_train.yaml");
+  World world = shipped("gear_train");
   const std::vector<std::string> lines = lines_of(read(in_folder("constraints.csv")));
   ASSERT_EQ(lines.at(0), "time,constraint,q0,q1,q2,error,force,fx,fy,fz,tx,ty,tz");
   const std::size_t ticks = static_cast<std::size_t>(std::lround(1.0 / world.options().time_step));

@@ -623,7 +623,7 @@ DistanceJoint random_distance(Dice* dice) {
   return distance;
 }
 
-Joint random_joint(Dice* dice, int number, const std::vector<BodyId>& bodies) {
+Joint random_scene_joint(Dice* dice, int number, const std::vector<BodyId>& bodies) {
   Joint joint;
   joint.name = "joint-" + std::to_string(number);
   const auto count = static_cast<int>(bodies.size());
@@ -661,7 +661,7 @@ World random_world(unsigned seed) {
     if (body.type == BodyType::kDynamic) dynamic.push_back(id);
   }
   for (int i = 0; i < 20; ++i) {
-    const JointId id = world.add_joint(random_joint(&dice, i, dynamic));
+    const JointId id = world.add_joint(random_scene_joint(&dice, i, dynamic));
     if (dice.below(5) == 0) world.set_broken(id, true);
   }
   for (int i = 0; i < 20; ++i) {

@@ -9,7 +9,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-std::string refusal(const Shape& shape) {
+std::string shape_refusal(const Shape& shape) {
   try {
     validate(shape);
   } catch (const std::invalid_argument& error) {
@@ -69,25 +69,29 @@ TEST(UnitInertia, OfALongRodKeepsItsSmallMoment) {
 }
 
 TEST(ValidateShape, AcceptsWhatCanBe) {
-  EXPECT_EQ(refusal(Point{}), "");
-  EXPECT_EQ(refusal(Plane{}), "");
-  EXPECT_EQ(refusal(Sphere{1e-20}), "");
-  EXPECT_EQ(refusal(Box{{1e-6, 1.0, 1e6}}), "");
-  EXPECT_EQ(refusal(Cylinder{1e-6, 1e6}), "");
+  EXPECT_EQ(shape_refusal(Point{}), "");
+  EXPECT_EQ(shape_refusal(Plane{}), "");
+  EXPECT_EQ(shape_refusal(Sphere{1e-20}), "");
+  EXPECT_EQ(shape_refusal(Box{{1e-6, 1.0, 1e6}}), "");
+  EXPECT_EQ(shape_refusal(Cylinder{1e-6, 1e6}), "");
 }
 
 TEST(ValidateShape, NamesTheDimensionAndItsValue) {
   const double inf = std::numeric_limits<double>::infinity();
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(refusal(Cylinder{0.0, 1.0}), "shape.radius: must be a finite number > 0, got 0");
-  EXPECT_EQ(refusal(Cylinder{1.0, -1.0}), "shape.length: must be a finite number > 0, got -1");
-  EXPECT_EQ(refusal(Sphere{}), "shape.radius: must be a finite number > 0, got 0");
-  EXPECT_EQ(refusal(Sphere{-1.0}), "shape.radius: must be a finite number > 0, got -1");
-  EXPECT_EQ(refusal(Sphere{nan}), "shape.radius: must be a finite number > 0, got nan");
-  EXPECT_EQ(refusal(Sphere{inf}), "shape.radius: must be a finite number > 0, got inf");
-  EXPECT_EQ(refusal(Box{{0.0, 1.0, 1.0}}), "shape.size.x: must be a finite number > 0, got 0");
-  EXPECT_EQ(refusal(Box{{1.0, -0.1, 1.0}}), "shape.size.y: must be a finite number > 0, got -0.1");
-  EXPECT_EQ(refusal(Box{{1.0, 1.0, -inf}}), "shape.size.z: must be a finite number > 0, got -inf");
+  EXPECT_EQ(shape_refusal(Cylinder{0.0, 1.0}), "shape.radius: must be a finite number > 0, got 0");
+  EXPECT_EQ(shape_refusal(Cylinder{1.0, -1.0}),
+            "shape.length: must be a finite number > 0, got -1");
+  EXPECT_EQ(shape_refusal(Sphere{}), "shape.radius: must be a finite number > 0, got 0");
+  EXPECT_EQ(shape_refusal(Sphere{-1.0}), "shape.radius: must be a finite number > 0, got -1");
+  EXPECT_EQ(shape_refusal(Sphere{nan}), "shape.radius: must be a finite number > 0, got nan");
+  EXPECT_EQ(shape_refusal(Sphere{inf}), "shape.radius: must be a finite number > 0, got inf");
+  EXPECT_EQ(shape_refusal(Box{{0.0, 1.0, 1.0}}),
+            "shape.size.x: must be a finite number > 0, got 0");
+  EXPECT_EQ(shape_refusal(Box{{1.0, -0.1, 1.0}}),
+            "shape.size.y: must be a finite number > 0, got -0.1");
+  EXPECT_EQ(shape_refusal(Box{{1.0, 1.0, -inf}}),
+            "shape.size.z: must be a finite number > 0, got -inf");
 }
 
 }  // namespace

@@ -3,19 +3,11 @@
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
+#include "shipped_scenes.h"
 #include "support.h"
-#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {
-
-World shipped(const std::string& scene, Method method) {
-  World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR) + "/" + scene + ".yaml");
-  WorldOptions options = world.options();
-  options.method = method;
-  world.set_options(options);
-  return world;
-}
 
 void expect_same_answers(const World& snapshot, const World& world) {
   // all that is saved: bodies, joints, their states, contacts, wrenches, memory, sleep, time
@@ -52,10 +44,10 @@ void expect_same_answers(const World& snapshot, const World& world) {
   }
 }
 
-using Edit = void (*)(World*);
+using WorldEdit = void (*)(World*);
 
 // Edits, each of which leaves something for the next one.
-const Edit kEdits[] = {
+const WorldEdit kEdits[] = {
     [](World* world) {
       Motor motor = world->joint(world->joint_ids().front()).motor;
       motor.timeout = 3.0;
@@ -90,7 +82,7 @@ TEST(Snapshot, AnswersAsItsWorldDoesAfterStepsAndEdits) {
         expect_same_answers(first, world);
       };
       look();
-      for (const Edit edit : kEdits) {
+      for (const WorldEdit edit : kEdits) {
         for (int i = 0; i < 40; ++i) world.step();
         look();
         edit(&world);
@@ -114,7 +106,7 @@ TEST(Islands, AskedForAfterAnEditAreThoseOfTheNextStep) {
   for (const auto& [scene, method] : scenes) {
     SCOPED_TRACE(scene);
     World world = shipped(scene, method);
-    for (const Edit edit : kEdits) {
+    for (const WorldEdit edit : kEdits) {
       for (int i = 0; i < 40; ++i) world.step();
       edit(&world);
       const World untouched = world;

@@ -1,8 +1,6 @@
 // The sparse factorisation against dense ones, and its behaviour with dependent rows.
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-
+#include "dense_systems.h"
 #include "engine/math/list.h"
 #include "engine/math/sparse_ldlt.h"
 #include "support.h"
@@ -23,7 +21,7 @@ SparseLdlt with_values(const MatrixXd& A, const Pattern& pattern) {
   return ldlt;
 }
 
-VectorXd solve(const SparseLdlt& ldlt, const VectorXd& b) {
+VectorXd solution(const SparseLdlt& ldlt, const VectorXd& b) {
   VectorXd permuted(b.size()), x(b.size());
   for (int i = 0; i < b.size(); ++i) permuted[ldlt.place(i)] = b[i];
   ldlt.solve(permuted.data());
@@ -44,9 +42,9 @@ void expect_solves(int n, const Pattern& pattern, Random* random) {
   SparseLdlt ldlt = with_values(A, pattern);
   EXPECT_EQ(ldlt.factor(1e-8), 0);
   const VectorXd b = VectorXd::LinSpaced(n, -1.0, 1.0);
-  const VectorXd x = solve(ldlt, b);
+  const VectorXd x = solution(ldlt, b);
   // diagonally dominant, so both solutions are accurate to n roundings
-  EXPECT_LE((x - A.ldlt().solve(b)).norm(), 4.0 * n * kEpsilon * x.norm());
+  EXPECT_LE((x - dense_solution(A, b)).norm(), 4.0 * n * kEpsilon * x.norm());
 }
 
 TEST(SparseLdlt, SolvesChainsTreesAndForests) {
@@ -111,7 +109,7 @@ TEST(SparseLdlt, RepeatedAndTransposedEntriesAreOne) {
   for (const int i : {0, 1, 2}) ldlt.values()[ldlt.slot(i, i)] = 2.0;
   ldlt.values()[ldlt.slot(0, 1)] = 1.0;
   EXPECT_EQ(ldlt.factor(1e-8), 0);
-  const VectorXd x = solve(ldlt, Eigen::Vector3d(3.0, 0.0, 4.0));
+  const VectorXd x = solution(ldlt, Eigen::Vector3d(3.0, 0.0, 4.0));
   EXPECT_LE((x - Eigen::Vector3d(2.0, -1.0, 2.0)).norm(), 4.0 * kEpsilon);
 }
 
@@ -138,7 +136,7 @@ TEST(SparseLdlt, CountsAndTouchesDependentRows) {
     EXPECT_EQ(ldlt.factor(1e-8), 2) << has_loop;
     // pivots of dependent rows are rounding errors
     EXPECT_LT(ldlt.smallest_pivot(), 1e-14);
-    const VectorXd x = solve(ldlt, A * VectorXd::Ones(6));
+    const VectorXd x = solution(ldlt, A * VectorXd::Ones(6));
     EXPECT_LE((A * x - A * VectorXd::Ones(6)).norm(), 1e-13 * A.norm());  // rounding
   }
 }
@@ -165,7 +163,7 @@ TEST(SparseLdlt, LeavesDependentRowsOut) {
     // the kept rows are independent
     MatrixXd rest(4, 6);
     for (int i = 0; i < 4; ++i) rest.row(i) = G.row(kept[static_cast<std::size_t>(i)]);
-    EXPECT_EQ(Eigen::FullPivLU<MatrixXd>(rest).rank(), 4);
+    EXPECT_EQ(dense_rank(rest, 1e-10), 4);
   }
 }
 
@@ -177,7 +175,7 @@ TEST(SparseLdlt, AnEmptyRowGetsNoForce) {
     if (n == 4) A.bottomRightCorner(3, 3) << 2.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 2.0;
     SparseLdlt ldlt = with_values(A, pattern);
     ldlt.factor(1e-8);
-    const VectorXd x = solve(ldlt, VectorXd::Ones(n));
+    const VectorXd x = solution(ldlt, VectorXd::Ones(n));
     EXPECT_EQ(x[0], 0.0);
     EXPECT_LE((A * x - VectorXd::Ones(n)).tail(n - 1).norm(), 8.0 * kEpsilon);
   }

@@ -12,7 +12,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// Bars of 1 kg and 1 m along x on hinges with alternating axes, the last of `load` kg.
-World arm(int bars, double load, double h = 0.01) {
+World arm_of_bars(int bars, double load, double h = 0.01) {
   WorldOptions chosen;
   chosen.method = Method::kRungeKutta;
   chosen.gravity = {0.0, 0.3, -kGravity};
@@ -41,7 +41,7 @@ World arm(int bars, double load, double h = 0.01) {
 // to 1 / m of links. Tolerances: rounding of some hundred steps for energy, and of 3 m for joints.
 TEST(TreeOfBodies, HoldsAnyLoadOnLightLinks) {
   for (const double load : {1.0, 1e3, 1e6, 1e9, 1e12}) {
-    World world = arm(3, load);
+    World world = arm_of_bars(3, load);
     for (int i = 0; i < 100; ++i) {
       ASSERT_FALSE(world.step().failed) << load;
       ASSERT_LE(world.report().max_constraint_error, 1e-14) << load;
@@ -53,7 +53,7 @@ TEST(TreeOfBodies, HoldsAnyLoadOnLightLinks) {
 // A second hinge on the axis of the first makes rows redundant, for which the tree is not used.
 TEST(TreeOfBodies, MovesAsTheRowsOfTheSameMechanismDo) {
   for (const int bars : {1, 2, 5}) {
-    World tree = arm(bars, 2.0), rows = arm(bars, 2.0);
+    World tree = arm_of_bars(bars, 2.0), rows = arm_of_bars(bars, 2.0);
     Joint again = rows.joint(rows.joint_ids().front());
     again.name = "again";
     again.anchor_a.y() += 0.1;

@@ -276,7 +276,7 @@ TEST(Warnings, EnergyThatCorrectionsOfPositionsAdd) {
   double before = 0.0, work = 0.0, unbooked = 0.0;
   for (int i = 0; i < 60; ++i) {
     const StepReport& report = world.step();
-    ASSERT_EQ(report.islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u) << i;
+    ASSERT_EQ(report.islands[index_of(Method::kSequentialImpulses)], 0u) << i;
     if (i >= 30) {  // long after closing_time
       work += report.correction_work;
       unbooked = std::max(unbooked, report.energy - before - report.correction_work);

@@ -76,7 +76,7 @@ TEST(Threads, ChangeNotOneBit) {
     if (step == 10) worlds.back() = worlds.front();  // copies the world with a single thread
   }
   EXPECT_GT(changes, 20u);  // methods changed
-  EXPECT_GT(worlds.front().report().islands[static_cast<std::size_t>(Method::kEnergyMomentum)], 0u);
+  EXPECT_GT(worlds.front().report().islands[index_of(Method::kEnergyMomentum)], 0u);
 }
 
 }  // namespace

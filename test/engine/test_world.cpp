@@ -2,15 +2,15 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint.h"
+#include "shipped_scenes.h"
 #include "support.h"
-#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
 
-Body ball(const std::string& name, double x) {
+Body ball_on_x(const std::string& name, double x) {
   return make_body(name, Sphere{0.1}, 1.0, {x, 0.0, 0.0});
 }
 
@@ -22,7 +22,7 @@ struct Row5 {
 
   Row5() {
     for (int i = 0; i < 5; ++i)
-      bodies.push_back(world.add_body(ball("ball_" + std::to_string(i), i)));
+      bodies.push_back(world.add_body(ball_on_x("ball_" + std::to_string(i), i)));
     for (int i = 0; i < 4; ++i)
       joints.push_back(
           world.add_joint(make_joint("rod_" + std::to_string(i), bodies[i], Vector3d::Zero(),
@@ -38,7 +38,7 @@ TEST(Ids, StayValidOverAddingRemovingAndStepping) {
   EXPECT_EQ(world.remove_body(row.bodies[1]), (std::vector<std::string>{"rod_0", "rod_1"}));
   world.step();
   world.remove_joint(row.joints[2]);
-  const BodyId late = world.add_body(ball("late", 9.0));
+  const BodyId late = world.add_body(ball_on_x("late", 9.0));
   world.step();
   for (const int i : {0, 2, 3, 4}) {
     const std::string name = "ball_" + std::to_string(i);
@@ -58,7 +58,7 @@ TEST(Ids, AreNeverUsedAgain) {
   Row5 row;
   World& world = row.world;
   world.remove_body(row.bodies[4]);
-  const BodyId again = world.add_body(ball("ball_4", 4.0));
+  const BodyId again = world.add_body(ball_on_x("ball_4", 4.0));
   for (const BodyId id : row.bodies) EXPECT_NE(again, id);
   EXPECT_THROW(world.state(row.bodies[4]), std::invalid_argument);
   EXPECT_THROW(world.remove_body(row.bodies[4]), std::invalid_argument);
@@ -81,11 +81,11 @@ TEST(Ids, OfTheWorldItself) {
 // Contacts keep their bodies when others are removed; warm starting does not mix them up.
 TEST(Ids, OfContactsSurviveRemovals) {
   World world(options(0.01));
-  const BodyId first = world.add_body(ball("first", -3.0));
+  const BodyId first = world.add_body(ball_on_x("first", -3.0));
   world.add_body(make_floor(0.5));
   std::vector<BodyId> balls;
   for (int i = 0; i < 4; ++i) {
-    Body body = ball("ball_" + std::to_string(i), i);
+    Body body = ball_on_x("ball_" + std::to_string(i), i);
     body.mass = 1.0 + i;
     body.state.position.z() = 0.1;
     balls.push_back(world.add_body(body));
@@ -119,7 +119,7 @@ TEST(Editing, RemovingAnythingLeavesTheRestAsItIs) {
 
 TEST(Editing, StateOfABodyIsSetAndItsStartKept) {
   World world(options(0.01));
-  const BodyId id = world.add_body(ball("ball", 1.0));
+  const BodyId id = world.add_body(ball_on_x("ball", 1.0));
   BodyState state;
   state.position = {5.0, 6.0, 7.0};
   state.orientation = Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5);
@@ -135,7 +135,7 @@ TEST(Editing, StateOfABodyIsSetAndItsStartKept) {
 
 TEST(Editing, OrientationsAreNormalized) {
   World world;
-  Body body = ball("ball", 0.0);
+  Body body = ball_on_x("ball", 0.0);
   body.state.orientation = Eigen::Quaterniond(1.004, 0.0, 0.0, 0.0);
   const BodyId id = world.add_body(body);
   EXPECT_EQ(world.state(id).orientation.w(), 1.0);
@@ -143,7 +143,7 @@ TEST(Editing, OrientationsAreNormalized) {
 
 TEST(Editing, AnchorsAreInWorldCoordinates) {
   World world;
-  Body body = ball("ball", 2.0);
+  Body body = ball_on_x("ball", 2.0);
   body.state.orientation = Eigen::AngleAxisd(kPi / 2.0, Vector3d::UnitZ());
   const BodyId id = world.add_body(body);
   const JointId joint =
@@ -228,7 +228,7 @@ TEST(Failure, KeepsTheStateBeforeAndGoesOnAfterAnEdit) {
   World world(options(0.01));
   world.add_body(make_floor(0.5));
   const BodyId resting = world.add_body(make_body("resting", Sphere{0.1}, 1.0, {2.0, 0.0, 0.1}));
-  const BodyId id = world.add_body(ball("ball", 0.0));
+  const BodyId id = world.add_body(ball_on_x("ball", 0.0));
   Joint rod = make_joint("rod", kWorldBody, {0.0, 0.0, 5.0}, id, Vector3d::Zero());
   rod.motor.bias = 0.1;
   const JointId joint = world.add_joint(rod);
@@ -256,7 +256,7 @@ TEST(Failure, KeepsTheStateBeforeAndGoesOnAfterAnEdit) {
 
 TEST(Report, EnergyOfAFreeFall) {
   World world(options(0.01));
-  Body body = ball("ball", 0.0);
+  Body body = ball_on_x("ball", 0.0);
   body.state.position.z() = 3.0;
   body.state.angular_velocity.x() = 2.0;
   const BodyId id = world.add_body(body);
@@ -276,7 +276,7 @@ TEST(Report, EnergyOfAFreeFall) {
 
 TEST(Report, DriftCountsFromTheLastEdit) {
   World world(options(0.01));
-  const BodyId id = world.add_body(ball("ball", 0.0));
+  const BodyId id = world.add_body(ball_on_x("ball", 0.0));
   run(world, 100);
   EXPECT_LT(world.report().energy_drift, 0.0);
   world.set_state(id, world.state(id));
@@ -306,7 +306,7 @@ TEST(Report, NamesTheWorstJoint) {
 
 TEST(Report, SpringsAreNoErrors) {
   World world(options(0.01));
-  const BodyId id = world.add_body(ball("ball", 1.0));
+  const BodyId id = world.add_body(ball_on_x("ball", 1.0));
   world.add_joint(hang("spring", id, spring(0.5, 10.0, 0.0)));
   world.step();
   EXPECT_FALSE(world.report().worst_joint.has_value());
@@ -315,7 +315,7 @@ TEST(Report, SpringsAreNoErrors) {
 
 TEST(Report, WithoutJointsAndContactsNothingIsSolved) {
   World world(options(0.01));
-  world.add_body(ball("ball", 0.0));
+  world.add_body(ball_on_x("ball", 0.0));
   EXPECT_EQ(world.step().rows, 0u);
   EXPECT_EQ(world.report().iterations, 0u);
 }
@@ -343,7 +343,7 @@ TEST(Report, StagesAreTimedOnlyWithAClock) {
 TEST(Report, StagesThatAreLeftOutTakeNoTime) {
   World world(options(0.01));
   world.set_clock(counting_clock);
-  world.add_body(ball("ball", 0.0));
+  world.add_body(ball_on_x("ball", 0.0));
   const auto times = world.step().stage_times;
   for (const Stage stage : {Stage::kBroadphase, Stage::kNarrowphase, Stage::kSolve})
     EXPECT_EQ(times[static_cast<std::size_t>(stage)], 0.0) << name(stage);
@@ -352,7 +352,7 @@ TEST(Report, StagesThatAreLeftOutTakeNoTime) {
 
 World swinging_winch() {
   World world(options(0.01));
-  const BodyId load = world.add_body(ball("load", 0.0));
+  const BodyId load = world.add_body(ball_on_x("load", 0.0));
   Joint cable = hang("cable", load, DistanceJoint{});
   cable.anchor_a = {0.0, 0.0, 3.0};
   cable.motor.amplitude = 0.5;
@@ -384,7 +384,7 @@ TEST(ContinueFrom, TimeGoesOnAndTheMotionIsThatFromZero) {
 // A gear refers to its joints by ids, which change.
 TEST(ContinueFrom, GearsGoOnCouplingTheirJoints) {
   const World old = swinging_winch();
-  const auto gears = [] { return load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/gear_train.yaml"); };
+  const auto gears = [] { return shipped("gear_train"); };
   World fresh = gears();
   World continued = gears();
   continued.continue_from(old);

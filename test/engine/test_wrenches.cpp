@@ -7,7 +7,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kMass = 2.5;
+constexpr double kBoxMass = 2.5;
 
 /// A weightless box in a general orientation.
 struct Floating {
@@ -16,7 +16,7 @@ struct Floating {
 
   explicit Floating(double time_step, const Vector3d& spin = Vector3d::Zero())
       : world(weightless(time_step)) {
-    Body body = make_body("box", Box{{0.4, 0.3, 0.5}}, kMass, {1.0, 2.0, 3.0});
+    Body body = make_body("box", Box{{0.4, 0.3, 0.5}}, kBoxMass, {1.0, 2.0, 3.0});
     body.state.orientation = Random().orientation();
     body.state.angular_velocity = spin;
     box = world.add_body(body);
@@ -26,7 +26,7 @@ struct Floating {
   /// Returns the angular momentum about the centre of mass [kg m²/s].
   Vector3d spin() const {
     const BodyState& state = world.state(box);
-    return angular_momentum(world) - kMass * state.position.cross(state.linear_velocity);
+    return angular_momentum(world) - kBoxMass * state.position.cross(state.linear_velocity);
   }
 };
 
@@ -54,7 +54,7 @@ TEST_P(WrenchSpan, GivesForceTimesDuration) {
   Floating floating(time_step);
   floating.world.add_wrench(force(floating.box, F, start, start + duration));
   while (floating.world.time() < start + duration) floating.world.step();
-  EXPECT_LT((kMass * floating.velocity() - duration * F).norm(),
+  EXPECT_LT((kBoxMass * floating.velocity() - duration * F).norm(),
             (1000 * kEpsilon * duration + 2 * kEpsilon) * F.norm());
   EXPECT_TRUE(floating.world.wrenches().empty());
   const Vector3d after = floating.velocity();
@@ -94,7 +94,7 @@ TEST(Wrenches, OfAForceForEverCarriesExactly) {
   heavy.gravity = {0.0, 0.0, -8.0};  // 2.5 · 8 is exact, and so is the difference
   hovering.world.set_options(heavy);
   hovering.world.set_time(1e6, 0);  // at 1e6 s the tick differs from the difference of two times
-  hovering.world.add_wrench(force(hovering.box, {0.0, 0.0, 8.0 * kMass}));
+  hovering.world.add_wrench(force(hovering.box, {0.0, 0.0, 8.0 * kBoxMass}));
   for (int step = 1; step <= 1000; ++step) {
     hovering.world.step();
     // takes h g and gives (h/m) F, which differ by at most two roundings
@@ -110,7 +110,7 @@ TEST(Wrenches, AddUp) {
   both.world.add_wrench({both.box, {1.0, 0.0, 0.0}, {0.0, 0.0, 0.1}, 0.5, 1.0});
   run(both.world, 100);
   // 1 N for 1 s, 2 N for 0.75 s, 0.1 N m for 0.5 s; a hundred roundings
-  EXPECT_LT((kMass * both.velocity() - Vector3d(1.0, 1.5, 0.0)).norm(), 1e-13);
+  EXPECT_LT((kBoxMass * both.velocity() - Vector3d(1.0, 1.5, 0.0)).norm(), 1e-13);
   EXPECT_LT((both.spin() - Vector3d(0.0, 0.0, 0.05)).norm(), 1e-13);
 }
 
@@ -136,11 +136,11 @@ TEST(Wrenches, MeetWhatHoldsTheBody) {
   const auto slides = [](double share) {
     World world(options(0.01));
     world.add_body(make_floor(0.5));
-    Body body = make_body("box", Box{{1.0, 1.0, 0.2}}, kMass, {0.0, 0.0, 0.1});
+    Body body = make_body("box", Box{{1.0, 1.0, 0.2}}, kBoxMass, {0.0, 0.0, 0.1});
     body.friction = 0.5;
     const BodyId id = world.add_body(body);
     run(world, 50);
-    world.add_wrench(force(id, {share * 0.5 * kMass * kGravity, 0.0, 0.0}));
+    world.add_wrench(force(id, {share * 0.5 * kBoxMass * kGravity, 0.0, 0.0}));
     run(world, 100);
     return world.state(id).linear_velocity.x();
   };
@@ -157,7 +157,7 @@ TEST(Wrenches, WaitForTheirStart) {
   EXPECT_TRUE(floating.velocity().isZero(0.0));
   EXPECT_EQ(floating.world.wrenches().size(), 1u);
   floating.world.step();
-  EXPECT_NEAR(kMass * floating.velocity().x(), 0.005,
+  EXPECT_NEAR(kBoxMass * floating.velocity().x(), 0.005,
               1e-15);  // half a tick; times are rounded at 0.2
 }
 
@@ -166,7 +166,7 @@ TEST(Wrenches, ActNotBeforeTheyAreAdded) {
   run(floating.world, 100);
   floating.world.add_wrench(force(floating.box, {1.0, 0.0, 0.0}, 0.0, 1.5));
   run(floating.world, 100);
-  EXPECT_NEAR(kMass * floating.velocity().x(), 0.5, 1e-14);
+  EXPECT_NEAR(kBoxMass * floating.velocity().x(), 0.5, 1e-14);
 }
 
 TEST(Wrenches, ThatAreOverAreNone) {
@@ -184,7 +184,7 @@ TEST(Wrenches, MoveAlongWhenTheTimeIsSet) {
   run(floating.world, 24);
   EXPECT_TRUE(floating.velocity().isZero(0.0));
   run(floating.world, 30);
-  EXPECT_NEAR(kMass * floating.velocity().x(), 0.25, 1e-13);  // times are rounded at 100
+  EXPECT_NEAR(kBoxMass * floating.velocity().x(), 0.25, 1e-13);  // times are rounded at 100
 }
 
 TEST(Wrenches, MoveAlongWhenTheTimeIsSetBack) {
@@ -194,7 +194,7 @@ TEST(Wrenches, MoveAlongWhenTheTimeIsSetBack) {
   floating.world.set_time(0.0, 0);
   ASSERT_EQ(floating.world.wrenches().size(), 1u);
   run(floating.world, 40);
-  EXPECT_NEAR(kMass * floating.velocity().x(), 0.25, 1e-14);  // times are rounded at 1
+  EXPECT_NEAR(kBoxMass * floating.velocity().x(), 0.25, 1e-14);  // times are rounded at 1
 }
 
 TEST(Wrenches, TooShortForTheTimeThatIsSetAreDropped) {
@@ -211,7 +211,7 @@ TEST(Wrenches, KeepTheirSpanWhenTheTickChanges) {
   run(floating.world, 33);
   floating.world.set_options(weightless(0.007));
   run(floating.world, 50);
-  EXPECT_NEAR(kMass * floating.velocity().x(), 0.5, 1e-14);
+  EXPECT_NEAR(kBoxMass * floating.velocity().x(), 0.5, 1e-14);
 }
 
 // ---- edits

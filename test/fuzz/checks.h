@@ -129,8 +129,10 @@ inline void check_snapshot(const engine::World& world) {
           "a snapshot is written otherwise once it is read");
 }
 
-/// Checks that the world can be saved as a scene and loaded.
+/// Checks that the world can be saved as a scene and loaded: one world of eight, chosen by its
+/// hash, since writing and reading YAML takes half of the time of an execution.
 inline void check_saved(const engine::World& world) {
+  if (world.state_hash() % 8 != 0) return;
   const std::string text = engine::save_scene(world);
   if (text.size() > engine::kMostSceneBytes) return;
   const engine::World again = engine::load_scene(text);

@@ -11,10 +11,16 @@
 #include <ros/console.h>
 #include <std_srvs/Empty.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
+#include <functional>
+#include <iterator>
 #include <random>
 #include <type_traits>
+#include <utility>
+#include <vector>
 
 #include "custom_types.h"
 #include "ros/received.h"
@@ -217,7 +223,8 @@ extern "C" int LLVMFuzzerInitialize(int* /*argc*/, char*** /*argv*/) {
   console_bridge::useOutputHandler(&silence);
   engine::example_types::register_all();
   ros::Time::init();
-  // guards warn of each rejected input
+  // guards warn of each rejected input; the first use would set the level anew
+  ros::console::initialize();
   ros::console::set_logger_level(ROSCONSOLE_DEFAULT_NAME, ros::console::levels::Fatal);
   ros::console::notifyLoggerLevelsChanged();
   return 0;

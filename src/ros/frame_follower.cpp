@@ -35,14 +35,16 @@ Vector3d rotation_to(const Quaterniond& from, const Quaterniond& to) {
 
 }  // namespace
 
-FrameFollower::FrameFollower(const Parameters& parameters, const ros::NodeHandle& handle)
-    : parameters_(parameters), frames_(handle) {
+FrameFollower::FrameFollower(const Parameters& parameters) : parameters_(parameters) {
   for (const auto& [body, frame] : followed_in(parameters.follow)) {
     Followed& followed = followed_.emplace_back();
     followed.body = body;
     followed.frame = frame;
   }
-  if (!followed_.empty()) frames_.start();
+}
+
+void FrameFollower::start(const ros::NodeHandle& handle) {
+  if (!followed_.empty()) frames_.start(handle);
 }
 
 std::vector<std::string> FrameFollower::stale() const {

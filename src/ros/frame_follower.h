@@ -19,7 +19,9 @@ namespace constraint_sim {
 /// and a warning is logged, while its frame is missing, late or not connected to the world's frame.
 class FrameFollower {
  public:
-  FrameFollower(const Parameters& parameters, const ros::NodeHandle& handle);
+  explicit FrameFollower(const Parameters& parameters);
+  /// Subscribes to tf where any body follows a frame.
+  void start(const ros::NodeHandle& handle);
 
   /// Sets velocities; call before each tick on the stepping thread. `real_time_factor` is the
   /// requested one.
@@ -27,6 +29,8 @@ class FrameFollower {
   /// Returns the bodies that stand still because transforms are missing. Any thread.
   std::vector<std::string> stale() const;
   bool follows_any() const { return !followed_.empty(); }
+  /// Returns the transforms, which start() receives.
+  Frames& frames() { return frames_; }
 
  private:
   struct Followed {

@@ -12,28 +12,27 @@ constexpr double kKept = 10.0;  // time for which transforms are kept [s]
 
 }  // namespace
 
-Frames::Frames(const ros::NodeHandle& handle)
-    : buffer_(ros::Duration(kKept)), handle_(queue_.serving(handle)) {}
+Frames::Frames() : buffer_(ros::Duration(kKept)) {}
 
-void Frames::start() {
-  std::call_once(started_, [this] {
-    transforms_ = listen("/tf", false);
-    static_transforms_ = listen("/tf_static", true);
-    queue_.start();
+void Frames::start(const ros::NodeHandle& handle) {
+  std::call_once(started_, [&] {
+    queue_ = std::make_unique<ServiceQueue>(1);
+    transforms_ = listen(queue_->serving(handle), "/tf", false);
+    static_transforms_ = listen(queue_->serving(handle), "/tf_static", true);
+    queue_->start();
   });
 }
 
-ros::Subscriber Frames::listen(const std::string& topic, bool is_static) {
+ros::Subscriber Frames::listen(ros::NodeHandle handle, const std::string& topic, bool is_static) {
   const SharedGuard guard = make_guard(topic);
   return guarded_subscribe<tf2_msgs::TFMessage>(
-      handle_, guard, 100, [this, guard, is_static](const tf2_msgs::TFMessage& message) {
+      handle, guard, 100, [this, guard, is_static](const tf2_msgs::TFMessage& message) {
         take(message, is_static, guard.get());
       });
 }
 
-// Stores transforms in the buffer. Stamps near the end of ros::Time are skipped: the buffer adds
-// its cache time to stamps, which overflows and would then throw for each further transform of that
-// frame.
+// Stamps near the end of ros::Time are skipped: the buffer adds its cache time to stamps, which
+// overflows and would then throw for each further transform of that frame.
 void Frames::take(const tf2_msgs::TFMessage& message, bool is_static, Guard* guard) {
   if (!is_static) {
     const ros::Time now = ros::Time::now();

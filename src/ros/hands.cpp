@@ -43,7 +43,7 @@ std::string named_frame(const std::string& name, const std::string& world_frame)
 }  // namespace
 
 Hands::Hands(const Parameters& parameters, const ros::NodeHandle& private_handle)
-    : parameters_(parameters), private_handle_(private_handle), frames_(private_handle) {
+    : parameters_(parameters), private_handle_(private_handle) {
   if (!parameters_.hands) return;
   update_topic_ =
       private_handle_.advertise<visualization_msgs::InteractiveMarkerUpdate>("hands/update", 100);
@@ -146,7 +146,7 @@ void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
   const Eigen::Vector3d target = from_msg(feedback->pose.position);
   const std::string& body = feedback->marker_name;
   const std::string frame = named_frame(feedback->header.frame_id, parameters_.world_frame);
-  if (frame != parameters_.world_frame) frames_.start();
+  if (frame != parameters_.world_frame) frames_.start(private_handle_);
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto drag = drags_.find(body);
   const double now = steady_now();

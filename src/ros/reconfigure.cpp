@@ -60,17 +60,6 @@ void add_group(Config* config) {
   config->groups.back().state = 1;
 }
 
-Config config_of(const engine::WorldOptions& options, const Pacing& pacing) {
-  Config config;
-  engine::visit_options(options, [&](const engine::OptionInfo& info, const auto& value, auto) {
-    add(info.name, value, &config);
-  });
-  add("real_time_factor", pacing.real_time_factor.value_or(1.0), &config);
-  add("publish_rate", pacing.publish_rate.value_or(0.0), &config);
-  add_group(&config);
-  return config;
-}
-
 // ---- descriptions
 
 /// Adds a parameter with its range; set_options checks values exactly.
@@ -192,14 +181,28 @@ Words words_of(const Config& config) {
   return words;
 }
 
-/// Returns a request with the words that differ from the present options; gravity as a whole.
-SetOptionsRequest request_of(const Words& asked, Words now) {
+}  // namespace
+
+Config config_of(const engine::WorldOptions& options, const Pacing& pacing) {
+  Config config;
+  engine::visit_options(options, [&](const engine::OptionInfo& info, const auto& value, auto) {
+    add(info.name, value, &config);
+  });
+  add("real_time_factor", pacing.real_time_factor.value_or(1.0), &config);
+  add("publish_rate", pacing.publish_rate.value_or(0.0), &config);
+  add_group(&config);
+  return config;
+}
+
+// Gravity is one option of three parameters, so it is in the request as a whole.
+SetOptionsRequest request_of(const Config& asked, const Config& present) {
+  Words now = words_of(present);
   SetOptionsRequest request;
   bool is_gravity_asked = false;
   const auto is_gravity = [](const std::string& name) {
     return name == kGravity[0] || name == kGravity[1] || name == kGravity[2];
   };
-  for (const auto& [name, word] : asked) {
+  for (const auto& [name, word] : words_of(asked)) {
     const auto known = now.find(name);
     if (known != now.end() && known->second == word) continue;
     if (is_gravity(name)) {
@@ -217,8 +220,6 @@ SetOptionsRequest request_of(const Words& asked, Words now) {
   }
   return request;
 }
-
-}  // namespace
 
 Reconfigure::Reconfigure(const ros::NodeHandle& private_handle, const engine::WorldOptions& options,
                          const Pacing& pacing, SetOptions set_options)
@@ -248,7 +249,7 @@ Config Reconfigure::current() const {
 
 bool Reconfigure::set(dynamic_reconfigure::ReconfigureRequest& request,
                       dynamic_reconfigure::ReconfigureResponse& response) {
-  SetOptionsRequest asked = request_of(words_of(request.config), words_of(current()));
+  SetOptionsRequest asked = request_of(request.config, current());
   if (!asked.keys.empty()) {
     const SetOptionsResponse answer = set_options_(asked);
     if (!answer.success) {

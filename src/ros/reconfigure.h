@@ -14,6 +14,12 @@
 
 namespace constraint_sim {
 
+/// Returns options and pacing as parameters of dynamic_reconfigure.
+dynamic_reconfigure::Config config_of(const engine::WorldOptions& options, const Pacing& pacing);
+/// Returns a request of set_options with the parameters of `asked` that differ from `present`.
+SetOptionsRequest request_of(const dynamic_reconfigure::Config& asked,
+                             const dynamic_reconfigure::Config& present);
+
 /// Options of set_options as parameters of dynamic_reconfigure, gravity as gravity_x, gravity_y and
 /// gravity_z. A change becomes one request of set_options, so both check alike. A call with an
 /// invalid value fails, changes nothing and is logged. There are no defaults that could replace

@@ -134,9 +134,10 @@ SimulatorNode::Impl::Impl(const ros::NodeHandle& handle, const ros::NodeHandle& 
 #endif
       urdf_loader_(stepper_, parameters_, robots_, edits_.serving(private_handle_)),
       commands_(stepper_, edit_log_, parameters_, robots_, edits_.serving(private_handle_)),
-      follower_(parameters_, handle_),
+      follower_(parameters_),
       stepping_thread_(&Stepper::run, &stepper_) {
   hands_.start(&stepper_);
+  follower_.start(handle_);
   tell_of_start(first_summary_);
   if (parameters_.follows_clock()) {
     ros::NodeHandle clock_handle = clocks_.serving(handle_);

@@ -6,6 +6,7 @@
 using namespace constraint_sim;
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const fuzz::TimeLimit limit;
   static fuzz::Watchdog watchdog;
   const std::string text(reinterpret_cast<const char*>(data), size);
   try {

@@ -11,11 +11,16 @@ extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, st
 
 namespace {
 
-/// Returns the snapshot of a scene after up to 30 steps; empty for an invalid scene.
+/// Returns the snapshot of a scene after up to 30 steps; empty for an invalid or large scene.
 std::string snapshot_of(const std::string& scene, unsigned seed) {
+  static fuzz::Watchdog watchdog;
   try {
     engine::World world = engine::load_scene(scene);
+    if (!fuzz::is_small(world)) return "";
+    watchdog.start(std::chrono::milliseconds(50));
+    world.set_stop_flag(watchdog.flag());
     for (unsigned k = 0; k < seed % 31; ++k) world.step();
+    world.set_stop_flag(nullptr);
     return engine::write_snapshot(world);
   } catch (const std::invalid_argument&) {
     return "";
@@ -38,6 +43,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
 }
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const fuzz::TimeLimit limit;
   static fuzz::Watchdog watchdog;
   const std::string bytes(reinterpret_cast<const char*>(data), size);
   try {
@@ -49,7 +55,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     engine::World world = engine::read_world(bytes, false);
     if (!fuzz::is_small(world)) return 0;
     world.state_hash();
-    watchdog.start(std::chrono::milliseconds(50));
+    watchdog.start(std::chrono::milliseconds(5));
     world.set_stop_flag(watchdog.flag());
     for (int k = 0; k < 2; ++k) world.step();
   } catch (const engine::SnapshotError&) {

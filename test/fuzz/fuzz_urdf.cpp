@@ -7,6 +7,7 @@
 using namespace constraint_sim;
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const fuzz::TimeLimit limit;
   static fuzz::Watchdog watchdog;
   std::string urdf(reinterpret_cast<const char*>(data), size);
   RobotOptions options;

@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "engine/constraints/custom.h"
+#include "engine/islands/method_choice.h"
 #include "engine/math/list.h"
 #include "engine/snapshot/snapshot_checks.h"
 #include "engine/snapshot/snapshot_fields.h"
@@ -402,9 +403,15 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     visit(parts.is_fresh);
     visit(parts.energy);
     visit(parts.has_limited_spring);
-    bool has_motion = parts.motion >= 0;
+    // An island that impulses advance by its nature keeps the motion compiled for another method.
+    // The next other method restarts this motion, and a reader could not compile it with these
+    // options.
+    const bool is_by_impulses =
+        method_for(parts.nature, self.options) == Method::kSequentialImpulses;
+    bool has_motion = parts.motion >= 0 && !is_by_impulses;
     visit(has_motion);
-    List<int> open_points = parts.open_points;  // open when the island was compiled
+    List<int> open_points;  // joints that were open when the island was compiled
+    if (has_motion) open_points = parts.open_points;
     visit(open_points);
     if constexpr (Visit::kReads) check_indices(open_points, self.joints.size());
     if constexpr (Visit::kReads)

@@ -1,0 +1,389 @@
+#pragma once
+
+// The node without its master: the node's own conversions and edits, called on one thread. Queues,
+// threads and files of the node are left out.
+
+#include <constraint_sim/EditRecord.h>
+#include <constraint_sim/GetBodyState.h>
+#include <constraint_sim/LoadScene.h>
+#include <constraint_sim/LoadUrdf.h>
+#include <constraint_sim/RestoreSnapshot.h>
+#include <constraint_sim/SaveScene.h>
+#include <constraint_sim/SaveSnapshot.h>
+#include <constraint_sim/Verify.h>
+#include <ros/serialization.h>
+#include <ros/time.h>
+#include <rosgraph_msgs/Clock.h>
+#include <std_msgs/Float64.h>
+#include <visualization_msgs/InteractiveMarkerFeedback.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "checks.h"
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/verify.h"
+#include "ros/command_changes.h"
+#include "ros/conversions.h"
+#include "ros/edits.h"
+#include "ros/frame_follower.h"
+#include "ros/robots.h"
+#include "ros/scenes.h"
+#include "ros/snapshots.h"
+#include "ros/time_conversions.h"
+#include "sim/grip.h"
+#include "sim/hand_edits.h"
+#include "urdf/robot.h"
+#ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
+#include "ros/reconfigure.h"
+#endif
+
+namespace constraint_sim::fuzz {
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// Returns the bytes of a message, as they are sent.
+template <class Message>
+Bytes serialized(const Message& message) {
+  Bytes bytes(ros::serialization::serializationLength(message));
+  ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  ros::serialization::serialize(stream, message);
+  return bytes;
+}
+
+/// A world and the parts of the node that change it. Each function does to the world what the node
+/// does with a request or message, on its service threads and on the stepping thread.
+class ServiceNode {
+ public:
+  ServiceNode()
+      : parameters_(parameters()),
+        robots_(parameters_),
+        commands_(parameters_, robots_),
+        follower_(parameters_),
+        world_(first_world()) {
+    ros::Time::setNow(ros::Time(1000.0));  // equal in each execution
+  }
+
+  // ---- services
+
+  /// Carries out a service of visit_edits(), and repeats an accepted request from its record.
+  template <class Response, class Request>
+  void edit(const char* service, const Request& request) {
+    engine::World other = world_;
+    Response response;
+    if (!attempt([&](engine::World& world) { change(world, request, &response); })) return;
+    serialized(response);
+    apply_recorded(other, service, serialized(request));
+    require(other.state_hash() == world_.state_hash(),
+            std::string(service) + " is replayed to another hash");
+    bound_size();
+  }
+  void step(std::uint32_t steps);
+  void get_body_state(const GetBodyStateRequest& request);
+  void load_scene(const LoadSceneRequest& request);
+  void save_scene();
+  void load_urdf(const LoadUrdfRequest& request);
+  void save_snapshot(const SaveSnapshotRequest& request);
+  void restore_snapshot(const RestoreSnapshotRequest& request);
+  void verify(std::uint32_t steps);
+  void reset_world();
+  void reset_simulation();
+#ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
+  void set_parameters(const dynamic_reconfigure::Config& config) {
+    edit<SetOptionsResponse>("set_options", request_of(config, config_of(world_.options(), {})));
+  }
+#endif
+
+  // ---- topics
+
+  void take_trajectory(const trajectory_msgs::JointTrajectory& message) {
+    drive_by([&] { return commands_.by_trajectory(message); });
+  }
+  void take_command(const std_msgs::Float64& message) {
+    drive_by([&] { return commands_.by_command("elbow", message.data); });
+  }
+  void take_twist(const geometry_msgs::Twist& message) {
+    drive_by([&] { return commands_.by_twist("carrier", message); });
+  }
+  void take_wrench(const geometry_msgs::WrenchStamped& message) {
+    drive_by([&] { return commands_.by_wrench("bob", message); });
+  }
+  void take_bias(const MotorBias& message) {
+    edit<SetMotorBiasResponse>("set_motor_bias", request_of(message));
+  }
+  void take_frames(const tf2_msgs::TFMessage& message, bool is_static) {
+    Guard guard("tf");
+    guard([&] { follower_.frames().take(message, is_static, &guard); });
+  }
+  void take_clock(const rosgraph_msgs::Clock& message) {
+    attempt(
+        [&](engine::World& world) { world.set_time(message.clock.toSec(), world.step_count()); });
+  }
+  void take_feedback(const visualization_msgs::InteractiveMarkerFeedback& feedback);
+  /// Applies a record of edit_log, as `replay` does. A rejected record ends the replay, so it may
+  /// have changed the world.
+  void replay(const EditRecord& record);
+
+  /// Checks that messages about the world can be sent, and that it can be saved.
+  void end() {
+    send();
+    check_snapshot(world_);
+    check_saved(world_);
+  }
+
+ private:
+  static constexpr std::size_t kMostBodies = 12, kMostJoints = 16;
+
+  static Parameters parameters() {
+    Parameters parameters;
+    parameters.publish_clock = true;  // stamps are simulated time
+    parameters.publish_com = true;
+    parameters.follow = "carrier=hand";
+    parameters.follow_delay = 0.0;
+    return parameters;
+  }
+  static engine::World first_world();
+  static Watchdog& watchdog() {
+    static Watchdog one;
+    return one;
+  }
+
+  bool attempt(const std::function<void(engine::World&)>& change);
+  void drive_by(const std::function<CommandChanges::Change()>& change_by);
+  void drive(const std::function<void(Driver*)>& act);
+  void interrupted(const std::string& by) {
+    commands_.end(by);
+    robots_.tell_of_gone(world_, by);
+  }
+  /// Begins again where steps would become expensive.
+  void bound_size() {
+    if (world_.body_ids().size() > kMostBodies || world_.joint_ids().size() > kMostJoints)
+      world_ = first_world();
+  }
+  void send() const;
+
+  Parameters parameters_;
+  Robots robots_;
+  CommandChanges commands_;
+  FrameFollower follower_;
+  Snapshots snapshots_;
+  engine::World world_;
+};
+
+inline engine::World ServiceNode::first_world() {
+  static const engine::World world = engine::load_scene(R"(
+bodies:
+- {name: floor, type: static, position: [0, 0, -1], shape: {plane: {}}}
+- {name: carrier, type: kinematic, position: [3, 0, 0]}
+- {name: arm, mass: 1, position: [0, 0, 0.25], shape: {box: {size: [0.1, 0.1, 0.5]}}}
+- {name: bob, mass: 1, position: [0, 0, 1], shape: {sphere: {radius: 0.1}}}
+constraints:
+- {name: elbow, type: hinge, body_b: arm, axis_a: [0, 1, 0], motor: {bias: 0.1, max_force: 50}}
+- {name: rail, type: slider, body_b: carrier, body_a: arm, axis_a: [1, 0, 0], enabled: false}
+- {name: rod, type: distance, body_a: arm, anchor_a: [0, 0, 0.25], body_b: bob}
+)");
+  return world;
+}
+
+/// Returns whether a change was accepted. A rejected one must leave the world unchanged.
+inline bool ServiceNode::attempt(const std::function<void(engine::World&)>& change) {
+  const std::uint64_t before = world_.state_hash();
+  try {
+    change(world_);
+    return true;
+  } catch (const std::invalid_argument&) {
+  }
+  require(world_.state_hash() == before, "a rejected edit has changed the world");
+  return false;
+}
+
+inline void ServiceNode::drive_by(const std::function<CommandChanges::Change()>& change_by) {
+  try {
+    const CommandChanges::Change change = change_by();
+    drive([&](Driver* driver) { change(driver); });
+  } catch (const std::invalid_argument&) {
+  }
+}
+
+/// Changes the world by drives, and repeats the changes from their record.
+inline void ServiceNode::drive(const std::function<void(Driver*)>& act) {
+  engine::World other = world_;
+  DriveChanges changes;
+  Driver driver(&world_, &changes);
+  try {
+    act(&driver);
+  } catch (const std::invalid_argument&) {
+  }
+  if (changes.empty()) return;
+  apply_recorded(other, kDriveRecord, bytes_of(changes));
+  require(other.state_hash() == world_.state_hash(), "a drive is replayed to another hash");
+}
+
+inline void ServiceNode::step(std::uint32_t steps) {
+  for (std::uint32_t k = 0; k < steps % 4; ++k) {
+    drive([&](Driver* driver) {
+      commands_.before_step(driver);
+      follower_.before_step(driver, 1.0);
+    });
+    fuzz::step(&watchdog(), &world_);
+    if (world_.report().failed) commands_.end("a step that failed");
+  }
+}
+
+inline void ServiceNode::get_body_state(const GetBodyStateRequest& request) {
+  attempt([&](engine::World& world) {
+    const engine::BodyId body = find_own_body(world, "name", request.name);
+    const engine::BodyId frame = find_body(world, "reference_frame", request.reference_frame);
+    serialized(to_msg(world.body(body).name, relative_to(world.state(frame), world.state(body))));
+  });
+}
+
+inline void ServiceNode::load_scene(const LoadSceneRequest& request) {
+  if (request.text.empty()) return;  // the request names a file
+  attempt([&](engine::World& world) {
+    engine::World scene = load_world("", request.text, parameters_, Caller::kService);
+    if (!is_small(scene)) return;
+    summary(scene);
+    scene.continue_from(world);
+    world = std::move(scene);
+    interrupted("load_scene");
+  });
+  bound_size();
+}
+
+inline void ServiceNode::save_scene() {
+  SaveSceneResponse response;
+  response.text = engine::save_scene(world_);
+  serialized(response);
+}
+
+inline void ServiceNode::load_urdf(const LoadUrdfRequest& request) {
+  if (request.text.empty()) return;
+  attempt([&](engine::World& world) {
+    RobotOptions options;
+    options.prefix = request.prefix;
+    options.pose = from_msg(request.pose, geometry_msgs::Twist());
+    options.fixed = request.fixed;
+    options.extra = request.extra;
+    robots_.add(add_robot(build_robot(request.text, options), &world), world);
+  });
+  bound_size();
+}
+
+inline void ServiceNode::save_snapshot(const SaveSnapshotRequest& request) {
+  attempt([&](engine::World& world) {
+    auto bytes = std::make_shared<const std::string>(engine::write_snapshot(world));
+    SaveSnapshotResponse response;
+    response.name = snapshots_.keep({request.name, false, world.time(), world.step_count(),
+                                     world.state_hash(), std::move(bytes)});
+    serialized(response);
+  });
+}
+
+inline void ServiceNode::restore_snapshot(const RestoreSnapshotRequest& request) {
+  attempt([&](engine::World& world) {
+    engine::World restored = engine::read_snapshot(*snapshots_.bytes(request.name));
+    for (const Snapshots::Snapshot& kept : snapshots_.list())
+      require(kept.name != request.name || kept.hash == restored.state_hash(),
+              "a restored world has another hash");
+    restored.reserve_ids(world);
+    world = std::move(restored);
+    interrupted("restore_snapshot");
+  });
+}
+
+inline void ServiceNode::verify(std::uint32_t steps) {
+  attempt([&](engine::World& world) {
+    engine::VerifyOptions options;
+    options.ticks = steps % 4;
+    watchdog().start(std::chrono::milliseconds(5));
+    options.stop = watchdog().flag();
+    VerifyResponse response;
+    response.table = engine::to_table(engine::verify(world, options));
+    serialized(response);
+  });
+}
+
+inline void ServiceNode::reset_world() {
+  attempt([&](engine::World& world) {
+    constraint_sim::reset_world(world);
+    interrupted("reset_world");
+  });
+}
+
+inline void ServiceNode::reset_simulation() {
+  attempt([&](engine::World& world) {
+    constraint_sim::reset_simulation(world);
+    interrupted("reset_simulation");
+  });
+}
+
+/// Carries out drags and menu entries of rviz.
+inline void ServiceNode::take_feedback(
+    const visualization_msgs::InteractiveMarkerFeedback& feedback) {
+  const std::string& body = feedback.marker_name;
+  attempt([&](engine::World& world) {
+    const Eigen::Vector3d target = from_msg(feedback.pose.position);
+    const auto pose =
+        follower_.frames().look_up(parameters_.world_frame, feedback.header.frame_id, ros::Time(0));
+    switch (feedback.menu_entry_id % 6) {
+      case 0:
+        if (!pose) return;
+        return drag(&world, body,
+                    from_msg(pose->translation) + from_msg(pose->rotation).normalized() * target);
+      case 1:
+        return let_go(&world, body);
+      case 2:
+        return fix(&world, body);
+      case 3:
+        return release(&world, body);
+      case 4:
+        return push(&world, body, Eigen::Vector3d::UnitX());
+      default:
+        return join(&world, body, feedback.control_name);
+    }
+  });
+  bound_size();
+}
+
+inline void ServiceNode::replay(const EditRecord& record) {
+  try {
+    apply_recorded(world_, record.service, record.request);
+  } catch (const std::invalid_argument&) {
+  }
+  bound_size();
+}
+
+/// Makes the messages that the node publishes about each body, joint and contact.
+inline void ServiceNode::send() const {
+  tf2_msgs::TFMessage frames;
+  for (const engine::BodyId id : world_.body_ids()) {
+    const BodyState state = to_msg(world_.body(id).name, world_.state(id));
+    serialized(state);
+    require(std::isfinite(state.pose.position.x) && std::isfinite(state.pose.orientation.w) &&
+                std::isfinite(state.twist.linear.x) && std::isfinite(state.twist.angular.x),
+            "a message has a number that is not finite");
+    robots_.add_frames(world_, id, ros::Time(1.0), &frames);
+  }
+  serialized(frames);
+  MarkerSet markers(parameters_.world_frame);
+  markers.begin(ros::Time(1.0), true);
+  robots_.add_markers(world_, true, &markers.in("robots"));
+  markers.finish();
+  for (const engine::JointId id : world_.joint_ids()) {
+    serialized(to_msg(world_.joint(id), world_.joint_state(id)));
+    sensor_msgs::JointState coordinates;
+    add_coordinates(world_.joint(id), world_.joint_state(id), &coordinates);
+    serialized(coordinates);
+  }
+  for (const engine::Contact& contact : world_.contacts()) {
+    serialized(to_msg(world_, contact));
+    serialized(to_force_msg(world_, contact));
+  }
+}
+
+}  // namespace constraint_sim::fuzz

@@ -96,7 +96,9 @@ install(FILES nodelet_plugins.xml rviz_plugins.xml DESTINATION ${CATKIN_PACKAGE_
 install(DIRECTORY include/constraint_sim/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # not executable where they lie: rosrun would find them there as well as where they are installed
-catkin_install_python(PROGRAMS
-  src/tools/bag_report src/tools/constraint_sim_sweep src/tools/simulator_bag src/tools/watch_error
-  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+set(python_programs src/tools/bag_report src/tools/simulator_bag src/tools/watch_error)
+if(CONSTRAINT_SIM_PYTHON)
+  list(APPEND python_programs src/tools/constraint_sim_sweep)
+endif()
+catkin_install_python(PROGRAMS ${python_programs} DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES src/tools/run_statistics.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

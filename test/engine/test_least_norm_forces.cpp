@@ -1,6 +1,7 @@
 // Reported forces of redundant joints: closed forms by symmetry, and a dense pseudo-inverse in long
 // double.
 
+#include <algorithm>
 #include <memory>
 #include <numeric>
 
@@ -244,7 +245,7 @@ struct Columns {
     const Vector scale = weight.cwiseSqrt(), scaled = scale.cwiseProduct(lambda);
     Matrix rows = (by_mass.asDiagonal() * G_T * scale.cwiseInverse().asDiagonal()).transpose();
     Vector projection = Vector::Zero(scaled.size());
-    for (;;) {
+    for (Eigen::Index rank = 0; rank < std::min(rows.rows(), rows.cols()); ++rank) {
       Eigen::Index longest = 0;
       const Real length = rows.colwise().norm().maxCoeff(&longest);
       if (length < 1e-9L) break;  // between rounding and the pivots of the kept rows

@@ -22,8 +22,8 @@ constexpr double kParallel = 1e-9;  // a sum of ratios below this share of its t
 // Margin for the rounding of the present errors, which are summed in another order.
 constexpr double kSumRounding = 1.001;
 
-/// A coordinate as a function of the root coordinate: q = share · q_root + constant. `off`: bound
-/// of its present error, since couplings on the path to the root may still be closing.
+/// A coordinate as a function of the root coordinate: q = share · q_root + constant. `off`:
+/// bound of its present error, since couplings on the path to the root may still be closing.
 struct Implied {
   double share = 1.0, constant = 0.0, off = 0.0;
 };

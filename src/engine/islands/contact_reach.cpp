@@ -69,8 +69,8 @@ bool is_elastic_sphere(const Model& model, std::size_t body) {
          inertia.y() == inertia.z();
 }
 
-// Gives all elastic spheres the reach of the fastest elastic sphere from the start, since a group
-// of very many spheres would grow too slowly.
+// Gives all elastic spheres the reach of the fastest elastic sphere from the start, since a
+// group of very many spheres would grow too slowly.
 void ContactReach::begin(const Model& model, const State& state, const List<int>& moving_shapes) {
   reach_.assign(model.bodies.size(), 0.0);
   double of_elastic = 0.0;

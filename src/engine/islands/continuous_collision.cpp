@@ -321,8 +321,8 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
   const Model& model = step.model;
   const double h = model.options.time_step;
   list_jointed_pairs(step, near, *state, lists);
-  // Whether a pair may hit within the step. may_meet() drops pairs that are near only by the bounds
-  // that event-driven groups widen.
+  // Whether a pair may hit within the step. may_meet() drops pairs that are near only by the
+  // bounds that event-driven groups widen.
   const auto is_open = [&](const Broadphase::Pair& pair) {
     return !has_joints(model, step.topology, lists, pair) && is_fast(model, *state, pair, h) &&
            find(state->touching, pair) == nullptr && !step.topology.is_unpaired(pair) &&

@@ -24,8 +24,8 @@ constexpr std::uint64_t kInconsistentFor = 3;
 // An island stops being stiff at once when substeps cost less than 1/kMuchCheaper of a step by
 // energy_momentum.
 constexpr double kMuchCheaper = 4.0;
-// Usual Newton iterations of a step by energy_momentum, and the cost of an iteration in evaluations
-// of the equations of motion: for points on a tree of rods, and for other islands.
+// Usual Newton iterations of a step by energy_momentum, and the cost of an iteration in
+// evaluations of the equations of motion: for points on a tree of rods, and for other islands.
 constexpr double kUsualIterations = 15.0;
 constexpr double kPointIteration = 6.0, kIteration = 20.0;
 

@@ -91,12 +91,12 @@ void remember_choice(const MethodChoice& choice, bool in_contact, std::uint64_t 
 /// Largest h ω of joints at which an island is not stiff, or may still be integrated by substeps.
 double stiffness_limit(const WorldOptions& options);
 
-/// Cost of a step by energy_momentum, in evaluations of the equations of motion, by the iterations
-/// of the last such step or by usual iterations. `is_simple`: points on a tree of rods.
+/// Cost of a step by energy_momentum, in evaluations of the equations of motion, by the
+/// iterations of the last such step or by usual iterations. `is_simple`: points on a tree of rods.
 double gradient_cost(bool is_simple, const IslandMemory& memory);
 
-/// Largest ω of joints at which substeps cost no more than energy_momentum [rad/s], by the substeps
-/// that were last counted, or else by the substeps that stability needs.
+/// Largest ω of joints at which substeps cost no more than energy_momentum [rad/s], by the
+/// substeps that were last counted, or else by the substeps that stability needs.
 double most_frequency(double gradient_cost, const IslandMemory& memory,
                       const WorldOptions& options);
 
@@ -118,8 +118,8 @@ void learn_from_refusal(std::uint64_t step, IslandMemory* memory);
 void learn_from_handover(MethodReason why, std::uint64_t step, const WorldOptions& options,
                          IslandMemory* memory);
 
-/// Keeps an island with inconsistent joints with least_squares for some more steps, so that joints
-/// that are inconsistent now and then do not change the method in every step.
+/// Keeps an island with inconsistent joints with least_squares for some more steps, so that
+/// joints that are inconsistent now and then do not change the method in every step.
 void learn_from_inconsistency(std::uint64_t step, IslandMemory* memory);
 
 }  // namespace constraint_sim::engine

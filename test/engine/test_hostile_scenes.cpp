@@ -69,6 +69,25 @@ TEST(HostileScene, OfMoreThanOneDocumentIsRefused) {
     EXPECT_NE(answer_to(text), "") << text;
 }
 
+// yaml-cpp 0.6 finds empty scalars without end in the first five texts.
+TEST(HostileScene, WithAColonBeforeABracketOrTheEndIsAnswered) {
+  for (const char* text : {"{:", " -\t{:", "!& {1@:", "[{. \n:].", "bodies: [a:]"})
+    EXPECT_NE(answer_to(text), "") << text;
+  EXPECT_EQ(answer_to("bodies: [{name: a},\n a:]"), "s:2: expected a space between ':' and ']'");
+  EXPECT_EQ(answer_to(std::string("bodies: []\n\0", 12)),
+            "s:2: not valid YAML: a control character in UTF-8");
+  EXPECT_EQ(answer_to("world:"), answer_to("world:\n"));
+}
+
+TEST(HostileScene, MayHaveAColonBeforeABracketInACommentOrInQuotes) {
+  EXPECT_EQ(answer_to("bodies: []  # [none:]\n"), "");
+  const auto answer_to_name = [](const std::string& name) {
+    return answer_to("bodies: [{name: " + name + ", mass: 1}]");
+  };
+  EXPECT_NE(answer_to_name("'[a:]'").find("[a:]"), std::string::npos);
+  EXPECT_EQ(answer_to_name("'[a:]'"), answer_to_name("\"[a:\\x5d\""));
+}
+
 TEST(HostileScene, IsAnsweredAtOnceHoweverItNests) {
   for (const char* opening : {"[", "{", "[[{", "{a: ", "- ", "? ", "? - ", "[? ", "a: [", "&a [",
                               "!t [", "!!seq [", "[*a, ", "{[", "- - ? ", "[a: "}) {

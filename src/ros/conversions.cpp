@@ -422,21 +422,6 @@ BodyState to_msg(const std::string& name, const engine::BodyState& state) {
   return msg;
 }
 
-ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& state) {
-  ConstraintState msg;
-  msg.name = joint.name;
-  msg.type = engine::name(joint.kind);
-  msg.error = finite(state.error);
-  msg.error_rate = finite(state.error_rate);
-  msg.force = finite(state.force);
-  msg.bias = finite(state.bias);
-  msg.reached_rate = finite(state.reached_rate);
-  msg.saturated = state.saturated;
-  msg.broken = state.broken;
-  msg.closing = state.closing;
-  return msg;
-}
-
 void add_coordinates(const engine::Joint& joint, const engine::JointState& state,
                      sensor_msgs::JointState* msg) {
   for (int i = 0; i < engine::coordinates(joint.kind); ++i) {

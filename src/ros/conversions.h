@@ -5,7 +5,6 @@
 #include <constraint_sim/Body.h>
 #include <constraint_sim/BodyState.h>
 #include <constraint_sim/Constraint.h>
-#include <constraint_sim/ConstraintState.h>
 #include <constraint_sim/ContactForce.h>
 #include <constraint_sim/ContactState.h>
 #include <constraint_sim/Shape.h>
@@ -64,7 +63,6 @@ geometry_msgs::Quaternion to_msg(const Eigen::Quaterniond& q);
 geometry_msgs::Pose to_pose(const engine::BodyState& state);
 geometry_msgs::Transform to_transform(const engine::BodyState& state);
 BodyState to_msg(const std::string& name, const engine::BodyState& state);
-ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& state);
 /// Appends the coordinates of a joint: the first under the joint's name, further ones under
 /// NAME/INDEX. Appends nothing for a joint without coordinates.
 void add_coordinates(const engine::Joint& joint, const engine::JointState& state,

@@ -6,7 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "constraint_sim/engine/scene.h"
 #include "engine/math/numbers.h"
+#include "ros/constraint_state.h"
 #include "ros/conversions.h"
 #include "ros/edits.h"
 #include "ros/received.h"
@@ -440,27 +442,102 @@ TEST(Conversions, CoordinatesAreJointStates) {
   EXPECT_EQ(msg.effort, (std::vector<double>{3.0, 3.0, 13.0, 23.0}));
 }
 
-TEST(Conversions, EachFieldOfAConstraintStateArrives) {
-  engine::Joint joint;
-  joint.name = "rod";
-  engine::JointState state;
-  state.error = 1.0;
-  state.error_rate = 2.0;
-  state.force = 3.0;
-  state.bias = 4.0;
-  state.reached_rate = 5.0;
-  state.broken = true;
-  const ConstraintState msg = to_msg(joint, state);
-  EXPECT_EQ(msg.name, "rod");
-  EXPECT_EQ(msg.type, "distance");
-  EXPECT_EQ(msg.error, 1.0);
-  EXPECT_EQ(msg.error_rate, 2.0);
-  EXPECT_EQ(msg.force, 3.0);
-  EXPECT_EQ(msg.bias, 4.0);
-  EXPECT_EQ(msg.reached_rate, 5.0);
-  EXPECT_FALSE(msg.saturated);
-  EXPECT_TRUE(msg.broken);
-  EXPECT_FALSE(msg.closing);
+// ---- states of constraints
+
+/// Returns the message of the constraint after `steps` steps of the scene.
+ConstraintState state_after(engine::World* world, int steps, const std::string& constraint) {
+  for (int i = 0; i < steps; ++i) world->step();
+  return to_msg(*world, world->find_joint(constraint));
+}
+
+TEST(ConstraintStates, AWeldOfATurnedBeamCarriesItsWeightAtItsEnd) {
+  engine::World world = engine::load_scene(R"(
+bodies:
+- {name: beam, mass: 3, shape: {box: {size: [1, 0.1, 0.1]}}, position: [0.4, 0.3, 2], orientation: [0, 0, 0.6, 0.8]}
+constraints:
+- {name: glue, type: weld, anchor_a: [0.26, -0.18, 2], body_b: beam, anchor_b: [-0.5, 0, 0]}
+)");
+  const ConstraintState msg = state_after(&world, 5, "glue");
+  EXPECT_EQ(msg.name, "glue");
+  EXPECT_EQ(msg.type, "weld");
+  // A turn by 2 atan(0.6 / 0.8) about z: the beam points along (0.28, 0.96, 0), and its centre lies
+  // 0.5 m from the anchor.
+  const double weight = 3.0 * 9.81;
+  constexpr double kRounding = 1e-9;  // of a few factorisations with numbers of order 30
+  EXPECT_NEAR(msg.wrench_point.x, 0.4 - 0.5 * 0.28, kRounding);
+  EXPECT_NEAR(msg.wrench_point.y, 0.3 - 0.5 * 0.96, kRounding);
+  EXPECT_NEAR(msg.wrench_point.z, 2.0, kRounding);
+  EXPECT_NEAR(msg.wrench.force.x, 0.0, kRounding);
+  EXPECT_NEAR(msg.wrench.force.y, 0.0, kRounding);
+  EXPECT_NEAR(msg.wrench.force.z, weight, kRounding);
+  EXPECT_NEAR(msg.wrench.torque.x, 0.5 * 0.96 * weight, kRounding);
+  EXPECT_NEAR(msg.wrench.torque.y, -0.5 * 0.28 * weight, kRounding);
+  EXPECT_NEAR(msg.wrench.torque.z, 0.0, kRounding);
+  EXPECT_NEAR(msg.force, weight, kRounding);
+  EXPECT_TRUE(std::isnan(msg.position) && std::isnan(msg.reached_rate) && std::isnan(msg.bias));
+}
+
+TEST(ConstraintStates, FiguresThatDoNotExistAreNotNumbers) {
+  engine::World world = engine::load_scene(R"(
+bodies:
+- {name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}
+- {name: door, mass: 1, shape: {sphere: {radius: 0.1}}, position: [3, 0, 0]}
+- {name: gate, mass: 1, shape: {sphere: {radius: 0.1}}, position: [6, 0, 0]}
+constraints:
+- {name: coil, type: spring, anchor_a: [0, 0, 3], body_b: bob, length: 1.5, stiffness: 10}
+- {name: socket, type: ball, anchor_a: [0, 0, 1], body_b: bob, break_force: 1}
+- {name: hinge, type: hinge, anchor_a: [3, 0, 0], axis_a: [0, 1, 0], body_b: door, motor: {bias: 0.5}}
+- {name: free, type: hinge, anchor_a: [6, 0, 0], axis_a: [0, 1, 0], body_b: gate}
+- {name: pushed, type: slider, anchor_a: [6, 0, 0], body_b: gate, motor: {force: 2}, enabled: false}
+- {name: gear, type: gear, joints: [hinge, free], ratio: -1}
+)");
+  const ConstraintState broken = state_after(&world, 2, "socket");  // carries 4.81 N upwards
+  const auto state = [&](const char* name) { return to_msg(world, world.find_joint(name)); };
+  const ConstraintState coil = state("coil"), hinge = state("hinge"), free = state("free"),
+                        gear = state("gear"), pushed = state("pushed");
+  EXPECT_TRUE(broken.broken);
+  for (const ConstraintState* msg : {&broken, &coil, &pushed})
+    EXPECT_TRUE(std::isnan(msg->error) && std::isnan(msg->closing_error) &&
+                std::isnan(msg->error_rate))
+        << msg->name;
+  for (const ConstraintState* msg : {&broken, &free, &gear, &pushed})
+    EXPECT_TRUE(std::isnan(msg->bias)) << msg->name;
+  for (const ConstraintState* msg : {&broken, &gear, &pushed})
+    EXPECT_TRUE(std::isnan(msg->position) && std::isnan(msg->reached_rate)) << msg->name;
+  EXPECT_TRUE(std::isnan(gear.wrench.force.x) && std::isnan(gear.wrench.torque.z) &&
+              std::isnan(gear.wrench_point.y));
+  EXPECT_EQ(pushed.wrench.force.z, 0.0);  // disabled: exerts nothing
+  EXPECT_EQ(pushed.force, 0.0);
+
+  EXPECT_LT(std::abs(hinge.error), 1e-9);  // rigid rows: to the tolerance of 1e-8 per second
+  EXPECT_LT(std::abs(gear.error), 1e-9);
+  EXPECT_EQ(hinge.closing_error, 0.0);
+  EXPECT_EQ(hinge.bias, 0.5);
+  EXPECT_NEAR(hinge.position, 0.5 * world.time(), 1e-9);
+  EXPECT_NEAR(free.reached_rate, 0.5, 1e-9);
+  EXPECT_NEAR(coil.position, 2.0, 0.01);  // falls for two steps
+}
+
+TEST(ConstraintStates, AnErrorThatAnEditLeftIsApartFromErrors) {
+  engine::World world = engine::load_scene(R"(
+world: {gravity: [0, 0, 0]}
+bodies:
+- {name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [2, 0, 0]}
+constraints:
+- {name: rod, type: distance, body_b: bob, length: 2}
+)");
+  engine::BodyState state = world.state(world.find_body("bob"));
+  state.position.x() = 2.25;
+  world.set_state(world.find_body("bob"), state);
+  const ConstraintState open = state_after(&world, 0, "rod");
+  EXPECT_TRUE(open.closing);
+  EXPECT_EQ(open.closing_error, 0.25);
+  EXPECT_EQ(open.error, 0.0);
+  EXPECT_EQ(open.position, 2.25);
+  const ConstraintState closed = state_after(&world, 60, "rod");  // closing_time is 0.5 s
+  EXPECT_FALSE(closed.closing);
+  EXPECT_EQ(closed.closing_error, 0.0);
+  EXPECT_LT(std::abs(closed.error), 1e-9);
 }
 
 // ---- bytes of messages

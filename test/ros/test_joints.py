@@ -201,6 +201,7 @@ class Joints(support.ServiceCase):
         listener = Listener(support.NODE + "/constraint_states", ConstraintStates)
         state = listener.present().constraints[0]
         self.assertFalse(state.closing)
+        self.assertEqual(state.closing_error, 0.0)
         self.assertLess(abs(state.error), 1e-9)
 
     def test_properties_change_while_a_constraint_acts(self):

@@ -167,7 +167,11 @@ constraints:
         self.assertEqual((state.name, state.type), ("cable", "distance"))
         # a load of 2 kg at rest; -m g to rounding of a hundred warm-started steps
         self.assertAlmostEqual(state.force, -2 * 9.81, places=6)
+        self.assertAlmostEqual(state.wrench.force.z, 2 * 9.81, places=6)
+        self.assertEqual((state.wrench_point.x, state.wrench_point.y), (0.0, 0.0))
         self.assertLess(abs(state.error), 1e-6)
+        self.assertEqual((state.closing_error, state.bias), (0.0, 0.0))
+        self.assertAlmostEqual(state.position, 3.0, places=6)
         self.assertFalse(state.saturated or state.broken or state.closing)
 
         call("set_motor_bias", constraint="cable", bias=0.25)

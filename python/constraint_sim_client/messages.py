@@ -25,23 +25,23 @@ def body(name, shape, type='dynamic', mass=0.0, inertia=(0, 0, 0), friction=0.0,
 
 
 def sphere(radius):
-    return Shape(Shape.SPHERE, [radius])
+    return Shape(type=Shape.SPHERE, dimensions=[radius])
 
 
 def box(size):
-    return Shape(Shape.BOX, list(size))
+    return Shape(type=Shape.BOX, dimensions=list(size))
 
 
 def point():
-    return Shape(Shape.POINT, [])
+    return Shape(type=Shape.POINT)
 
 
 def cylinder(radius, length):
-    return Shape(5, [radius, length])  # as Shape.msg has it, without a constant
+    return Shape(type=Shape.CYLINDER, dimensions=[radius, length])
 
 
 def plane():
-    return Shape(Shape.PLANE, [])
+    return Shape(type=Shape.PLANE)
 
 
 def constraint(name, type, **settings):

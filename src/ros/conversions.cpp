@@ -21,12 +21,6 @@ Eigen::Vector3d finite_vector(const char* field, const Eigen::Vector3d& v) {
   return v;
 }
 
-void check_dimensions(const Shape& shape, const char* meaning, std::size_t count) {
-  if (shape.dimensions.size() != count)
-    refuse("shape.dimensions", std::string("a ") + meaning + ", got " +
-                                   std::to_string(shape.dimensions.size()) + " numbers");
-}
-
 Eigen::Vector3d anchor_in_world(const engine::World& world, engine::BodyId body,
                                 const Eigen::Vector3d& anchor) {
   const engine::BodyState& state = world.state(body);
@@ -131,21 +125,6 @@ void read_axes(const Constraint& msg, engine::Joint* joint) {
   if (!axis_b.isZero(0.0)) joint->axis_b = axis_b;
 }
 
-constexpr std::uint8_t kCylinder = 5;  // a constant in Shape.msg would change its checksum
-
-engine::BodyType body_type(std::uint8_t type) {
-  switch (type) {
-    case Body::DYNAMIC:
-      return engine::BodyType::kDynamic;
-    case Body::STATIC:
-      return engine::BodyType::kStatic;
-    case Body::KINEMATIC:
-      return engine::BodyType::kKinematic;
-    default:
-      refuse("type", "must be DYNAMIC=0, STATIC=1 or KINEMATIC=2, got " + std::to_string(type));
-  }
-}
-
 }  // namespace
 
 Eigen::Vector3d from_msg(const geometry_msgs::Point& point) { return {point.x, point.y, point.z}; }
@@ -157,46 +136,6 @@ Eigen::Vector3d from_msg(const geometry_msgs::Vector3& vector) {
 Eigen::Quaterniond from_msg(const geometry_msgs::Quaternion& q) {
   if (q.x == 0.0 && q.y == 0.0 && q.z == 0.0 && q.w == 0.0) return Eigen::Quaterniond::Identity();
   return {q.w, q.x, q.y, q.z};
-}
-
-engine::Shape from_msg(const Shape& shape) {
-  const auto& size = shape.dimensions;
-  switch (shape.type) {
-    case Shape::POINT:
-      check_dimensions(shape, "point has no dimensions", 0);
-      return engine::Point{};
-    case Shape::SPHERE:
-      check_dimensions(shape, "sphere has one: its radius", 1);
-      return engine::Sphere{size[0]};
-    case Shape::BOX:
-      check_dimensions(shape, "box has three: x, y, z", 3);
-      return engine::Box{{size[0], size[1], size[2]}};
-    case Shape::CAPSULE:
-      refuse("shape.type", "capsules do not exist yet, got CAPSULE=3");
-    case Shape::PLANE:
-      check_dimensions(shape, "plane has no dimensions", 0);
-      return engine::Plane{};
-    case kCylinder:
-      check_dimensions(shape, "cylinder has two: radius, length", 2);
-      return engine::Cylinder{size[0], size[1]};
-    default:
-      refuse("shape.type", "must be POINT=0, SPHERE=1, BOX=2, PLANE=4 or 5, a cylinder, got " +
-                               std::to_string(shape.type));
-  }
-}
-
-engine::Body from_msg(const Body& msg) {
-  engine::Body body;
-  body.name = msg.name;
-  body.type = body_type(msg.type);
-  body.shape = from_msg(msg.shape);
-  body.mass = msg.mass;
-  body.inertia = from_msg(msg.inertia);
-  body.state = from_msg(msg.pose, msg.twist);
-  body.friction = msg.friction;
-  body.restitution = msg.restitution;
-  body.no_collision = msg.no_collision;
-  return body;
 }
 
 engine::BodyState from_msg(const geometry_msgs::Pose& pose, const geometry_msgs::Twist& twist) {

@@ -2,12 +2,10 @@
 
 #include <constraint_sim/AddDistanceConstraint.h>
 #include <constraint_sim/ApplyBodyWrench.h>
-#include <constraint_sim/Body.h>
 #include <constraint_sim/BodyState.h>
 #include <constraint_sim/Constraint.h>
 #include <constraint_sim/ContactForce.h>
 #include <constraint_sim/ContactState.h>
-#include <constraint_sim/Shape.h>
 #include <geometry_msgs/Point.h>
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/Transform.h>
@@ -30,8 +28,6 @@ Eigen::Vector3d from_msg(const geometry_msgs::Point& point);
 Eigen::Vector3d from_msg(const geometry_msgs::Vector3& vector);
 /// Reads a quaternion; all zero is the identity.
 Eigen::Quaterniond from_msg(const geometry_msgs::Quaternion& quaternion);
-engine::Shape from_msg(const Shape& shape);
-engine::Body from_msg(const Body& body);
 engine::BodyState from_msg(const geometry_msgs::Pose& pose, const geometry_msgs::Twist& twist);
 
 /// Finds a body by name; empty and `world` are the world. `field` names the body in errors.

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/plan.h"
+#include "ros/body_messages.h"
 #include "ros/conversions.h"
 #include "ros/laws.h"
 #include "ros/parameters.h"

@@ -8,6 +8,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/math/numbers.h"
+#include "ros/body_messages.h"
 #include "ros/constraint_state.h"
 #include "ros/conversions.h"
 #include "ros/edits.h"
@@ -106,7 +107,8 @@ TEST(Conversions, EachShapeNeedsItsOwnDimensions) {
   for (const auto& [type, count] : {std::pair<int, std::size_t>{Shape::POINT, 0},
                                     {Shape::SPHERE, 1},
                                     {Shape::BOX, 3},
-                                    {Shape::PLANE, 0}}) {
+                                    {Shape::PLANE, 0},
+                                    {Shape::CYLINDER, 2}}) {
     shape.type = static_cast<std::uint8_t>(type);
     for (std::size_t n = 0; n < 5; ++n) {
       shape.dimensions.assign(n, 1.0);
@@ -124,9 +126,58 @@ TEST(Conversions, UnknownTypesAreNamed) {
   body.type = 3;
   EXPECT_EQ(error_of([&] { from_msg(body); }).rfind("type: ", 0), 0u);
   Shape shape;
-  for (const std::uint8_t type : {std::uint8_t{Shape::CAPSULE}, std::uint8_t{6}}) {
-    shape.type = type;
-    EXPECT_EQ(error_of([&] { from_msg(shape); }).rfind("shape.type: ", 0), 0u);
+  for (const auto& [type, name] : {std::pair<int, const char*>{Shape::CAPSULE, "capsules"},
+                                   {Shape::HULL, "hulls"},
+                                   {Shape::MESH, "meshes"},
+                                   {8, "got 8"}}) {
+    shape.type = static_cast<std::uint8_t>(type);
+    const std::string error = error_of([&] { from_msg(shape); });
+    EXPECT_EQ(error.rfind("shape.type: ", 0), 0u) << error;
+    EXPECT_NE(error.find(name), std::string::npos) << error;
+  }
+}
+
+TEST(Conversions, OnlyHullsAndMeshesHaveASurface) {
+  const auto error_with = [](void (*set)(Shape&)) {
+    Shape shape;
+    shape.type = Shape::SPHERE;
+    shape.dimensions = {0.1};
+    set(shape);
+    return error_of([&] { from_msg(shape); });
+  };
+  EXPECT_EQ(error_with([](Shape&) {}), "");
+  EXPECT_EQ(error_with([](Shape& shape) { shape.vertices.resize(4); }),
+            "shape.vertices: only a hull or a mesh has this field, got 4 points");
+  EXPECT_EQ(error_with([](Shape& shape) {
+              shape.triangles = {0, 1, 2};
+            }),
+            "shape.triangles: only a hull or a mesh has this field, got 3 numbers");
+  EXPECT_EQ(error_with([](Shape& shape) { shape.mesh_resource = "x.stl"; }),
+            "shape.mesh_resource: only a hull or a mesh has this field, got 'x.stl'");
+  EXPECT_EQ(error_with([](Shape& shape) {
+              shape.mesh_scale.y = 2.0;
+            }).rfind("shape.mesh_scale: only a hull or a mesh has this field, got 0.0", 0),
+            0u);
+}
+
+TEST(Conversions, AShapeHasItsPoseInTheBody) {
+  Body msg;
+  msg.shape.type = Shape::CYLINDER;
+  msg.shape.dimensions = {0.1, 0.5};
+  EXPECT_FALSE(from_msg(msg).shape_pose);
+  msg.shape.pose.orientation.w = 1.0;
+  EXPECT_FALSE(from_msg(msg).shape_pose);  // the identity is no pose, so the inertia may follow
+  msg.shape.pose.position.z = 0.2;
+  msg.shape.pose.orientation.x = 0.6;
+  msg.shape.pose.orientation.w = 0.8;
+  const engine::Body body = from_msg(msg);
+  ASSERT_TRUE(body.shape_pose);
+  EXPECT_EQ(body.shape_pose->position, Eigen::Vector3d(0.0, 0.0, 0.2));
+  EXPECT_EQ(body.shape_pose->orientation.coeffs(), Eigen::Vector4d(0.6, 0.0, 0.0, 0.8));
+  msg.shape.dimensions.clear();
+  for (const int type : std::vector<int>{Shape::POINT, Shape::PLANE}) {
+    msg.shape.type = static_cast<std::uint8_t>(type);
+    EXPECT_EQ(error_of([&] { from_msg(msg); }).rfind("shape.pose: ", 0), 0u);
   }
 }
 

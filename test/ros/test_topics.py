@@ -288,9 +288,9 @@ constraints:
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
         call("add_body", body=sphere("ball", 0, 0, 1))
-        call("add_body", body=sphere("box", 2, 0, 1, shape=Shape(Shape.BOX, [0.1, 0.2, 0.3])))
-        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
-        call("add_body", body=sphere("can", 5, 0, 1, shape=Shape(5, [0.1, 0.6])))
+        call("add_body", body=sphere("box", 2, 0, 1, shape=Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3])))
+        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(type=Shape.PLANE)))
+        call("add_body", body=sphere("can", 5, 0, 1, shape=Shape(type=Shape.CYLINDER, dimensions=[0.1, 0.6])))
         support.wait_until(lambda: self.count(listener, "bodies") == 4, "four bodies")
         ball, box, _, can = [m for k, m in sorted(self.shown(listener).items()) if k[0] == "bodies"]
         self.assertEqual((ball.type, ball.scale.x), (Marker.SPHERE, 0.2))
@@ -349,7 +349,7 @@ constraints:
     def test_the_axis_of_a_small_hinge_is_no_longer_than_its_bodies(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
-        call("add_body", body=sphere("finger", shape=Shape(Shape.BOX, [0.01, 0.01, 0.04])))
+        call("add_body", body=sphere("finger", shape=Shape(type=Shape.BOX, dimensions=[0.01, 0.01, 0.04])))
         hinge = Constraint(name="hinge", type="hinge", axis_a=Vector3(0, 1, 0), body_b="finger",
                            anchor_a=Point(0, 0, 0.02), anchor_b=Point(0, 0, 0.02))
         self.assertTrue(call("add_constraint", constraint=hinge).success)
@@ -457,7 +457,7 @@ bodies:
     def test_contact_arrows_come_out_of_the_floor(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
-        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(type=Shape.PLANE)))
         call("add_body", body=sphere("ball", z=0.1))
         call("add_body", body=sphere("heavy", x=1, z=0.1, mass=4.0))
         call("step", steps=20)
@@ -501,7 +501,7 @@ bodies:
     def test_contacts_appear_and_go(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
-        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(type=Shape.PLANE)))
         call("add_body", body=sphere("ball", z=0.1))
         call("step", steps=20)
         support.wait_until(lambda: self.count(listener, "contacts") == 1, "the contact")

@@ -1,9 +1,7 @@
 #pragma once
 
-#include <constraint_sim/AddDistanceConstraint.h>
 #include <constraint_sim/ApplyBodyWrench.h>
 #include <constraint_sim/BodyState.h>
-#include <constraint_sim/Constraint.h>
 #include <constraint_sim/ContactForce.h>
 #include <constraint_sim/ContactState.h>
 #include <geometry_msgs/Point.h>
@@ -38,9 +36,6 @@ engine::BodyId find_own_body(const engine::World& world, const std::string& fiel
                              const std::string& name);
 engine::JointId find_joint(const engine::World& world, const std::string& field,
                            const std::string& name);
-engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine::World& world);
-
-engine::Joint from_msg(const Constraint& constraint, const engine::World& world);
 /// Reads a wrench. A moving reference frame is evaluated at the present time. A zero reference
 /// point is the body's centre of mass; any other point lies in the reference frame.
 engine::Wrench from_msg(const ApplyBodyWrenchRequest& request, const engine::World& world);

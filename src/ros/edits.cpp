@@ -14,6 +14,7 @@
 
 #include "constraint_sim/engine/plan.h"
 #include "ros/body_messages.h"
+#include "ros/constraint_messages.h"
 #include "ros/conversions.h"
 #include "ros/laws.h"
 #include "ros/parameters.h"

@@ -9,6 +9,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "engine/math/numbers.h"
 #include "ros/body_messages.h"
+#include "ros/constraint_messages.h"
 #include "ros/constraint_state.h"
 #include "ros/conversions.h"
 #include "ros/edits.h"
@@ -347,37 +348,50 @@ TEST(Conversions, AxesThatCannotBeAreNamed) {
   EXPECT_EQ(error(1.0, "rope").rfind("axis_a: constraints of type 'rope' have none", 0), 0u);
 }
 
-/// Sets a key, for settings without a field in the message.
-void set(Constraint& msg, const std::string& key, double value) {
-  msg.keys.push_back(key);
-  msg.values.push_back(value);
-}
-
-TEST(Conversions, FieldsAndKeysAreLawsOfTheFirstCoordinate) {
+TEST(ConstraintMessages, EachFieldOfALawArrives) {
   Door door;
-  door.msg.bias = 0.1;
-  door.msg.amplitude = 0.2;
-  door.msg.motor_frequency = 3.0;
-  door.msg.phase = 0.4;
-  door.msg.max_force = 5.0;
+  door.msg.type = "universal";
+  door.msg.axis_b.x = 1.0;
   door.msg.break_force = 6.0;
-  double value = 10.0;
-  for (const char* key : {"lower", "upper", "limit_restitution", "friction", "damping", "stiffness",
-                          "rest", "position", "zero", "timeout", "break_torque"})
-    set(door.msg, key, value++);
+  door.msg.break_torque = 7.0;
+  door.msg.coordinates.resize(2);
+  CoordinateLaw& msg = door.msg.coordinates[1];
+  msg.has_limits = msg.has_position = true;
+  msg.lower = 10.0;
+  msg.upper = 11.0;
+  msg.limit_restitution = 0.12;
+  msg.friction = 13.0;
+  msg.damping = 14.0;
+  msg.stiffness = 15.0;
+  msg.rest = 16.0;
+  msg.position = 17.0;
+  msg.motor.mode = Motor::RATE;
+  msg.motor.bias = 0.1;
+  msg.motor.amplitude = 0.2;
+  msg.motor.frequency = 3.0;
+  msg.motor.phase = 0.4;
+  msg.motor.max_force = 5.0;
+  msg.motor.timeout = 19.0;
+  door.msg.coordinates[0].zero = 18.0;
+  door.msg.coordinates[0].frequency = 20.0;
+  door.msg.coordinates[0].damping_ratio = 21.0;
   const engine::Joint joint = from_msg(door.msg, door.world);
-  const engine::CoordinateLaw& law = joint.coordinates[0];
+  const engine::CoordinateLaw& law = joint.coordinates[1];
   EXPECT_EQ(law.lower, 10.0);
   EXPECT_EQ(law.upper, 11.0);
-  EXPECT_EQ(law.limit_restitution, 12.0);
+  EXPECT_EQ(law.limit_restitution, 0.12);
   EXPECT_EQ(law.friction, 13.0);
   EXPECT_EQ(law.damping, 14.0);
   EXPECT_EQ(law.stiffness, 15.0);
   EXPECT_EQ(law.rest, 16.0);
   EXPECT_EQ(law.position, 17.0);
-  EXPECT_EQ(law.zero, 18.0);
+  EXPECT_EQ(joint.coordinates[0].zero, 18.0);
+  EXPECT_EQ(joint.coordinates[0].frequency, 20.0);
+  EXPECT_EQ(joint.coordinates[0].damping_ratio, 21.0);
+  EXPECT_FALSE(joint.coordinates[0].motor || joint.coordinates[0].position);
+  EXPECT_FALSE(joint.coordinates[0].is_limited());
   EXPECT_EQ(joint.break_force, 6.0);
-  EXPECT_EQ(joint.break_torque, 20.0);
+  EXPECT_EQ(joint.break_torque, 7.0);
   ASSERT_TRUE(law.motor);
   EXPECT_EQ(law.motor->bias, 0.1);
   EXPECT_EQ(law.motor->amplitude, 0.2);
@@ -386,88 +400,109 @@ TEST(Conversions, FieldsAndKeysAreLawsOfTheFirstCoordinate) {
   EXPECT_EQ(law.motor->max_force, 5.0);
   EXPECT_EQ(law.motor->timeout, 19.0);
   EXPECT_FALSE(law.motor->position || law.motor->force);
-  EXPECT_TRUE(joint.coordinates[1].is_none() && joint.coordinates[2].is_none());
+  EXPECT_TRUE(joint.coordinates[2].is_none());
 }
 
-TEST(Conversions, KeysOfMotorsArriveOnTheirCoordinates) {
+TEST(ConstraintMessages, MotorsHaveModes) {
+  const auto motor_of = [](void (*set)(Motor&)) {
+    Door door;
+    set(door.msg.coordinates.emplace_back().motor);
+    return from_msg(door.msg, door.world).coordinates[0].motor;
+  };
+  EXPECT_FALSE(motor_of([](Motor&) {}));
+  const auto holds = motor_of([](Motor& msg) { msg.mode = Motor::RATE; });
+  ASSERT_TRUE(holds);
+  EXPECT_TRUE(holds->is_rigid() && !holds->is_moving() && !holds->position);
+  const auto pushes = motor_of([](Motor& msg) {
+    msg.mode = Motor::FORCE;
+    msg.force = 2.0;
+  });
+  EXPECT_EQ(pushes->force, 2.0);
+  EXPECT_FALSE(pushes->position);
+  const auto goes = motor_of([](Motor& msg) { msg.mode = Motor::POSITION; });
+  EXPECT_EQ(goes->position, 0.0);
+  EXPECT_FALSE(goes->force);
+  EXPECT_TRUE(goes->is_rigid());
+  const auto by_frequency = motor_of([](Motor& msg) {
+    msg.mode = Motor::POSITION;
+    msg.position = 1.0;
+    msg.servo_frequency = 3.0;
+  });
+  EXPECT_EQ(by_frequency->position, 1.0);
+  EXPECT_EQ(by_frequency->servo_frequency, 3.0);
+  EXPECT_EQ(by_frequency->servo_damping_ratio, 1.0);  // left out: critical
+  const auto by_stiffness = motor_of([](Motor& msg) {
+    msg.mode = Motor::POSITION;
+    msg.servo_damping_ratio = 4.0;
+    msg.servo_stiffness = 5.0;
+    msg.servo_damping = 6.0;
+  });
+  EXPECT_EQ(by_stiffness->servo_damping_ratio, 4.0);
+  EXPECT_EQ(by_stiffness->servo_stiffness, 5.0);
+  EXPECT_EQ(by_stiffness->servo_damping, 6.0);
+}
+
+TEST(ConstraintMessages, TheLengthOfADistanceHasASpringAndAMotor) {
   Door door;
-  door.msg.type = "planar";
-  door.msg.frequency = 2.0;
-  door.msg.damping_ratio = 0.3;
-  const char* keys[] = {
-      "motor_position", "motor_force", "servo_frequency", "servo_damping_ratio", "servo_stiffness",
-      "servo_damping",  "bias",        "amplitude",       "motor_frequency",     "phase",
-      "max_force",      "frequency",   "damping_ratio"};
-  double value = 1.0;
-  for (const char* key : keys) set(door.msg, std::string("2/") + key, value++);
-  set(door.msg, "1/motor", 1.0);
+  door.msg.type = "distance";
+  CoordinateLaw& law = door.msg.coordinates.emplace_back();
+  law.stiffness = 1.0;
+  law.damping = 2.0;
+  law.motor.mode = Motor::RATE;
+  law.motor.bias = 3.0;
+  law.motor.timeout = 4.0;
   const engine::Joint joint = from_msg(door.msg, door.world);
-  EXPECT_FALSE(joint.coordinates[0].motor);
-  EXPECT_EQ(joint.coordinates[0].frequency, 2.0);
-  EXPECT_EQ(joint.coordinates[0].damping_ratio, 0.3);
-  ASSERT_TRUE(joint.coordinates[1].motor);
-  EXPECT_FALSE(joint.coordinates[1].motor->is_moving());
-  ASSERT_TRUE(joint.coordinates[2].motor);
-  const engine::CoordinateMotor& motor = *joint.coordinates[2].motor;
-  EXPECT_EQ(motor.position, 1.0);
-  EXPECT_EQ(motor.force, 2.0);
-  EXPECT_EQ(motor.servo_frequency, 3.0);
-  EXPECT_EQ(motor.servo_damping_ratio, 4.0);
-  EXPECT_EQ(motor.servo_stiffness, 5.0);
-  EXPECT_EQ(motor.servo_damping, 6.0);
-  EXPECT_EQ(motor.bias, 7.0);
-  EXPECT_EQ(motor.amplitude, 8.0);
-  EXPECT_EQ(motor.frequency, 9.0);
-  EXPECT_EQ(motor.phase, 10.0);
-  EXPECT_EQ(motor.max_force, 11.0);
-  EXPECT_EQ(joint.coordinates[2].frequency, 12.0);
-  EXPECT_EQ(joint.coordinates[2].damping_ratio, 13.0);
+  EXPECT_EQ(joint.distance.stiffness, 1.0);
+  EXPECT_EQ(joint.distance.damping, 2.0);
+  EXPECT_EQ(joint.motor.bias, 3.0);
+  EXPECT_EQ(joint.motor.timeout, 4.0);
+  EXPECT_TRUE(joint.coordinates[0].is_none());
+  door.msg.free = true;
+  const engine::Joint free = from_msg(door.msg, door.world);
+  EXPECT_EQ(free.kind, engine::JointKind::kFreeDistance);
+  EXPECT_EQ(free.coordinates[0].stiffness, 1.0);
+  ASSERT_TRUE(free.coordinates[0].motor);
+  EXPECT_EQ(free.coordinates[0].motor->bias, 3.0);
 }
 
-TEST(Conversions, AMotorThatHoldsNeedsAKeyAndNoMotorIsMadeOfNothing) {
-  Door door;
-  EXPECT_FALSE(from_msg(door.msg, door.world).coordinates[0].motor);
-  set(door.msg, "motor", 1.0);
-  ASSERT_TRUE(from_msg(door.msg, door.world).coordinates[0].motor);
-  EXPECT_TRUE(from_msg(door.msg, door.world).coordinates[0].motor->is_rigid());
-}
-
-TEST(Conversions, KeysThatCannotBeAreNamed) {
-  const auto error = [](const char* type, const char* key, double value) {
+TEST(ConstraintMessages, FieldsThatDoNotActAreNamed) {
+  const auto error = [](const char* type, void (*set)(Constraint&)) {
     Door door;
     door.msg.type = type;
-    if (std::string(type) == "universal") door.msg.axis_b.x = 1.0;
-    set(door.msg, key, value);
+    set(door.msg);
     return error_of([&] { from_msg(door.msg, door.world); });
   };
-  EXPECT_EQ(error("hinge", "stiffness", 1.0), "");
-  EXPECT_EQ(error("universal", "1/stiffness", 1.0), "");
-  EXPECT_EQ(error("weld", "break_torque", 1.0), "");
-  EXPECT_EQ(error("ball", "break_torque", 1.0), "");
-  EXPECT_EQ(error("hinge", "stifness", 1.0),
-            "keys: constraints of type 'hinge' have no 'stifness'");
-  EXPECT_EQ(error("universal", "1/stifness", 1.0),
-            "keys: constraints of type 'universal' have no '1/stifness'");
-  EXPECT_EQ(error("universal", "1/break_torque", 1.0),
-            "keys: constraints of type 'universal' have no '1/break_torque'");
-  EXPECT_EQ(error("hinge", "1/stiffness", 1.0),
-            "keys: '1/stiffness': constraints of type 'hinge' have 1 coordinate");
-  EXPECT_EQ(error("planar", "3/stiffness", 1.0),
-            "keys: '3/stiffness': constraints of type 'planar' have 3 coordinates");
-  EXPECT_EQ(error("hinge", "bias", 1.0),
-            "keys: 'bias' of the first coordinate is a field of the message");
-  EXPECT_EQ(error("hinge", "motor", 0.0).rfind("keys: 'motor' must be 1", 0), 0u);
-  EXPECT_EQ(error("weld", "stiffness", 1.0),
-            "keys: constraints of type 'weld' have no 'stiffness'");
-  EXPECT_EQ(error("distance", "break_torque", 1.0),
-            "keys: constraints of type 'distance' have no 'break_torque'");
-  Door door;
-  set(door.msg, "rest", 1.0);
-  set(door.msg, "rest", 2.0);
-  EXPECT_EQ(error_of([&] { from_msg(door.msg, door.world); }), "keys: 'rest' is there twice");
-  Door lost;
-  lost.msg.phase = 1.0;
-  EXPECT_EQ(error_of([&] { from_msg(lost.msg, lost.world); }).rfind("phase: needs a motor", 0), 0u);
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.coordinates.resize(1); }), "");
+  EXPECT_EQ(error("weld", [](Constraint& msg) { msg.break_torque = 1.0; }), "");
+  EXPECT_EQ(error("ball", [](Constraint& msg) { msg.coordinates.resize(1); }),
+            "coordinates: constraints of type 'ball' have 0 coordinates, got 1");
+  EXPECT_EQ(error("planar", [](Constraint& msg) { msg.coordinates.resize(4); }),
+            "coordinates: constraints of type 'planar' have 3 coordinates, got 4");
+  EXPECT_EQ(error("distance", [](Constraint& msg) { msg.coordinates.resize(2); }),
+            "coordinates: constraints of type 'distance' have 1 coordinate, got 2");
+  EXPECT_EQ(
+      error("hinge", [](Constraint& msg) { msg.coordinates.emplace_back().motor.phase = 1.0; }),
+      "coordinates[0].motor.phase: only a motor of mode RATE=1 has this, got 1.000000");
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.coordinates.emplace_back().upper = 1.0; }),
+            "coordinates[0].upper: needs has_limits, got 1.000000");
+  EXPECT_EQ(error("rope", [](Constraint& msg) { msg.coordinates.emplace_back().damping = 1.0; }),
+            "coordinates[0].damping: constraints of type 'rope' have none, got 1.000000");
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.coupling.pitch = 1.0; }),
+            "coupling.pitch: constraints of type 'hinge' have none, got 1.000000");
+  EXPECT_EQ(error("screw", [](Constraint& msg) { msg.coupling.value = 1.0; }),
+            "coupling.value: needs has_value, got 1.000000");
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.free = true; }),
+            "free: constraints of type 'hinge' have none, got true");
+  EXPECT_EQ(error("distance", [](Constraint& msg) { msg.break_torque = 1.0; }),
+            "break_torque: constraints of type 'distance' have none, got 1.000000");
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.parameters.emplace_back().name = "drag"; }),
+            "parameters: constraints of type 'hinge' have none, got 'drag'");
+  EXPECT_EQ(error("custom:a/b",
+                  [](Constraint& msg) {
+                    msg.parameters.resize(2);
+                    for (Parameter& parameter : msg.parameters) parameter.name = "drag";
+                  }),
+            "parameters: 'drag' is there twice");
 }
 
 TEST(Conversions, CoordinatesAreJointStates) {
@@ -618,8 +653,9 @@ TEST(Received, MessagesAreReadAsTheyWereWritten) {
     body.shape.dimensions.assign(static_cast<std::size_t>(i), 0.5 * i);
     body.no_collision = i == 1;
     Constraint& constraint = request.constraints.emplace_back();
-    constraint.keys = {"lower", "upper"};
-    constraint.values = {-1.0, 2.0};
+    constraint.coordinates.resize(static_cast<std::size_t>(i));
+    for (CoordinateLaw& law : constraint.coordinates) law.motor.bias = 0.5 * i;
+    constraint.parameters.resize(2);
     request.remove_bodies.push_back(std::string(static_cast<std::size_t>(i), 'x'));
   }
   const std::vector<std::uint8_t> bytes = bytes_of_message(request);

@@ -2,6 +2,7 @@
 from constraint_sim.msg import (Body, BodyState, Constraint, CoordinateLaw, Motor, MotorBias, Parameter,
                                 Shape)
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
+from std_msgs.msg import ColorRGBA
 
 BODY_TYPES = {'dynamic': Body.DYNAMIC, 'static': Body.STATIC, 'kinematic': Body.KINEMATIC}
 VECTORS = {'anchor_a': Point, 'anchor_b': Point, 'axis_a': Vector3, 'axis_b': Vector3}
@@ -15,14 +16,15 @@ def state(name, position=(0, 0, 0), orientation=(0, 0, 0, 1), linear_velocity=(0
 
 
 def body(name, shape, type='dynamic', mass=0.0, inertia=(0, 0, 0), friction=0.0, restitution=0.0,
-         no_collision=False, **of_state):
-    """A Body; `shape` is a Shape, and what state() takes says where it is."""
+         no_collision=False, color=(0, 0, 0, 0), **of_state):
+    """A Body with a Shape, at the pose and twist of state(); `color` is red, green, blue and opacity."""
     if type not in BODY_TYPES:
         raise ValueError('type must be one of %s, got %r' % (', '.join(BODY_TYPES), type))
     placed = state(name, **of_state)
-    return Body(name=name, type=BODY_TYPES[type], shape=shape, mass=mass,
+    return Body(name=name, type=BODY_TYPES[type], shapes=[shape], mass=mass,
                 inertia=Vector3(*inertia), pose=placed.pose, twist=placed.twist,
-                friction=friction, restitution=restitution, no_collision=no_collision)
+                friction=friction, restitution=restitution, no_collision=no_collision,
+                color=ColorRGBA(*color))
 
 
 def sphere(radius):

@@ -19,7 +19,7 @@ class _Adding:
     def add_sphere(self, name, radius, mass=0.0, **settings):
         """Adds a ball. Settings: position, orientation (x, y, z, w), linear_velocity,
         angular_velocity, type ('dynamic', 'static', 'kinematic'), inertia, friction, restitution,
-        no_collision."""
+        no_collision, color (red, green, blue, opacity)."""
         self.add_body(messages.body(name, messages.sphere(radius), mass=mass, **settings))
 
     def add_box(self, name, size, mass=0.0, **settings):

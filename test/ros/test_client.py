@@ -32,7 +32,7 @@ class Client(unittest.TestCase):
         sim = self.sim
         sim.add_sphere("ball", radius=0.1, mass=1.0, position=(1, 2, 3), linear_velocity=(0, 0, 1),
                        orientation=(0, 0, 1, 0), restitution=0.5)
-        sim.add_box("box", size=(0.1, 0.2, 0.3), mass=2.0, inertia=(1, 2, 2.5))
+        sim.add_box("box", size=(0.1, 0.2, 0.3), mass=2.0, inertia=(1, 2, 2.5), color=(1, 0.5, 0, 1))
         sim.add_point("point", mass=1.0)
         sim.add_plane("floor", position=(0, 0, -5), friction=0.5)
         self.assertEqual(sim.properties().bodies, ["ball", "box", "point", "floor"])
@@ -40,6 +40,7 @@ class Client(unittest.TestCase):
         self.assertEqual((state.pose.position.z, state.twist.linear.z), (3.0, 1.0))
         self.assertEqual(state.pose.orientation, Quaternion(0, 0, 1, 0))
         self.assertIn("inertia: [1, 2, 2.5]", sim.save())
+        self.assertIn("color: [1, 0.5, 0, 1]", sim.save())
         sim.set_state("ball", position=(7, 0, 0))
         self.assertEqual(sim.state("ball").pose.position.x, 7.0)
         sim.remove_body("ball")

@@ -1,9 +1,11 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "constraint_sim/engine/scene.h"
@@ -79,8 +81,9 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   Body msg;
   msg.name = "crate";
   msg.type = Body::KINEMATIC;
-  msg.shape.type = Shape::BOX;
-  msg.shape.dimensions = {1.0, 2.0, 3.0};
+  msg.shapes.resize(1);
+  msg.shapes[0].type = Shape::BOX;
+  msg.shapes[0].dimensions = {1.0, 2.0, 3.0};
   msg.mass = 4.0;
   msg.inertia.x = 5.0;
   msg.inertia.y = 6.0;
@@ -103,6 +106,35 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   EXPECT_TRUE(body.no_collision);
 }
 
+TEST(Conversions, ABodyHasAtMostOneShapeAndNoGroups) {
+  Body msg;
+  EXPECT_TRUE(std::holds_alternative<engine::Point>(from_msg(msg).shape));
+  msg.collision_groups = 6;
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "collision_groups: collision groups do not exist yet, got 6");
+  msg.collision_groups = 0;
+  msg.collision_mask = 5;
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "collision_mask: collision groups do not exist yet, got 5");
+  msg.collision_mask = 0;
+  msg.shapes.resize(2);
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "shapes: bodies of several shapes do not exist yet, got 2");
+  msg.shapes.resize(1);
+  msg.shapes[0].type = Shape::SPHERE;
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "shapes[0].dimensions: a sphere has one: its radius, got 0 numbers");
+}
+
+TEST(Conversions, AColourIsOpaqueUnlessItSaysSo) {
+  Body msg;
+  EXPECT_FALSE(from_msg(msg).color);
+  msg.color.g = 0.5F;
+  EXPECT_EQ(from_msg(msg).color, (std::array<double, 4>{0.0, 0.5, 0.0, 1.0}));
+  msg.color.a = 0.25F;
+  EXPECT_EQ(from_msg(msg).color, (std::array<double, 4>{0.0, 0.5, 0.0, 0.25}));
+}
+
 TEST(Conversions, EachShapeNeedsItsOwnDimensions) {
   Shape shape;
   for (const auto& [type, count] : {std::pair<int, std::size_t>{Shape::POINT, 0},
@@ -116,7 +148,7 @@ TEST(Conversions, EachShapeNeedsItsOwnDimensions) {
       const std::string error = error_of([&] { from_msg(shape); });
       EXPECT_EQ(error.empty(), n == count) << type << " " << n;
       if (n != count) {
-        EXPECT_EQ(error.rfind("shape.dimensions: ", 0), 0u) << error;
+        EXPECT_EQ(error.rfind("dimensions: ", 0), 0u) << error;
       }
     }
   }
@@ -133,7 +165,7 @@ TEST(Conversions, UnknownTypesAreNamed) {
                                    {8, "got 8"}}) {
     shape.type = static_cast<std::uint8_t>(type);
     const std::string error = error_of([&] { from_msg(shape); });
-    EXPECT_EQ(error.rfind("shape.type: ", 0), 0u) << error;
+    EXPECT_EQ(error.rfind("type: ", 0), 0u) << error;
     EXPECT_NE(error.find(name), std::string::npos) << error;
   }
 }
@@ -148,37 +180,38 @@ TEST(Conversions, OnlyHullsAndMeshesHaveASurface) {
   };
   EXPECT_EQ(error_with([](Shape&) {}), "");
   EXPECT_EQ(error_with([](Shape& shape) { shape.vertices.resize(4); }),
-            "shape.vertices: only a hull or a mesh has this field, got 4 points");
+            "vertices: only a hull or a mesh has this field, got 4 points");
   EXPECT_EQ(error_with([](Shape& shape) {
               shape.triangles = {0, 1, 2};
             }),
-            "shape.triangles: only a hull or a mesh has this field, got 3 numbers");
+            "triangles: only a hull or a mesh has this field, got 3 numbers");
   EXPECT_EQ(error_with([](Shape& shape) { shape.mesh_resource = "x.stl"; }),
-            "shape.mesh_resource: only a hull or a mesh has this field, got 'x.stl'");
+            "mesh_resource: only a hull or a mesh has this field, got 'x.stl'");
   EXPECT_EQ(error_with([](Shape& shape) {
               shape.mesh_scale.y = 2.0;
-            }).rfind("shape.mesh_scale: only a hull or a mesh has this field, got 0.0", 0),
+            }).rfind("mesh_scale: only a hull or a mesh has this field, got 0.0", 0),
             0u);
 }
 
 TEST(Conversions, AShapeHasItsPoseInTheBody) {
   Body msg;
-  msg.shape.type = Shape::CYLINDER;
-  msg.shape.dimensions = {0.1, 0.5};
+  msg.shapes.resize(1);
+  msg.shapes[0].type = Shape::CYLINDER;
+  msg.shapes[0].dimensions = {0.1, 0.5};
   EXPECT_FALSE(from_msg(msg).shape_pose);
-  msg.shape.pose.orientation.w = 1.0;
+  msg.shapes[0].pose.orientation.w = 1.0;
   EXPECT_FALSE(from_msg(msg).shape_pose);  // the identity is no pose, so the inertia may follow
-  msg.shape.pose.position.z = 0.2;
-  msg.shape.pose.orientation.x = 0.6;
-  msg.shape.pose.orientation.w = 0.8;
+  msg.shapes[0].pose.position.z = 0.2;
+  msg.shapes[0].pose.orientation.x = 0.6;
+  msg.shapes[0].pose.orientation.w = 0.8;
   const engine::Body body = from_msg(msg);
   ASSERT_TRUE(body.shape_pose);
   EXPECT_EQ(body.shape_pose->position, Eigen::Vector3d(0.0, 0.0, 0.2));
   EXPECT_EQ(body.shape_pose->orientation.coeffs(), Eigen::Vector4d(0.6, 0.0, 0.0, 0.8));
-  msg.shape.dimensions.clear();
+  msg.shapes[0].dimensions.clear();
   for (const int type : std::vector<int>{Shape::POINT, Shape::PLANE}) {
-    msg.shape.type = static_cast<std::uint8_t>(type);
-    EXPECT_EQ(error_of([&] { from_msg(msg); }).rfind("shape.pose: ", 0), 0u);
+    msg.shapes[0].type = static_cast<std::uint8_t>(type);
+    EXPECT_EQ(error_of([&] { from_msg(msg); }).rfind("shapes[0].pose: ", 0), 0u);
   }
 }
 
@@ -650,7 +683,12 @@ TEST(Received, MessagesAreReadAsTheyWereWritten) {
   for (int i = 0; i < 3; ++i) {
     Body& body = request.bodies.emplace_back();
     body.name = "b" + std::to_string(i);
-    body.shape.dimensions.assign(static_cast<std::size_t>(i), 0.5 * i);
+    body.shapes.resize(static_cast<std::size_t>(i));
+    for (Shape& shape : body.shapes) {
+      shape.dimensions.assign(static_cast<std::size_t>(i), 0.5 * i);
+      shape.vertices.resize(2);
+      shape.triangles = {0, 1, 1};
+    }
     body.no_collision = i == 1;
     Constraint& constraint = request.constraints.emplace_back();
     constraint.coordinates.resize(static_cast<std::size_t>(i));

@@ -34,7 +34,7 @@ class Joints(support.ServiceCase):
         self.good("load_scene",
                   text="world: {gravity: [0, 0, 0], time_step: 0.01, method: auto}")
         bar = Body(name="bar", mass=MASS,
-                   shape=Shape(type=Shape.BOX, dimensions=[LENGTH, WIDTH, WIDTH]))
+                   shapes=[Shape(type=Shape.BOX, dimensions=[LENGTH, WIDTH, WIDTH])])
         bar.pose.position.x = 0.5 * LENGTH
         self.good("add_body", body=bar)
         self.listener = Listener(support.NODE + "/joint_states", JointState)
@@ -108,7 +108,7 @@ class Joints(support.ServiceCase):
 
     def test_a_gear_turns_a_second_wheel(self):
         wheel = Body(name="wheel", mass=1.0,
-                     shape=Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1]))
+                     shapes=[Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1])])
         wheel.pose.position.y = 2.0
         self.good("add_body", body=wheel)
         self.good("add_constraint", constraint=self.joint(laws={"motor": {}}))
@@ -136,7 +136,7 @@ class Joints(support.ServiceCase):
     def test_gears_that_contradict_are_refused_by_name(self):
         for name in "abc":
             wheel = Body(name=name, mass=1.0,
-                         shape=Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1]))
+                         shapes=[Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1])])
             wheel.pose.position.y = 2.0 + "abc".index(name)
             self.good("add_body", body=wheel)
             self.good("add_constraint", constraint=Constraint(

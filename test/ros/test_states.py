@@ -83,7 +83,7 @@ class States(support.ServiceCase):
 
     def test_set_body_state_in_a_frame_and_get_it_back(self):
         self.add_turning_frame()
-        self.good("add_body", body=sphere("b", shape=Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3])))
+        self.good("add_body", body=sphere("b", shapes=[Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3])]))
         state = BodyState(name="b")
         state.pose.position = Point(1, -2, 0.5)
         state.pose.orientation = Quaternion(0.5, 0.5, 0.5, 0.5)
@@ -166,7 +166,7 @@ class States(support.ServiceCase):
     def test_wrenches_refuse_bad_input(self):
         self.good("add_body", body=sphere("b"))
         self.good("add_body", body=sphere("fixed", type=Body.STATIC))
-        self.good("add_body", body=sphere("point", shape=Shape(type=Shape.POINT)))
+        self.good("add_body", body=sphere("point", shapes=[Shape(type=Shape.POINT)]))
         for name in ("", "world", "nobody"):
             self.bad(["body_name"], "apply_body_wrench", body_name=name)
             self.bad(["body_name"], "clear_body_wrenches", body_name=name)
@@ -283,7 +283,7 @@ class States(support.ServiceCase):
     def test_contact_states(self):
         self.good("load_scene", text="world: {gravity: [0, 0, -10], time_step: 0.01}")
         listener = Listener(support.NODE + "/contact_states", ContactStates)
-        self.good("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(type=Shape.PLANE)))
+        self.good("add_body", body=sphere("floor", type=Body.STATIC, shapes=[Shape(type=Shape.PLANE)]))
         self.good("add_body", body=sphere("ball", z=0.1, mass=3.0))
         self.good("step", steps=300)
         contact = listener.present().contacts[0]

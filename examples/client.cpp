@@ -39,8 +39,9 @@ int main(int argc, char** argv) {
     edits.bodies.resize(1);
     constraint_sim::Body& bob = edits.bodies[0];
     bob.name = "example_bob";
-    bob.shape.type = constraint_sim::Shape::SPHERE;
-    bob.shape.dimensions = {0.1};
+    bob.shapes.resize(1);
+    bob.shapes[0].type = constraint_sim::Shape::SPHERE;
+    bob.shapes[0].dimensions = {0.1};
     bob.mass = 1.0;
     bob.pose.position.x = 1.0;
     edits.constraints.resize(1);

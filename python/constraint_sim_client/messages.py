@@ -1,6 +1,8 @@
 """Messages from keywords: vectors and quaternions as sequences of numbers."""
-from constraint_sim.msg import Body, BodyState, Constraint, MotorBias, Shape
+from constraint_sim.msg import (Body, BodyState, Constraint, CoordinateLaw, Motor, MotorBias, Parameter,
+                                Shape)
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
+from std_msgs.msg import ColorRGBA
 
 BODY_TYPES = {'dynamic': Body.DYNAMIC, 'static': Body.STATIC, 'kinematic': Body.KINEMATIC}
 VECTORS = {'anchor_a': Point, 'anchor_b': Point, 'axis_a': Vector3, 'axis_b': Vector3}
@@ -14,50 +16,83 @@ def state(name, position=(0, 0, 0), orientation=(0, 0, 0, 1), linear_velocity=(0
 
 
 def body(name, shape, type='dynamic', mass=0.0, inertia=(0, 0, 0), friction=0.0, restitution=0.0,
-         no_collision=False, **of_state):
-    """A Body; `shape` is a Shape, and what state() takes says where it is."""
+         no_collision=False, color=(0, 0, 0, 0), **of_state):
+    """A Body with a Shape, at the pose and twist of state(); `color` is red, green, blue and opacity."""
     if type not in BODY_TYPES:
         raise ValueError('type must be one of %s, got %r' % (', '.join(BODY_TYPES), type))
     placed = state(name, **of_state)
-    return Body(name=name, type=BODY_TYPES[type], shape=shape, mass=mass,
+    return Body(name=name, type=BODY_TYPES[type], shapes=[shape], mass=mass,
                 inertia=Vector3(*inertia), pose=placed.pose, twist=placed.twist,
-                friction=friction, restitution=restitution, no_collision=no_collision)
+                friction=friction, restitution=restitution, no_collision=no_collision,
+                color=ColorRGBA(*color))
 
 
 def sphere(radius):
-    return Shape(Shape.SPHERE, [radius])
+    return Shape(type=Shape.SPHERE, dimensions=[radius])
 
 
 def box(size):
-    return Shape(Shape.BOX, list(size))
+    return Shape(type=Shape.BOX, dimensions=list(size))
 
 
 def point():
-    return Shape(Shape.POINT, [])
+    return Shape(type=Shape.POINT)
 
 
 def cylinder(radius, length):
-    return Shape(5, [radius, length])  # as Shape.msg has it, without a constant
+    return Shape(type=Shape.CYLINDER, dimensions=[radius, length])
 
 
 def plane():
-    return Shape(Shape.PLANE, [])
+    return Shape(type=Shape.PLANE)
 
 
-def constraint(name, type, **settings):
-    """A Constraint. A setting that the message has no field for goes to its keys and values."""
-    message = Constraint(name=name, type=type)
+def set_fields(message, settings):
+    """Sets fields of a message by name; a name that is no field raises TypeError."""
     for key, value in settings.items():
-        if key in VECTORS:
-            setattr(message, key, VECTORS[key](*value))
-        elif key in ('keys', 'values', 'name', 'type'):
-            raise TypeError('a constraint has no setting %r' % key)
-        elif key in Constraint.__slots__:
-            setattr(message, key, value)
-        else:
-            message.keys.append(key)
-            message.values.append(float(value))
+        if key not in message.__slots__:
+            raise TypeError('a %s has no setting %r' % (type(message).__name__, key))
+        setattr(message, key, value)
     return message
+
+
+def coordinate_motor(**settings):
+    """A Motor with the keys of `motor` in scene files: by rate, or to a `position`, or with a `force`."""
+    mode = (Motor.POSITION if 'position' in settings else
+            Motor.FORCE if 'force' in settings else Motor.RATE)
+    return set_fields(Motor(mode=mode), settings)
+
+
+def coordinate_law(motor=None, **settings):
+    """A CoordinateLaw with the keys of a coordinate in scene files; `motor` is a dict."""
+    if 'lower' in settings or 'upper' in settings:
+        settings = {'has_limits': True, 'lower': -float('inf'), 'upper': float('inf'), **settings}
+    if 'position' in settings:
+        settings = {'has_position': True, **settings}
+    law = set_fields(CoordinateLaw(), settings)
+    if motor is not None:
+        law.motor = coordinate_motor(**motor)
+    return law
+
+
+def constraint(name, type, coordinates=(), joints=None, parameters=None, **settings):
+    """A Constraint with the keys of scene files. Keys of laws, such as `lower` and `motor`, are those of
+    the first coordinate; `coordinates` is a list of dicts instead. `joints` are the two constraints that a
+    gear or pulley couples, and `parameters` a dict of a plugin's."""
+    message = Constraint(name=name, type=type)
+    law = {key: settings.pop(key) for key in list(settings) if key in CoordinateLaw.__slots__}
+    if law and coordinates:
+        raise TypeError('coordinates already has the first: %s' % ', '.join(law))
+    message.coordinates = [coordinate_law(**each) for each in coordinates or ([law] if law else [])]
+    if joints is not None:
+        message.body_a, message.body_b = joints
+    message.parameters = [Parameter(name=key, value=value) for key, value in (parameters or {}).items()]
+    for key in ('ratio', 'pitch', 'value'):
+        if key in settings:
+            setattr(message.coupling, key, settings.pop(key))
+            message.coupling.has_value = message.coupling.has_value or key == 'value'
+    return set_fields(message, {key: VECTORS[key](*value) if key in VECTORS else value
+                                for key, value in settings.items()})
 
 
 def motor(constraint_name, bias, max_force=0.0, timeout=0.0):

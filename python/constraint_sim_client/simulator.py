@@ -19,7 +19,7 @@ class _Adding:
     def add_sphere(self, name, radius, mass=0.0, **settings):
         """Adds a ball. Settings: position, orientation (x, y, z, w), linear_velocity,
         angular_velocity, type ('dynamic', 'static', 'kinematic'), inertia, friction, restitution,
-        no_collision."""
+        no_collision, color (red, green, blue, opacity)."""
         self.add_body(messages.body(name, messages.sphere(radius), mass=mass, **settings))
 
     def add_box(self, name, size, mass=0.0, **settings):
@@ -40,8 +40,9 @@ class _Adding:
         self.add_body(messages.body(name, messages.plane(), type=type, **settings))
 
     def add_constraint(self, name, type, **settings):
-        """Adds a constraint of any type of scene files: body_a, anchor_a, axis_a, the same of b,
-        and every setting of the type; a body left out is the world."""
+        """Adds a constraint of any type of scene files: body_a, anchor_a, axis_a, body_b, anchor_b, axis_b,
+        and every setting of the type, as motor=dict(bias=0.5) or coordinates=[dict(lower=0, upper=1)]; a
+        body left out is the world."""
         return self.add_constraint_message(messages.constraint(name, type, **settings))
 
 

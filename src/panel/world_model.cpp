@@ -6,10 +6,14 @@
 namespace constraint_sim::panel {
 namespace {
 
-// Error beyond which a constraint is red, equal to kToldError of the labels in rviz [m or rad].
+// Error that nothing is closing beyond which a constraint is red, equal to kToldError of the labels
+// in rviz [m or rad].
 constexpr double kLargeError = 1e-4;
 
-QString number(double value) { return QString::number(value, 'g', 4); }
+/// Returns the number; nothing for a figure that does not exist.
+QString number(double value) {
+  return std::isnan(value) ? QString() : QString::number(value, 'g', 4);
+}
 
 QString state_of(const ConstraintState& constraint) {
   QString text = QString::fromStdString(constraint.type);
@@ -103,7 +107,7 @@ QVariant WorldModel::constraint_text(int row, int column) const {
     case kState:
       return state_of(constraint);
     case kError:
-      return number(constraint.error);
+      return number(constraint.closing ? constraint.closing_error : constraint.error);
     case kForce:
       return number(constraint.force);
     case kRate:
@@ -116,9 +120,7 @@ QVariant WorldModel::constraint_text(int row, int column) const {
 QVariant WorldModel::constraint_color(int row) const {
   const ConstraintState& constraint = constraints_->constraints[static_cast<std::size_t>(row)];
   if (constraint.broken) return QColor(Qt::gray);
-  // the error of a spring is its extension
-  if (constraint.type != "spring" && std::abs(constraint.error) > kLargeError)
-    return QColor(Qt::red);
+  if (std::abs(constraint.error) > kLargeError) return QColor(Qt::red);
   return {};
 }
 
@@ -140,7 +142,7 @@ QVariant WorldModel::headerData(int section, Qt::Orientation orientation, int ro
   static constexpr const char* kTitles[kColumns] = {"Name", "State", "Error", "Force", "Rate"};
   static constexpr const char* kTips[kColumns] = {
       "", "Position of a body [m], type of a constraint",
-      "What the constraint keeps at zero [m or rad]",
+      "Value that the constraint keeps at zero; empty for a spring [m or rad]",
       "Mean over the last tick; below zero it pulls [N or N m]",
       "Speed of a body [m/s], rate that a constraint has reached [m/s or rad/s]"};
   if (orientation != Qt::Horizontal || section < 0 || section >= kColumns) return {};

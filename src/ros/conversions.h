@@ -1,14 +1,9 @@
 #pragma once
 
-#include <constraint_sim/AddDistanceConstraint.h>
 #include <constraint_sim/ApplyBodyWrench.h>
-#include <constraint_sim/Body.h>
 #include <constraint_sim/BodyState.h>
-#include <constraint_sim/Constraint.h>
-#include <constraint_sim/ConstraintState.h>
 #include <constraint_sim/ContactForce.h>
 #include <constraint_sim/ContactState.h>
-#include <constraint_sim/Shape.h>
 #include <geometry_msgs/Point.h>
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/Transform.h>
@@ -31,8 +26,6 @@ Eigen::Vector3d from_msg(const geometry_msgs::Point& point);
 Eigen::Vector3d from_msg(const geometry_msgs::Vector3& vector);
 /// Reads a quaternion; all zero is the identity.
 Eigen::Quaterniond from_msg(const geometry_msgs::Quaternion& quaternion);
-engine::Shape from_msg(const Shape& shape);
-engine::Body from_msg(const Body& body);
 engine::BodyState from_msg(const geometry_msgs::Pose& pose, const geometry_msgs::Twist& twist);
 
 /// Finds a body by name; empty and `world` are the world. `field` names the body in errors.
@@ -43,9 +36,6 @@ engine::BodyId find_own_body(const engine::World& world, const std::string& fiel
                              const std::string& name);
 engine::JointId find_joint(const engine::World& world, const std::string& field,
                            const std::string& name);
-engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine::World& world);
-
-engine::Joint from_msg(const Constraint& constraint, const engine::World& world);
 /// Reads a wrench. A moving reference frame is evaluated at the present time. A zero reference
 /// point is the body's centre of mass; any other point lies in the reference frame.
 engine::Wrench from_msg(const ApplyBodyWrenchRequest& request, const engine::World& world);
@@ -64,7 +54,6 @@ geometry_msgs::Quaternion to_msg(const Eigen::Quaterniond& q);
 geometry_msgs::Pose to_pose(const engine::BodyState& state);
 geometry_msgs::Transform to_transform(const engine::BodyState& state);
 BodyState to_msg(const std::string& name, const engine::BodyState& state);
-ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& state);
 /// Appends the coordinates of a joint: the first under the joint's name, further ones under
 /// NAME/INDEX. Appends nothing for a joint without coordinates.
 void add_coordinates(const engine::Joint& joint, const engine::JointState& state,

@@ -13,6 +13,8 @@
 #include <vector>
 
 #include "constraint_sim/engine/plan.h"
+#include "ros/body_messages.h"
+#include "ros/constraint_messages.h"
 #include "ros/conversions.h"
 #include "ros/laws.h"
 #include "ros/parameters.h"

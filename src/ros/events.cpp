@@ -1,7 +1,5 @@
 #include "ros/events.h"
 
-#include <constraint_sim/EventKind.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -37,9 +35,9 @@ std::uint8_t kind_of(engine::EventKind kind) {
     case engine::EventKind::kHit:
       return Event::HIT;
     case engine::EventKind::kHandedOver:
-      return EventKind::HANDED_OVER;
+      return Event::HANDED_OVER;
     case engine::EventKind::kTakenBack:
-      return EventKind::TAKEN_BACK;
+      return Event::TAKEN_BACK;
   }
   return Event::FAILED;
 }

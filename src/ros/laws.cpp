@@ -12,51 +12,52 @@
 namespace constraint_sim {
 namespace {
 
-using engine::CoordinateLaw;
-using engine::CoordinateMotor;
-
 struct LawKey {
   const char* name;
-  void (*set)(CoordinateLaw& law, double value);
+  void (*set)(engine::CoordinateLaw& law, double value);
 };
 
-// Keys of laws; some are also fields of the message, for the first coordinate.
+// Keys of laws.
 constexpr LawKey kLawKeys[] = {
-    {"lower", [](CoordinateLaw& law, double value) { law.lower = value; }},
-    {"upper", [](CoordinateLaw& law, double value) { law.upper = value; }},
-    {"limit_restitution", [](CoordinateLaw& law, double value) { law.limit_restitution = value; }},
-    {"friction", [](CoordinateLaw& law, double value) { law.friction = value; }},
-    {"damping", [](CoordinateLaw& law, double value) { law.damping = value; }},
-    {"stiffness", [](CoordinateLaw& law, double value) { law.stiffness = value; }},
-    {"rest", [](CoordinateLaw& law, double value) { law.rest = value; }},
-    {"frequency", [](CoordinateLaw& law, double value) { law.frequency = value; }},
-    {"damping_ratio", [](CoordinateLaw& law, double value) { law.damping_ratio = value; }},
-    {"position", [](CoordinateLaw& law, double value) { law.position = value; }},
-    {"zero", [](CoordinateLaw& law, double value) { law.zero = value; }},
+    {"lower", [](engine::CoordinateLaw& law, double value) { law.lower = value; }},
+    {"upper", [](engine::CoordinateLaw& law, double value) { law.upper = value; }},
+    {"limit_restitution",
+     [](engine::CoordinateLaw& law, double value) { law.limit_restitution = value; }},
+    {"friction", [](engine::CoordinateLaw& law, double value) { law.friction = value; }},
+    {"damping", [](engine::CoordinateLaw& law, double value) { law.damping = value; }},
+    {"stiffness", [](engine::CoordinateLaw& law, double value) { law.stiffness = value; }},
+    {"rest", [](engine::CoordinateLaw& law, double value) { law.rest = value; }},
+    {"frequency", [](engine::CoordinateLaw& law, double value) { law.frequency = value; }},
+    {"damping_ratio", [](engine::CoordinateLaw& law, double value) { law.damping_ratio = value; }},
+    {"position", [](engine::CoordinateLaw& law, double value) { law.position = value; }},
+    {"zero", [](engine::CoordinateLaw& law, double value) { law.zero = value; }},
 };
 
 struct MotorKey {
   const char* name;
-  void (*set)(CoordinateMotor& motor, double value);
+  void (*set)(engine::CoordinateMotor& motor, double value);
 };
 
 constexpr MotorKey kMotorKeys[] = {
-    {"bias", [](CoordinateMotor& motor, double value) { motor.bias = value; }},
-    {"amplitude", [](CoordinateMotor& motor, double value) { motor.amplitude = value; }},
-    {"motor_frequency", [](CoordinateMotor& motor, double value) { motor.frequency = value; }},
-    {"phase", [](CoordinateMotor& motor, double value) { motor.phase = value; }},
-    {"max_force", [](CoordinateMotor& motor, double value) { motor.max_force = value; }},
-    {"timeout", [](CoordinateMotor& motor, double value) { motor.timeout = value; }},
-    {"motor_position", [](CoordinateMotor& motor, double value) { motor.position = value; }},
-    {"motor_force", [](CoordinateMotor& motor, double value) { motor.force = value; }},
+    {"bias", [](engine::CoordinateMotor& motor, double value) { motor.bias = value; }},
+    {"amplitude", [](engine::CoordinateMotor& motor, double value) { motor.amplitude = value; }},
+    {"motor_frequency",
+     [](engine::CoordinateMotor& motor, double value) { motor.frequency = value; }},
+    {"phase", [](engine::CoordinateMotor& motor, double value) { motor.phase = value; }},
+    {"max_force", [](engine::CoordinateMotor& motor, double value) { motor.max_force = value; }},
+    {"timeout", [](engine::CoordinateMotor& motor, double value) { motor.timeout = value; }},
+    {"motor_position",
+     [](engine::CoordinateMotor& motor, double value) { motor.position = value; }},
+    {"motor_force", [](engine::CoordinateMotor& motor, double value) { motor.force = value; }},
     {"servo_frequency",
-     [](CoordinateMotor& motor, double value) { motor.servo_frequency = value; }},
+     [](engine::CoordinateMotor& motor, double value) { motor.servo_frequency = value; }},
     {"servo_damping_ratio",
-     [](CoordinateMotor& motor, double value) { motor.servo_damping_ratio = value; }},
+     [](engine::CoordinateMotor& motor, double value) { motor.servo_damping_ratio = value; }},
     {"servo_stiffness",
-     [](CoordinateMotor& motor, double value) { motor.servo_stiffness = value; }},
-    {"servo_damping", [](CoordinateMotor& motor, double value) { motor.servo_damping = value; }},
-    {"motor", [](CoordinateMotor&, double) {}},
+     [](engine::CoordinateMotor& motor, double value) { motor.servo_stiffness = value; }},
+    {"servo_damping",
+     [](engine::CoordinateMotor& motor, double value) { motor.servo_damping = value; }},
+    {"motor", [](engine::CoordinateMotor&, double) {}},
 };
 
 template <class Keys>
@@ -66,7 +67,7 @@ auto find_key(const Keys& keys, const std::string& name) {
 }
 
 // Sets a key of a law. The first key of a motor adds the motor.
-bool set_key(CoordinateLaw& law, const std::string& name, double value) {
+bool set_key(engine::CoordinateLaw& law, const std::string& name, double value) {
   const auto* const key = find_key(kLawKeys, name);
   if (key != std::end(kLawKeys)) {
     key->set(law, value);
@@ -79,30 +80,6 @@ bool set_key(CoordinateLaw& law, const std::string& name, double value) {
   return true;
 }
 
-// Reads the fields of the message that are not left out.
-void read_fields(const Constraint& msg, CoordinateLaw* law) {
-  law->frequency = msg.frequency;
-  law->damping_ratio = msg.damping_ratio;
-  if (msg.bias != 0.0 || msg.amplitude != 0.0 || msg.max_force != 0.0) law->motor.emplace();
-}
-
-void read_motor_fields(const Constraint& msg, CoordinateLaw* law) {
-  if (!law->motor) {
-    for (const auto& [field, value] :
-         {std::pair("motor_frequency", msg.motor_frequency), {"phase", msg.phase}})
-      if (value != 0.0)
-        refuse(field, "needs a motor: bias, amplitude, max_force or a key of it, got " +
-                          std::to_string(value));
-    return;
-  }
-  CoordinateMotor& motor = *law->motor;
-  motor.bias = msg.bias;
-  motor.amplitude = msg.amplitude;
-  motor.frequency = msg.motor_frequency;
-  motor.phase = msg.phase;
-  motor.max_force = msg.max_force;
-}
-
 // Takes the prefix `1/` off a key such as `1/stiffness` and returns its number; 0 without one.
 std::size_t take_coordinate(std::string* key) {
   if (key->size() < 3 || (*key)[1] != '/' || (*key)[0] < '1' || (*key)[0] > '9') return 0;
@@ -110,42 +87,6 @@ std::size_t take_coordinate(std::string* key) {
   key->erase(0, 2);
   return number;
 }
-
-}  // namespace
-
-void read_laws(const Constraint& msg, engine::Joint* joint) {
-  const auto count = static_cast<std::size_t>(engine::coordinates(joint->kind));
-  read_fields(msg, &joint->coordinates[0]);
-  const std::set<std::string> fields{
-      "bias", "amplitude", "phase", "max_force", "motor_frequency", "frequency", "damping_ratio"};
-  for (std::size_t k = 0; k < msg.keys.size(); ++k) {
-    const std::string& given = msg.keys[k];
-    const double value = msg.values[k];
-    std::string name = given;
-    const std::size_t i = take_coordinate(&name);
-    if (i >= count)
-      refuse("keys", "'" + given + "': constraints of type '" + msg.type + "' have " +
-                         std::to_string(count) + (count == 1 ? " coordinate" : " coordinates"));
-    if (i == 0 && fields.count(name) > 0)
-      refuse("keys", "'" + given + "' of the first coordinate is a field of the message");
-    if (name == "motor" && value != 1.0)
-      refuse("keys",
-             "'" + given + "' must be 1 where there is a motor, got " + std::to_string(value));
-    if (i == 0 && name == "break_torque")
-      joint->break_torque = value;
-    else if (i == 0 && name == "free" && engine::is_free_length(joint->kind))
-      continue;
-    else if (i == 0 && name == "pitch" && engine::has_pitch(joint->kind))
-      joint->pitch = value;
-    else if (i == 0 && name == "value" && engine::has_pitch(joint->kind))
-      joint->coupling.value = value;
-    else if (!set_key(joint->coordinates[i], name, value))
-      refuse("keys", "constraints of type '" + msg.type + "' have no '" + given + "'");
-  }
-  read_motor_fields(msg, &joint->coordinates[0]);
-}
-
-namespace {
 
 using engine::Joint;
 
@@ -187,10 +128,10 @@ constexpr JointKey kDistanceKeys[] = {
 };
 
 // Switches the motor between rate, position and force: a key of one kind clears the other kinds.
-void choose_motor(const std::string& key, CoordinateLaw* law) {
+void choose_motor(const std::string& key, engine::CoordinateLaw* law) {
   const bool is_rate = key == "bias" || key == "amplitude";
   if (!law->motor || !(is_rate || key == "motor_position" || key == "motor_force")) return;
-  CoordinateMotor& motor = *law->motor;
+  engine::CoordinateMotor& motor = *law->motor;
   if (!is_rate) motor.bias = motor.amplitude = 0.0;
   if (key != "motor_force") motor.force.reset();
   if (key == "motor_position") return;
@@ -212,7 +153,7 @@ bool set_property(const std::string& given, double value, Joint* joint) {
   std::string name = given;
   const std::size_t i = take_coordinate(&name);
   if (i >= static_cast<std::size_t>(engine::coordinates(joint->kind))) return false;
-  CoordinateLaw& law = joint->coordinates[i];
+  engine::CoordinateLaw& law = joint->coordinates[i];
   if (name != "motor") return set_key(law, name, value);
   if (!flag(value, given.c_str()))
     law.motor.reset();

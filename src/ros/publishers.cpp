@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "constraint_sim/engine/plan.h"
+#include "ros/constraint_state.h"
 #include "ros/conversions.h"
 #include "ros/time_conversions.h"
 
@@ -332,7 +333,7 @@ void Publishers::publish_constraint_states(const Snapshot& snapshot) {
   message.header.stamp = snapshot.stamp;
   message.header.frame_id = parameters_.world_frame;
   for (const engine::JointId id : snapshot.world.joint_ids())
-    message.constraints.push_back(to_msg(snapshot.world.joint(id), snapshot.world.joint_state(id)));
+    message.constraints.push_back(to_msg(snapshot.world, id));
   constraint_states_topic_.publish(message);
 }
 

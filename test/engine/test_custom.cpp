@@ -71,6 +71,15 @@ double error_of_drag(Method method, int order, double time_step, bool* failed) {
   return (world.state(ball).linear_velocity - v).norm();
 }
 
+TEST_F(Custom, ADisabledForceHasNoWrench) {
+  World world;
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
+  const JointId drag = world.add_joint(custom("test/drag", {{"wind", 3.0}, {"c", 0.5}}, ball));
+  EXPECT_EQ(world.joint_wrench(drag).force, Vector3d(1.5, 0.0, 0.0));  // c times wind, at rest
+  world.set_enabled(drag, false);
+  EXPECT_EQ(world.joint_wrench(drag).force, Vector3d(Vector3d::Zero()));
+}
+
 TEST_F(Custom, DragOfASphereIsTheClosedForm) {
   bool failed = false;
   // a thousand times the tolerance, for seconds

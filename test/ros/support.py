@@ -67,7 +67,7 @@ def call(name, /, **fields):
 
 def sphere(name, x=0.0, y=0.0, z=0.0, **fields):
     """Returns a dynamic ball of 1 kg and 0.1 m at a place."""
-    body = Body(name=name, mass=1.0, shape=Shape(type=Shape.SPHERE, dimensions=[0.1]))
+    body = Body(name=name, mass=1.0, shapes=[Shape(type=Shape.SPHERE, dimensions=[0.1])])
     body.pose.position.x, body.pose.position.y, body.pose.position.z = x, y, z
     for field, value in fields.items():
         setattr(body, field, value)

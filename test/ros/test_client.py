@@ -32,7 +32,7 @@ class Client(unittest.TestCase):
         sim = self.sim
         sim.add_sphere("ball", radius=0.1, mass=1.0, position=(1, 2, 3), linear_velocity=(0, 0, 1),
                        orientation=(0, 0, 1, 0), restitution=0.5)
-        sim.add_box("box", size=(0.1, 0.2, 0.3), mass=2.0, inertia=(1, 2, 2.5))
+        sim.add_box("box", size=(0.1, 0.2, 0.3), mass=2.0, inertia=(1, 2, 2.5), color=(1, 0.5, 0, 1))
         sim.add_point("point", mass=1.0)
         sim.add_plane("floor", position=(0, 0, -5), friction=0.5)
         self.assertEqual(sim.properties().bodies, ["ball", "box", "point", "floor"])
@@ -40,6 +40,7 @@ class Client(unittest.TestCase):
         self.assertEqual((state.pose.position.z, state.twist.linear.z), (3.0, 1.0))
         self.assertEqual(state.pose.orientation, Quaternion(0, 0, 1, 0))
         self.assertIn("inertia: [1, 2, 2.5]", sim.save())
+        self.assertIn("color: [1, 0.5, 0, 1]", sim.save())
         sim.set_state("ball", position=(7, 0, 0))
         self.assertEqual(sim.state("ball").pose.position.x, 7.0)
         sim.remove_body("ball")
@@ -70,8 +71,17 @@ class Client(unittest.TestCase):
         self.assertAlmostEqual(sim.state("door").twist.linear.z - before, 1.0, delta=1e-9)
         sim.set_body("door", mass=10.0, friction=0.3)
         self.assertIn("mass: 10", sim.save())
-        with self.assertRaisesRegex(Refused, "no_such_key"):
+        with self.assertRaisesRegex(TypeError, "no_such_key"):
             sim.add_constraint("other", "hinge", body_b="door", no_such_key=1.0)
+        with self.assertRaisesRegex(TypeError, "no_such_key"):
+            sim.add_constraint("other", "hinge", body_b="door", motor=dict(no_such_key=1.0))
+        sim.add_box("drill", size=(0.1, 0.1, 0.4), mass=1.0, position=(3, 0, 0))
+        sim.add_constraint("chuck", "cylindrical", anchor_a=(3, 0, 0), body_b="drill", break_torque=50.0, coordinates=[
+            dict(upper=0.5, friction=0.25), dict(motor=dict(position=1.5, servo_frequency=2.0))])
+        text = sim.save()
+        for line in ("break_torque: 50", "upper: 0.5", "friction: 0.25", "position: 1.5", "servo_damping: "):
+            self.assertIn(line, text)
+        self.assertNotIn("lower", text.partition("chuck")[2])
 
     def test_a_batch_is_all_or_nothing(self):
         with self.sim.batch() as batch:

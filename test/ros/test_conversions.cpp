@@ -1,12 +1,18 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
+#include "constraint_sim/engine/scene.h"
 #include "engine/math/numbers.h"
+#include "ros/body_messages.h"
+#include "ros/constraint_messages.h"
+#include "ros/constraint_state.h"
 #include "ros/conversions.h"
 #include "ros/edits.h"
 #include "ros/received.h"
@@ -75,8 +81,9 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   Body msg;
   msg.name = "crate";
   msg.type = Body::KINEMATIC;
-  msg.shape.type = Shape::BOX;
-  msg.shape.dimensions = {1.0, 2.0, 3.0};
+  msg.shapes.resize(1);
+  msg.shapes[0].type = Shape::BOX;
+  msg.shapes[0].dimensions = {1.0, 2.0, 3.0};
   msg.mass = 4.0;
   msg.inertia.x = 5.0;
   msg.inertia.y = 6.0;
@@ -99,19 +106,49 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   EXPECT_TRUE(body.no_collision);
 }
 
+TEST(Conversions, ABodyHasAtMostOneShapeAndNoGroups) {
+  Body msg;
+  EXPECT_TRUE(std::holds_alternative<engine::Point>(from_msg(msg).shape));
+  msg.collision_groups = 6;
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "collision_groups: collision groups do not exist yet, got 6");
+  msg.collision_groups = 0;
+  msg.collision_mask = 5;
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "collision_mask: collision groups do not exist yet, got 5");
+  msg.collision_mask = 0;
+  msg.shapes.resize(2);
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "shapes: bodies of several shapes do not exist yet, got 2");
+  msg.shapes.resize(1);
+  msg.shapes[0].type = Shape::SPHERE;
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "shapes[0].dimensions: a sphere has one: its radius, got 0 numbers");
+}
+
+TEST(Conversions, AColourIsOpaqueUnlessItSaysSo) {
+  Body msg;
+  EXPECT_FALSE(from_msg(msg).color);
+  msg.color.g = 0.5F;
+  EXPECT_EQ(from_msg(msg).color, (std::array<double, 4>{0.0, 0.5, 0.0, 1.0}));
+  msg.color.a = 0.25F;
+  EXPECT_EQ(from_msg(msg).color, (std::array<double, 4>{0.0, 0.5, 0.0, 0.25}));
+}
+
 TEST(Conversions, EachShapeNeedsItsOwnDimensions) {
   Shape shape;
   for (const auto& [type, count] : {std::pair<int, std::size_t>{Shape::POINT, 0},
                                     {Shape::SPHERE, 1},
                                     {Shape::BOX, 3},
-                                    {Shape::PLANE, 0}}) {
+                                    {Shape::PLANE, 0},
+                                    {Shape::CYLINDER, 2}}) {
     shape.type = static_cast<std::uint8_t>(type);
     for (std::size_t n = 0; n < 5; ++n) {
       shape.dimensions.assign(n, 1.0);
       const std::string error = error_of([&] { from_msg(shape); });
       EXPECT_EQ(error.empty(), n == count) << type << " " << n;
       if (n != count) {
-        EXPECT_EQ(error.rfind("shape.dimensions: ", 0), 0u) << error;
+        EXPECT_EQ(error.rfind("dimensions: ", 0), 0u) << error;
       }
     }
   }
@@ -122,9 +159,59 @@ TEST(Conversions, UnknownTypesAreNamed) {
   body.type = 3;
   EXPECT_EQ(error_of([&] { from_msg(body); }).rfind("type: ", 0), 0u);
   Shape shape;
-  for (const std::uint8_t type : {std::uint8_t{Shape::CAPSULE}, std::uint8_t{6}}) {
-    shape.type = type;
-    EXPECT_EQ(error_of([&] { from_msg(shape); }).rfind("shape.type: ", 0), 0u);
+  for (const auto& [type, name] : {std::pair<int, const char*>{Shape::CAPSULE, "capsules"},
+                                   {Shape::HULL, "hulls"},
+                                   {Shape::MESH, "meshes"},
+                                   {8, "got 8"}}) {
+    shape.type = static_cast<std::uint8_t>(type);
+    const std::string error = error_of([&] { from_msg(shape); });
+    EXPECT_EQ(error.rfind("type: ", 0), 0u) << error;
+    EXPECT_NE(error.find(name), std::string::npos) << error;
+  }
+}
+
+TEST(Conversions, OnlyHullsAndMeshesHaveASurface) {
+  const auto error_with = [](void (*set)(Shape&)) {
+    Shape shape;
+    shape.type = Shape::SPHERE;
+    shape.dimensions = {0.1};
+    set(shape);
+    return error_of([&] { from_msg(shape); });
+  };
+  EXPECT_EQ(error_with([](Shape&) {}), "");
+  EXPECT_EQ(error_with([](Shape& shape) { shape.vertices.resize(4); }),
+            "vertices: only a hull or a mesh has this field, got 4 points");
+  EXPECT_EQ(error_with([](Shape& shape) {
+              shape.triangles = {0, 1, 2};
+            }),
+            "triangles: only a hull or a mesh has this field, got 3 numbers");
+  EXPECT_EQ(error_with([](Shape& shape) { shape.mesh_resource = "x.stl"; }),
+            "mesh_resource: only a hull or a mesh has this field, got 'x.stl'");
+  EXPECT_EQ(error_with([](Shape& shape) {
+              shape.mesh_scale.y = 2.0;
+            }).rfind("mesh_scale: only a hull or a mesh has this field, got 0.0", 0),
+            0u);
+}
+
+TEST(Conversions, AShapeHasItsPoseInTheBody) {
+  Body msg;
+  msg.shapes.resize(1);
+  msg.shapes[0].type = Shape::CYLINDER;
+  msg.shapes[0].dimensions = {0.1, 0.5};
+  EXPECT_FALSE(from_msg(msg).shape_pose);
+  msg.shapes[0].pose.orientation.w = 1.0;
+  EXPECT_FALSE(from_msg(msg).shape_pose);  // the identity is no pose, so the inertia may follow
+  msg.shapes[0].pose.position.z = 0.2;
+  msg.shapes[0].pose.orientation.x = 0.6;
+  msg.shapes[0].pose.orientation.w = 0.8;
+  const engine::Body body = from_msg(msg);
+  ASSERT_TRUE(body.shape_pose);
+  EXPECT_EQ(body.shape_pose->position, Eigen::Vector3d(0.0, 0.0, 0.2));
+  EXPECT_EQ(body.shape_pose->orientation.coeffs(), Eigen::Vector4d(0.6, 0.0, 0.0, 0.8));
+  msg.shapes[0].dimensions.clear();
+  for (const int type : std::vector<int>{Shape::POINT, Shape::PLANE}) {
+    msg.shapes[0].type = static_cast<std::uint8_t>(type);
+    EXPECT_EQ(error_of([&] { from_msg(msg); }).rfind("shapes[0].pose: ", 0), 0u);
   }
 }
 
@@ -294,37 +381,50 @@ TEST(Conversions, AxesThatCannotBeAreNamed) {
   EXPECT_EQ(error(1.0, "rope").rfind("axis_a: constraints of type 'rope' have none", 0), 0u);
 }
 
-/// Sets a key, for settings without a field in the message.
-void set(Constraint& msg, const std::string& key, double value) {
-  msg.keys.push_back(key);
-  msg.values.push_back(value);
-}
-
-TEST(Conversions, FieldsAndKeysAreLawsOfTheFirstCoordinate) {
+TEST(ConstraintMessages, EachFieldOfALawArrives) {
   Door door;
-  door.msg.bias = 0.1;
-  door.msg.amplitude = 0.2;
-  door.msg.motor_frequency = 3.0;
-  door.msg.phase = 0.4;
-  door.msg.max_force = 5.0;
+  door.msg.type = "universal";
+  door.msg.axis_b.x = 1.0;
   door.msg.break_force = 6.0;
-  double value = 10.0;
-  for (const char* key : {"lower", "upper", "limit_restitution", "friction", "damping", "stiffness",
-                          "rest", "position", "zero", "timeout", "break_torque"})
-    set(door.msg, key, value++);
+  door.msg.break_torque = 7.0;
+  door.msg.coordinates.resize(2);
+  CoordinateLaw& msg = door.msg.coordinates[1];
+  msg.has_limits = msg.has_position = true;
+  msg.lower = 10.0;
+  msg.upper = 11.0;
+  msg.limit_restitution = 0.12;
+  msg.friction = 13.0;
+  msg.damping = 14.0;
+  msg.stiffness = 15.0;
+  msg.rest = 16.0;
+  msg.position = 17.0;
+  msg.motor.mode = Motor::RATE;
+  msg.motor.bias = 0.1;
+  msg.motor.amplitude = 0.2;
+  msg.motor.frequency = 3.0;
+  msg.motor.phase = 0.4;
+  msg.motor.max_force = 5.0;
+  msg.motor.timeout = 19.0;
+  door.msg.coordinates[0].zero = 18.0;
+  door.msg.coordinates[0].frequency = 20.0;
+  door.msg.coordinates[0].damping_ratio = 21.0;
   const engine::Joint joint = from_msg(door.msg, door.world);
-  const engine::CoordinateLaw& law = joint.coordinates[0];
+  const engine::CoordinateLaw& law = joint.coordinates[1];
   EXPECT_EQ(law.lower, 10.0);
   EXPECT_EQ(law.upper, 11.0);
-  EXPECT_EQ(law.limit_restitution, 12.0);
+  EXPECT_EQ(law.limit_restitution, 0.12);
   EXPECT_EQ(law.friction, 13.0);
   EXPECT_EQ(law.damping, 14.0);
   EXPECT_EQ(law.stiffness, 15.0);
   EXPECT_EQ(law.rest, 16.0);
   EXPECT_EQ(law.position, 17.0);
-  EXPECT_EQ(law.zero, 18.0);
+  EXPECT_EQ(joint.coordinates[0].zero, 18.0);
+  EXPECT_EQ(joint.coordinates[0].frequency, 20.0);
+  EXPECT_EQ(joint.coordinates[0].damping_ratio, 21.0);
+  EXPECT_FALSE(joint.coordinates[0].motor || joint.coordinates[0].position);
+  EXPECT_FALSE(joint.coordinates[0].is_limited());
   EXPECT_EQ(joint.break_force, 6.0);
-  EXPECT_EQ(joint.break_torque, 20.0);
+  EXPECT_EQ(joint.break_torque, 7.0);
   ASSERT_TRUE(law.motor);
   EXPECT_EQ(law.motor->bias, 0.1);
   EXPECT_EQ(law.motor->amplitude, 0.2);
@@ -333,88 +433,109 @@ TEST(Conversions, FieldsAndKeysAreLawsOfTheFirstCoordinate) {
   EXPECT_EQ(law.motor->max_force, 5.0);
   EXPECT_EQ(law.motor->timeout, 19.0);
   EXPECT_FALSE(law.motor->position || law.motor->force);
-  EXPECT_TRUE(joint.coordinates[1].is_none() && joint.coordinates[2].is_none());
+  EXPECT_TRUE(joint.coordinates[2].is_none());
 }
 
-TEST(Conversions, KeysOfMotorsArriveOnTheirCoordinates) {
+TEST(ConstraintMessages, MotorsHaveModes) {
+  const auto motor_of = [](void (*set)(Motor&)) {
+    Door door;
+    set(door.msg.coordinates.emplace_back().motor);
+    return from_msg(door.msg, door.world).coordinates[0].motor;
+  };
+  EXPECT_FALSE(motor_of([](Motor&) {}));
+  const auto holds = motor_of([](Motor& msg) { msg.mode = Motor::RATE; });
+  ASSERT_TRUE(holds);
+  EXPECT_TRUE(holds->is_rigid() && !holds->is_moving() && !holds->position);
+  const auto pushes = motor_of([](Motor& msg) {
+    msg.mode = Motor::FORCE;
+    msg.force = 2.0;
+  });
+  EXPECT_EQ(pushes->force, 2.0);
+  EXPECT_FALSE(pushes->position);
+  const auto goes = motor_of([](Motor& msg) { msg.mode = Motor::POSITION; });
+  EXPECT_EQ(goes->position, 0.0);
+  EXPECT_FALSE(goes->force);
+  EXPECT_TRUE(goes->is_rigid());
+  const auto by_frequency = motor_of([](Motor& msg) {
+    msg.mode = Motor::POSITION;
+    msg.position = 1.0;
+    msg.servo_frequency = 3.0;
+  });
+  EXPECT_EQ(by_frequency->position, 1.0);
+  EXPECT_EQ(by_frequency->servo_frequency, 3.0);
+  EXPECT_EQ(by_frequency->servo_damping_ratio, 1.0);  // left out: critical
+  const auto by_stiffness = motor_of([](Motor& msg) {
+    msg.mode = Motor::POSITION;
+    msg.servo_damping_ratio = 4.0;
+    msg.servo_stiffness = 5.0;
+    msg.servo_damping = 6.0;
+  });
+  EXPECT_EQ(by_stiffness->servo_damping_ratio, 4.0);
+  EXPECT_EQ(by_stiffness->servo_stiffness, 5.0);
+  EXPECT_EQ(by_stiffness->servo_damping, 6.0);
+}
+
+TEST(ConstraintMessages, TheLengthOfADistanceHasASpringAndAMotor) {
   Door door;
-  door.msg.type = "planar";
-  door.msg.frequency = 2.0;
-  door.msg.damping_ratio = 0.3;
-  const char* keys[] = {
-      "motor_position", "motor_force", "servo_frequency", "servo_damping_ratio", "servo_stiffness",
-      "servo_damping",  "bias",        "amplitude",       "motor_frequency",     "phase",
-      "max_force",      "frequency",   "damping_ratio"};
-  double value = 1.0;
-  for (const char* key : keys) set(door.msg, std::string("2/") + key, value++);
-  set(door.msg, "1/motor", 1.0);
+  door.msg.type = "distance";
+  CoordinateLaw& law = door.msg.coordinates.emplace_back();
+  law.stiffness = 1.0;
+  law.damping = 2.0;
+  law.motor.mode = Motor::RATE;
+  law.motor.bias = 3.0;
+  law.motor.timeout = 4.0;
   const engine::Joint joint = from_msg(door.msg, door.world);
-  EXPECT_FALSE(joint.coordinates[0].motor);
-  EXPECT_EQ(joint.coordinates[0].frequency, 2.0);
-  EXPECT_EQ(joint.coordinates[0].damping_ratio, 0.3);
-  ASSERT_TRUE(joint.coordinates[1].motor);
-  EXPECT_FALSE(joint.coordinates[1].motor->is_moving());
-  ASSERT_TRUE(joint.coordinates[2].motor);
-  const engine::CoordinateMotor& motor = *joint.coordinates[2].motor;
-  EXPECT_EQ(motor.position, 1.0);
-  EXPECT_EQ(motor.force, 2.0);
-  EXPECT_EQ(motor.servo_frequency, 3.0);
-  EXPECT_EQ(motor.servo_damping_ratio, 4.0);
-  EXPECT_EQ(motor.servo_stiffness, 5.0);
-  EXPECT_EQ(motor.servo_damping, 6.0);
-  EXPECT_EQ(motor.bias, 7.0);
-  EXPECT_EQ(motor.amplitude, 8.0);
-  EXPECT_EQ(motor.frequency, 9.0);
-  EXPECT_EQ(motor.phase, 10.0);
-  EXPECT_EQ(motor.max_force, 11.0);
-  EXPECT_EQ(joint.coordinates[2].frequency, 12.0);
-  EXPECT_EQ(joint.coordinates[2].damping_ratio, 13.0);
+  EXPECT_EQ(joint.distance.stiffness, 1.0);
+  EXPECT_EQ(joint.distance.damping, 2.0);
+  EXPECT_EQ(joint.motor.bias, 3.0);
+  EXPECT_EQ(joint.motor.timeout, 4.0);
+  EXPECT_TRUE(joint.coordinates[0].is_none());
+  door.msg.free = true;
+  const engine::Joint free = from_msg(door.msg, door.world);
+  EXPECT_EQ(free.kind, engine::JointKind::kFreeDistance);
+  EXPECT_EQ(free.coordinates[0].stiffness, 1.0);
+  ASSERT_TRUE(free.coordinates[0].motor);
+  EXPECT_EQ(free.coordinates[0].motor->bias, 3.0);
 }
 
-TEST(Conversions, AMotorThatHoldsNeedsAKeyAndNoMotorIsMadeOfNothing) {
-  Door door;
-  EXPECT_FALSE(from_msg(door.msg, door.world).coordinates[0].motor);
-  set(door.msg, "motor", 1.0);
-  ASSERT_TRUE(from_msg(door.msg, door.world).coordinates[0].motor);
-  EXPECT_TRUE(from_msg(door.msg, door.world).coordinates[0].motor->is_rigid());
-}
-
-TEST(Conversions, KeysThatCannotBeAreNamed) {
-  const auto error = [](const char* type, const char* key, double value) {
+TEST(ConstraintMessages, FieldsThatDoNotActAreNamed) {
+  const auto error = [](const char* type, void (*set)(Constraint&)) {
     Door door;
     door.msg.type = type;
-    if (std::string(type) == "universal") door.msg.axis_b.x = 1.0;
-    set(door.msg, key, value);
+    set(door.msg);
     return error_of([&] { from_msg(door.msg, door.world); });
   };
-  EXPECT_EQ(error("hinge", "stiffness", 1.0), "");
-  EXPECT_EQ(error("universal", "1/stiffness", 1.0), "");
-  EXPECT_EQ(error("weld", "break_torque", 1.0), "");
-  EXPECT_EQ(error("ball", "break_torque", 1.0), "");
-  EXPECT_EQ(error("hinge", "stifness", 1.0),
-            "keys: constraints of type 'hinge' have no 'stifness'");
-  EXPECT_EQ(error("universal", "1/stifness", 1.0),
-            "keys: constraints of type 'universal' have no '1/stifness'");
-  EXPECT_EQ(error("universal", "1/break_torque", 1.0),
-            "keys: constraints of type 'universal' have no '1/break_torque'");
-  EXPECT_EQ(error("hinge", "1/stiffness", 1.0),
-            "keys: '1/stiffness': constraints of type 'hinge' have 1 coordinate");
-  EXPECT_EQ(error("planar", "3/stiffness", 1.0),
-            "keys: '3/stiffness': constraints of type 'planar' have 3 coordinates");
-  EXPECT_EQ(error("hinge", "bias", 1.0),
-            "keys: 'bias' of the first coordinate is a field of the message");
-  EXPECT_EQ(error("hinge", "motor", 0.0).rfind("keys: 'motor' must be 1", 0), 0u);
-  EXPECT_EQ(error("weld", "stiffness", 1.0),
-            "keys: constraints of type 'weld' have no 'stiffness'");
-  EXPECT_EQ(error("distance", "break_torque", 1.0),
-            "keys: constraints of type 'distance' have no 'break_torque'");
-  Door door;
-  set(door.msg, "rest", 1.0);
-  set(door.msg, "rest", 2.0);
-  EXPECT_EQ(error_of([&] { from_msg(door.msg, door.world); }), "keys: 'rest' is there twice");
-  Door lost;
-  lost.msg.phase = 1.0;
-  EXPECT_EQ(error_of([&] { from_msg(lost.msg, lost.world); }).rfind("phase: needs a motor", 0), 0u);
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.coordinates.resize(1); }), "");
+  EXPECT_EQ(error("weld", [](Constraint& msg) { msg.break_torque = 1.0; }), "");
+  EXPECT_EQ(error("ball", [](Constraint& msg) { msg.coordinates.resize(1); }),
+            "coordinates: constraints of type 'ball' have 0 coordinates, got 1");
+  EXPECT_EQ(error("planar", [](Constraint& msg) { msg.coordinates.resize(4); }),
+            "coordinates: constraints of type 'planar' have 3 coordinates, got 4");
+  EXPECT_EQ(error("distance", [](Constraint& msg) { msg.coordinates.resize(2); }),
+            "coordinates: constraints of type 'distance' have 1 coordinate, got 2");
+  EXPECT_EQ(
+      error("hinge", [](Constraint& msg) { msg.coordinates.emplace_back().motor.phase = 1.0; }),
+      "coordinates[0].motor.phase: only a motor of mode RATE=1 has this, got 1.000000");
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.coordinates.emplace_back().upper = 1.0; }),
+            "coordinates[0].upper: needs has_limits, got 1.000000");
+  EXPECT_EQ(error("rope", [](Constraint& msg) { msg.coordinates.emplace_back().damping = 1.0; }),
+            "coordinates[0].damping: constraints of type 'rope' have none, got 1.000000");
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.coupling.pitch = 1.0; }),
+            "coupling.pitch: constraints of type 'hinge' have none, got 1.000000");
+  EXPECT_EQ(error("screw", [](Constraint& msg) { msg.coupling.value = 1.0; }),
+            "coupling.value: needs has_value, got 1.000000");
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.free = true; }),
+            "free: constraints of type 'hinge' have none, got true");
+  EXPECT_EQ(error("distance", [](Constraint& msg) { msg.break_torque = 1.0; }),
+            "break_torque: constraints of type 'distance' have none, got 1.000000");
+  EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.parameters.emplace_back().name = "drag"; }),
+            "parameters: constraints of type 'hinge' have none, got 'drag'");
+  EXPECT_EQ(error("custom:a/b",
+                  [](Constraint& msg) {
+                    msg.parameters.resize(2);
+                    for (Parameter& parameter : msg.parameters) parameter.name = "drag";
+                  }),
+            "parameters: 'drag' is there twice");
 }
 
 TEST(Conversions, CoordinatesAreJointStates) {
@@ -440,27 +561,102 @@ TEST(Conversions, CoordinatesAreJointStates) {
   EXPECT_EQ(msg.effort, (std::vector<double>{3.0, 3.0, 13.0, 23.0}));
 }
 
-TEST(Conversions, EachFieldOfAConstraintStateArrives) {
-  engine::Joint joint;
-  joint.name = "rod";
-  engine::JointState state;
-  state.error = 1.0;
-  state.error_rate = 2.0;
-  state.force = 3.0;
-  state.bias = 4.0;
-  state.reached_rate = 5.0;
-  state.broken = true;
-  const ConstraintState msg = to_msg(joint, state);
-  EXPECT_EQ(msg.name, "rod");
-  EXPECT_EQ(msg.type, "distance");
-  EXPECT_EQ(msg.error, 1.0);
-  EXPECT_EQ(msg.error_rate, 2.0);
-  EXPECT_EQ(msg.force, 3.0);
-  EXPECT_EQ(msg.bias, 4.0);
-  EXPECT_EQ(msg.reached_rate, 5.0);
-  EXPECT_FALSE(msg.saturated);
-  EXPECT_TRUE(msg.broken);
-  EXPECT_FALSE(msg.closing);
+// ---- states of constraints
+
+/// Returns the message of the constraint after `steps` steps of the scene.
+ConstraintState state_after(engine::World* world, int steps, const std::string& constraint) {
+  for (int i = 0; i < steps; ++i) world->step();
+  return to_msg(*world, world->find_joint(constraint));
+}
+
+TEST(ConstraintStates, AWeldOfATurnedBeamCarriesItsWeightAtItsEnd) {
+  engine::World world = engine::load_scene(R"(
+bodies:
+- {name: beam, mass: 3, shape: {box: {size: [1, 0.1, 0.1]}}, position: [0.4, 0.3, 2], orientation: [0, 0, 0.6, 0.8]}
+constraints:
+- {name: glue, type: weld, anchor_a: [0.26, -0.18, 2], body_b: beam, anchor_b: [-0.5, 0, 0]}
+)");
+  const ConstraintState msg = state_after(&world, 5, "glue");
+  EXPECT_EQ(msg.name, "glue");
+  EXPECT_EQ(msg.type, "weld");
+  // A turn by 2 atan(0.6 / 0.8) about z: the beam points along (0.28, 0.96, 0), and its centre lies
+  // 0.5 m from the anchor.
+  const double weight = 3.0 * 9.81;
+  constexpr double kRounding = 1e-9;  // of a few factorisations with numbers of order 30
+  EXPECT_NEAR(msg.wrench_point.x, 0.4 - 0.5 * 0.28, kRounding);
+  EXPECT_NEAR(msg.wrench_point.y, 0.3 - 0.5 * 0.96, kRounding);
+  EXPECT_NEAR(msg.wrench_point.z, 2.0, kRounding);
+  EXPECT_NEAR(msg.wrench.force.x, 0.0, kRounding);
+  EXPECT_NEAR(msg.wrench.force.y, 0.0, kRounding);
+  EXPECT_NEAR(msg.wrench.force.z, weight, kRounding);
+  EXPECT_NEAR(msg.wrench.torque.x, 0.5 * 0.96 * weight, kRounding);
+  EXPECT_NEAR(msg.wrench.torque.y, -0.5 * 0.28 * weight, kRounding);
+  EXPECT_NEAR(msg.wrench.torque.z, 0.0, kRounding);
+  EXPECT_NEAR(msg.force, weight, kRounding);
+  EXPECT_TRUE(std::isnan(msg.position) && std::isnan(msg.reached_rate) && std::isnan(msg.bias));
+}
+
+TEST(ConstraintStates, FiguresThatDoNotExistAreNotNumbers) {
+  engine::World world = engine::load_scene(R"(
+bodies:
+- {name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}
+- {name: door, mass: 1, shape: {sphere: {radius: 0.1}}, position: [3, 0, 0]}
+- {name: gate, mass: 1, shape: {sphere: {radius: 0.1}}, position: [6, 0, 0]}
+constraints:
+- {name: coil, type: spring, anchor_a: [0, 0, 3], body_b: bob, length: 1.5, stiffness: 10}
+- {name: socket, type: ball, anchor_a: [0, 0, 1], body_b: bob, break_force: 1}
+- {name: hinge, type: hinge, anchor_a: [3, 0, 0], axis_a: [0, 1, 0], body_b: door, motor: {bias: 0.5}}
+- {name: free, type: hinge, anchor_a: [6, 0, 0], axis_a: [0, 1, 0], body_b: gate}
+- {name: pushed, type: slider, anchor_a: [6, 0, 0], body_b: gate, motor: {force: 2}, enabled: false}
+- {name: gear, type: gear, joints: [hinge, free], ratio: -1}
+)");
+  const ConstraintState broken = state_after(&world, 2, "socket");  // carries 4.81 N upwards
+  const auto state = [&](const char* name) { return to_msg(world, world.find_joint(name)); };
+  const ConstraintState coil = state("coil"), hinge = state("hinge"), free = state("free"),
+                        gear = state("gear"), pushed = state("pushed");
+  EXPECT_TRUE(broken.broken);
+  for (const ConstraintState* msg : {&broken, &coil, &pushed})
+    EXPECT_TRUE(std::isnan(msg->error) && std::isnan(msg->closing_error) &&
+                std::isnan(msg->error_rate))
+        << msg->name;
+  for (const ConstraintState* msg : {&broken, &free, &gear, &pushed})
+    EXPECT_TRUE(std::isnan(msg->bias)) << msg->name;
+  for (const ConstraintState* msg : {&broken, &gear, &pushed})
+    EXPECT_TRUE(std::isnan(msg->position) && std::isnan(msg->reached_rate)) << msg->name;
+  EXPECT_TRUE(std::isnan(gear.wrench.force.x) && std::isnan(gear.wrench.torque.z) &&
+              std::isnan(gear.wrench_point.y));
+  EXPECT_EQ(pushed.wrench.force.z, 0.0);  // disabled: exerts nothing
+  EXPECT_EQ(pushed.force, 0.0);
+
+  EXPECT_LT(std::abs(hinge.error), 1e-9);  // rigid rows: to the tolerance of 1e-8 per second
+  EXPECT_LT(std::abs(gear.error), 1e-9);
+  EXPECT_EQ(hinge.closing_error, 0.0);
+  EXPECT_EQ(hinge.bias, 0.5);
+  EXPECT_NEAR(hinge.position, 0.5 * world.time(), 1e-9);
+  EXPECT_NEAR(free.reached_rate, 0.5, 1e-9);
+  EXPECT_NEAR(coil.position, 2.0, 0.01);  // falls for two steps
+}
+
+TEST(ConstraintStates, AnErrorThatAnEditLeftIsApartFromErrors) {
+  engine::World world = engine::load_scene(R"(
+world: {gravity: [0, 0, 0]}
+bodies:
+- {name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [2, 0, 0]}
+constraints:
+- {name: rod, type: distance, body_b: bob, length: 2}
+)");
+  engine::BodyState state = world.state(world.find_body("bob"));
+  state.position.x() = 2.25;
+  world.set_state(world.find_body("bob"), state);
+  const ConstraintState open = state_after(&world, 0, "rod");
+  EXPECT_TRUE(open.closing);
+  EXPECT_EQ(open.closing_error, 0.25);
+  EXPECT_EQ(open.error, 0.0);
+  EXPECT_EQ(open.position, 2.25);
+  const ConstraintState closed = state_after(&world, 60, "rod");  // closing_time is 0.5 s
+  EXPECT_FALSE(closed.closing);
+  EXPECT_EQ(closed.closing_error, 0.0);
+  EXPECT_LT(std::abs(closed.error), 1e-9);
 }
 
 // ---- bytes of messages
@@ -487,11 +683,17 @@ TEST(Received, MessagesAreReadAsTheyWereWritten) {
   for (int i = 0; i < 3; ++i) {
     Body& body = request.bodies.emplace_back();
     body.name = "b" + std::to_string(i);
-    body.shape.dimensions.assign(static_cast<std::size_t>(i), 0.5 * i);
+    body.shapes.resize(static_cast<std::size_t>(i));
+    for (Shape& shape : body.shapes) {
+      shape.dimensions.assign(static_cast<std::size_t>(i), 0.5 * i);
+      shape.vertices.resize(2);
+      shape.triangles = {0, 1, 1};
+    }
     body.no_collision = i == 1;
     Constraint& constraint = request.constraints.emplace_back();
-    constraint.keys = {"lower", "upper"};
-    constraint.values = {-1.0, 2.0};
+    constraint.coordinates.resize(static_cast<std::size_t>(i));
+    for (CoordinateLaw& law : constraint.coordinates) law.motor.bias = 0.5 * i;
+    constraint.parameters.resize(2);
     request.remove_bodies.push_back(std::string(static_cast<std::size_t>(i), 'x'));
   }
   const std::vector<std::uint8_t> bytes = bytes_of_message(request);

@@ -5,7 +5,7 @@ import unittest
 
 import rospy
 import rostest
-from constraint_sim.msg import Event, EventKind
+from constraint_sim.msg import Event
 
 import support
 from support import NODE, Listener, call, properties, sphere
@@ -169,8 +169,8 @@ class Events(unittest.TestCase):
             [ball % ("lies_%d" % i, 0.2001 * i, 0, 0.1, 0) for i in range(6)] +
             [ball % ("flies_%d" % i, 0.4 * i, -3, 0.45, 10) for i in range(3)]))
         call("step", steps=300)
-        gone = self.wait(EventKind.HANDED_OVER, 6)
-        back = self.wait(EventKind.TAKEN_BACK, 6)
+        gone = self.wait(Event.HANDED_OVER, 6)
+        back = self.wait(Event.TAKEN_BACK, 6)
         lie = {"lies_%d" % i for i in range(6)}
         for events in (gone, back):
             self.assertTrue(all(len(event.names) == 1 for event in events))

@@ -4,7 +4,8 @@ import math
 
 import rospy
 import rostest
-from constraint_sim.msg import Body, Constraint, ConstraintStates, Shape
+from constraint_sim.msg import Body, Constraint, ConstraintStates, CoordinateLaw, Motor, Shape
+from constraint_sim_client import messages
 from geometry_msgs.msg import Point, Vector3, WrenchStamped
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
@@ -33,7 +34,7 @@ class Joints(support.ServiceCase):
         self.good("load_scene",
                   text="world: {gravity: [0, 0, 0], time_step: 0.01, method: auto}")
         bar = Body(name="bar", mass=MASS,
-                   shape=Shape(type=Shape.BOX, dimensions=[LENGTH, WIDTH, WIDTH]))
+                   shapes=[Shape(type=Shape.BOX, dimensions=[LENGTH, WIDTH, WIDTH])])
         bar.pose.position.x = 0.5 * LENGTH
         self.good("add_body", body=bar)
         self.listener = Listener(support.NODE + "/joint_states", JointState)
@@ -42,10 +43,10 @@ class Joints(support.ServiceCase):
         Listener.stop_all()
 
     def joint(self, kind="hinge", laws=(), **fields):
-        laws = dict(laws)
-        fields.setdefault("anchor_b", Point(-0.5 * LENGTH, 0, 0))
-        return Constraint(name="j", type=kind, body_b="bar", keys=list(laws),
-                          values=list(laws.values()), **fields)
+        message = messages.constraint("j", kind, body_b="bar", anchor_b=(-0.5 * LENGTH, 0, 0), **dict(laws))
+        for field, value in fields.items():
+            setattr(message, field, value)
+        return message
 
     def states(self):
         """Returns position, velocity and effort by name, as last published: they are repeated while
@@ -99,27 +100,28 @@ class Joints(support.ServiceCase):
 
     def test_further_coordinates_have_numbers(self):
         self.good("add_constraint", constraint=self.joint(
-            "cylindrical", {"1/bias": 0.5, "motor": 1.0}, anchor_a=Point(0.5 * LENGTH, 0, 0),
-            anchor_b=Point()))
+            "cylindrical", {"coordinates": [{"motor": {}}, {"motor": {"bias": 0.5}}]},
+            anchor_a=Point(0.5 * LENGTH, 0, 0), anchor_b=Point()))
         self.good("step", steps=100)
         # runge_kutta holds motors to rounding
         self.reaches({"j": (0.0, 0.0, 0.0), "j/1": (0.5, 0.5, 0.0)}, 3 * [1e-9])
 
     def test_a_gear_turns_a_second_wheel(self):
         wheel = Body(name="wheel", mass=1.0,
-                     shape=Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1]))
+                     shapes=[Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1])])
         wheel.pose.position.y = 2.0
         self.good("add_body", body=wheel)
-        self.good("add_constraint", constraint=self.joint(laws={"motor": 1.0}))
+        self.good("add_constraint", constraint=self.joint(laws={"motor": {}}))
         self.good("add_constraint", constraint=Constraint(
             name="k", type="hinge", anchor_a=Point(0, 2, 0), body_b="wheel"))
-        gear = dict(name="train", type="gear", body_a="j", body_b="k", keys=["ratio"])
-        self.bad(["body_b", "'nobody'"], "add_constraint",
-                 constraint=Constraint(**{**gear, "body_b": "nobody"}, values=[2.0]))
-        self.bad(["ratio", "0"], "add_constraint", constraint=Constraint(**gear, values=[0.0]))
-        self.bad(["axis_a"], "add_constraint",
-                 constraint=Constraint(**gear, values=[2.0], axis_a=Vector3(0, 0, 1)))
-        self.good("add_constraint", constraint=Constraint(**gear, values=[-2.0]))
+
+        def gear(second="k", **settings):
+            return messages.constraint("train", "gear", joints=("j", second), **{"ratio": -2.0, **settings})
+        self.bad(["body_b", "'nobody'"], "add_constraint", constraint=gear("nobody"))
+        self.bad(["ratio", "nan"], "add_constraint", constraint=gear(ratio=math.nan))
+        self.bad(["coupling.pitch", "0.5"], "add_constraint", constraint=gear(pitch=0.5))
+        self.bad(["axis_a"], "add_constraint", constraint=gear(axis_a=(0, 0, 1)))
+        self.good("add_constraint", constraint=gear())
         self.good("set_motor_bias", constraint="j", bias=0.5)
         self.good("step", steps=100)
         self.reaches({"j": (0.5, 0.5, 0.0), "k": (0.25, 0.25, 0.0)}, 3 * [1e-9])
@@ -134,7 +136,7 @@ class Joints(support.ServiceCase):
     def test_gears_that_contradict_are_refused_by_name(self):
         for name in "abc":
             wheel = Body(name=name, mass=1.0,
-                         shape=Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1]))
+                         shapes=[Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1])])
             wheel.pose.position.y = 2.0 + "abc".index(name)
             self.good("add_body", body=wheel)
             self.good("add_constraint", constraint=Constraint(
@@ -142,10 +144,7 @@ class Joints(support.ServiceCase):
                 body_b=name))
 
         def gear(of, **settings):
-            settings = {"ratio": 1.0, **settings}
-            return Constraint(name="gear_" + of, type="gear", body_a="hinge_" + of[0],
-                              body_b="hinge_" + of[1], keys=list(settings),
-                              values=list(settings.values()))
+            return messages.constraint("gear_" + of, "gear", joints=["hinge_" + one for one in of], **settings)
         self.good("add_constraint", constraint=gear("ab"))
         self.good("add_constraint", constraint=gear("bc"))
         # the first wheel rotates like the third, so the value between them can only be 0
@@ -162,20 +161,20 @@ class Joints(support.ServiceCase):
 
     def test_a_screw_and_a_pulley_by_service(self):
         self.good("add_constraint", constraint=self.joint(
-            "screw", {"pitch": 0.5, "1/bias": 2.0 * math.pi}, anchor_a=Point(0.5, 0, 0),
-            anchor_b=Point()))
+            "screw", {"pitch": 0.5, "coordinates": [{}, {"motor": {"bias": 2.0 * math.pi}}]},
+            anchor_a=Point(0.5, 0, 0), anchor_b=Point()))
         self.good("step", steps=100)  # a turn, and half a metre
         self.reaches({"j": (0.5, 0.5, 0.0), "j/1": (2.0 * math.pi, 2.0 * math.pi, 0.0)}, 3 * [1e-8])
         self.good("remove_constraint", name="j")
         for name, y in (("left", 1.0), ("right", -1.0)):
             self.good("add_constraint", constraint=Constraint(
                 name=name, type="distance", anchor_a=Point(0.5, y, 3), body_b="bar",
-                anchor_b=Point(0, 0, 0), keys=["free"], values=[1.0]))
+                anchor_b=Point(0, 0, 0), free=True))
         self.good("add_constraint", constraint=Constraint(
             name="hoist", type="pulley", body_a="left", body_b="right"))
         self.good("step", steps=10)
-        self.bad(["keys", "'free'"], "add_constraint", constraint=Constraint(
-            name="x", type="rope", body_b="bar", keys=["free"], values=[1.0]))
+        self.bad(["free", "'rope'"], "add_constraint", constraint=Constraint(
+            name="x", type="rope", body_b="bar", free=True))
 
     def test_what_is_open_is_said_in_words(self):
         answer = self.good("add_constraint", constraint=self.joint(
@@ -201,12 +200,13 @@ class Joints(support.ServiceCase):
         listener = Listener(support.NODE + "/constraint_states", ConstraintStates)
         state = listener.present().constraints[0]
         self.assertFalse(state.closing)
+        self.assertEqual(state.closing_error, 0.0)
         self.assertLess(abs(state.error), 1e-9)
 
     def test_properties_change_while_a_constraint_acts(self):
         self.good("add_constraint", constraint=self.joint(
-            "cylindrical", {"1/bias": 0.5, "1/timeout": 0.3}, anchor_a=Point(0.5 * LENGTH, 0, 0),
-            anchor_b=Point()))
+            "cylindrical", {"coordinates": [{}, {"motor": {"bias": 0.5, "timeout": 0.3}}]},
+            anchor_a=Point(0.5 * LENGTH, 0, 0), anchor_b=Point()))
         self.good("step", steps=10)
         self.good("set_constraint_properties", name="j", values=[0.25, 2.0, 1e6],
                   keys=["motor_position", "1/upper", "break_torque"])
@@ -282,7 +282,7 @@ class Joints(support.ServiceCase):
                 ("weld", {}, {}), ("point_on_line", {}, {}), ("point_on_plane", {}, {}),
                 ("parallel", {}, {}),
                 ("screw", {"pitch": 0.5}, {}), ("distance", {}, above),
-                ("distance", {"free": 1.0}, above)):
+                ("distance", {"free": True}, above)):
             answer = self.good("add_constraint", constraint=self.joint(kind, keys, **fields))
             self.assertEqual(answer.status_message, "", kind)  # closed
             self.good("step", steps=10)
@@ -310,16 +310,25 @@ class Joints(support.ServiceCase):
         self.assertEqual(answer.status_message, "axes 30 degrees off; closes in 0.5 s")
 
     def test_laws_that_cannot_be_are_refused(self):
-        for laws, words in (({"stifness": 1.0}, ["keys", "hinge", "'stifness'"]),
-                            ({"1/rest": 1.0}, ["keys", "'1/rest'", "1 coordinate"]),
-                            ({"bias": 1.0}, ["keys", "'bias'", "field"]),
-                            ({"motor": 2.0}, ["keys", "'motor'", "2"]),
-                            ({"lower": 1.0, "upper": -1.0}, ["upper", "-1"]),
-                            ({"friction": math.nan}, ["friction", "nan"]),
-                            ({"motor_position": 1.0, "motor_force": 1.0}, ["motor.force"])):
+        first = "coordinates[0]."
+        for laws, words in (({"coordinates": [{}, {"rest": 1.0}]}, ["coordinates", "1 coordinate", "got 2"]),
+                            ({"lower": 1.0, "upper": -1.0}, [first + "upper", "-1"]),
+                            ({"friction": math.nan}, [first + "friction", "nan"]),
+                            ({"position": 1.0, "zero": 1.0}, [first + "zero", "1.0"]),
+                            ({"motor": {"servo_frequency": 5.0}}, [first + "motor.servo_frequency", "POSITION=2"]),
+                            ({"motor": {"position": 1.0, "force": 1.0}}, [first + "motor.force", "FORCE=3"]),
+                            ({"motor": {"force": 1.0, "phase": 1.0}}, [first + "motor.phase", "RATE=1"]),
+                            ({"motor": {"bias": math.inf}}, [first + "motor.bias", "inf"]),
+                            ({"value": 1.0}, ["coupling.has_value", "hinge"])):
             self.bad(words, "add_constraint", constraint=self.joint(laws=laws))
-        self.bad(["phase"], "add_constraint", constraint=self.joint(phase=1.0))
-        self.bad(["motor", "weld"], "add_constraint", constraint=self.joint("weld", bias=1.0))
+        law = CoordinateLaw
+        for each, words in ((law(motor=Motor(max_force=1.0)), [first + "motor.max_force", "mode"]),
+                            (law(motor=Motor(mode=4)), [first + "motor.mode", "4"]),
+                            (law(lower=-1.0), [first + "lower", "has_limits"]),
+                            (law(position=0.5), [first + "position", "has_position"])):
+            self.bad(words, "add_constraint", constraint=self.joint(coordinates=[each]))
+        self.bad(["coordinates", "'weld'"], "add_constraint",
+                 constraint=self.joint("weld", {"motor": {"bias": 1.0}}))
         self.good("add_constraint", constraint=self.joint("weld"))
         self.bad(["motor", "weld"], "set_motor_bias", constraint="j", bias=1.0)
 

@@ -11,7 +11,7 @@ import rosbag
 import rospkg
 import rospy
 import rostest
-from constraint_sim.msg import Constraint, EditRecord
+from constraint_sim.msg import Constraint, EditRecord, Parameter
 from std_msgs.msg import Float64
 
 from support import NODE, TIMEOUT, call, node_command, properties, running, wait_until
@@ -84,13 +84,13 @@ class Plugins(unittest.TestCase):
             self.assertIn("no plugin has a force of type 'weather/storm'; types are: weather/bowl,"
                           " weather/wind", refused.status_message)
             wrong = call("add_constraint", constraint=Constraint(
-                name="gust", type="custom_force:weather/wind", body_b="bead", keys=["drag"],
-                values=[1.0]))
+                name="gust", type="custom_force:weather/wind", body_b="bead",
+                parameters=[Parameter("drag", 1.0)]))
             self.assertFalse(wrong.success)
             self.assertIn("'speed' is left out", wrong.status_message)
             added = call("add_constraint", constraint=Constraint(
                 name="gust", type="custom_force:weather/wind", body_b="bead",
-                keys=["drag", "speed"], values=[0.2, -1.0]))
+                parameters=[Parameter("drag", 0.2), Parameter("speed", -1.0)]))
             self.assertTrue(added.success, added.status_message)
             call("step", steps=10)
             text = call("save_scene").text
@@ -135,7 +135,7 @@ class Plugins(unittest.TestCase):
             properties()
             self.assertTrue(call("add_constraint", constraint=Constraint(
                 name="gust", type="custom_force:weather/wind", body_b="bead",
-                keys=["drag", "speed", "until"], values=[0.2, 1.0, 0.055])).success)
+                parameters=[Parameter("drag", 0.2), Parameter("speed", 1.0), Parameter("until", 0.055)])).success)
             answer = call("step", steps=20)
             self.assertFalse(answer.success)
             self.assertIn("'gust' of type 'weather/wind': wrench threw: the wind is over",

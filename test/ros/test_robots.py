@@ -293,7 +293,7 @@ constraints:
             with simulator(cmd_vel="cart", wrench="ball"):
                 self.good("load_urdf", path="arm", fixed=True, extra=POSE + MOTORS)
                 cart = Body(name="cart", type=Body.KINEMATIC,
-                            shape=Shape(type=Shape.BOX, dimensions=[1, 1, 1]))
+                            shapes=[Shape(type=Shape.BOX, dimensions=[1, 1, 1])])
                 cart.pose.position.y = 9
                 self.good("add_body", body=cart)
                 self.good("add_body", body=support.sphere("ball", y=-9.0))
@@ -380,7 +380,7 @@ motors:
             self.good("load_scene", text="world: {gravity: [0, 0, 0]}")
             self.good("add_body", body=support.sphere("ball"))
             cart = Body(name="cart", type=Body.KINEMATIC,
-                        shape=Shape(type=Shape.BOX, dimensions=[1, 1, 1]))
+                        shapes=[Shape(type=Shape.BOX, dimensions=[1, 1, 1])])
             cart.pose.position.y = 5
             cart.pose.orientation.z = cart.pose.orientation.w = 0.5 ** 0.5
             self.good("add_body", body=cart)

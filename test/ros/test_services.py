@@ -7,6 +7,7 @@ import rospy
 import rostest
 from constraint_sim.msg import Body, BodyState, Shape
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from std_msgs.msg import ColorRGBA
 
 import support
 from support import call, properties, sphere
@@ -32,11 +33,11 @@ class Services(support.ServiceCase):
         self.assertEqual(properties().constraints, [])
 
     def test_add_body_of_each_shape_and_type(self):
-        shapes = [Shape(Shape.POINT, []), Shape(Shape.SPHERE, [0.1]),
-                  Shape(Shape.BOX, [0.1, 0.2, 0.3]), Shape(Shape.PLANE, [])]
+        shapes = [Shape(type=Shape.POINT), Shape(type=Shape.SPHERE, dimensions=[0.1]),
+                  Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3]), Shape(type=Shape.PLANE)]
         for shape in shapes:
             for kind in (Body.DYNAMIC, Body.STATIC, Body.KINEMATIC):
-                body = sphere("b%d_%d" % (shape.type, kind), shape=shape, type=kind)
+                body = sphere("b%d_%d" % (shape.type, kind), shapes=[shape], type=kind)
                 if shape.type == Shape.PLANE and kind == Body.DYNAMIC:
                     self.bad(["type", "dynamic"], "add_body", body=body)
                 else:
@@ -47,10 +48,10 @@ class Services(support.ServiceCase):
             shown = "%g" % value
             self.bad(["mass", shown], "add_body", body=sphere("b", mass=value))
             self.bad(["radius", shown], "add_body",
-                     body=sphere("b", shape=Shape(Shape.SPHERE, [value])))
+                     body=sphere("b", shapes=[Shape(type=Shape.SPHERE, dimensions=[value])]))
             for axis, size in (("x", [value, 1, 1]), ("y", [1, value, 1]), ("z", [1, 1, value])):
                 self.bad(["size." + axis, shown], "add_body",
-                         body=sphere("b", shape=Shape(Shape.BOX, size)))
+                         body=sphere("b", shapes=[Shape(type=Shape.BOX, dimensions=size)]))
         for value in NOT_FINITE + [-1.0]:
             shown = "%g" % value
             self.bad(["friction", shown], "add_body", body=sphere("b", friction=value))
@@ -80,24 +81,30 @@ class Services(support.ServiceCase):
         self.bad(["name", "ball"], "add_body", body=sphere("ball"))
         for name in ("", "world", "/ball", "two words", "-x", "ä"):
             self.bad(["name", name], "add_body", body=sphere(name))
-        self.bad(["shape.dimensions", "2"], "add_body",
-                 body=sphere("b", shape=Shape(Shape.SPHERE, [1, 2])))
-        self.bad(["shape.dimensions", "0"], "add_body",
-                 body=sphere("b", shape=Shape(Shape.BOX, [])))
-        self.bad(["shape.type", "9"], "add_body", body=sphere("b", shape=Shape(9, [])))
-        self.bad(["shape.type", "capsule"], "add_body",
-                 body=sphere("b", shape=Shape(Shape.CAPSULE, [1, 2])))
+        self.bad(["shapes[0].dimensions", "2"], "add_body",
+                 body=sphere("b", shapes=[Shape(type=Shape.SPHERE, dimensions=[1, 2])]))
+        self.bad(["shapes[0].dimensions", "0"], "add_body",
+                 body=sphere("b", shapes=[Shape(type=Shape.BOX)]))
+        self.bad(["shapes[0].type", "9"], "add_body", body=sphere("b", shapes=[Shape(type=9)]))
+        for kind, named in ((Shape.CAPSULE, "capsule"), (Shape.HULL, "hull"), (Shape.MESH, "mesh")):
+            self.bad(["shapes[0].type", named], "add_body", body=sphere("b", shapes=[Shape(type=kind)]))
+        self.bad(["shapes[0].vertices", "4"], "add_body",
+                 body=sphere("b", shapes=[Shape(type=Shape.SPHERE, dimensions=[1], vertices=[Point()] * 4)]))
+        self.bad(["shapes", "several", "2"], "add_body", body=sphere("b", shapes=[Shape(), Shape()]))
+        for field in ("collision_groups", "collision_mask"):
+            self.bad([field, "4"], "add_body", body=sphere("b", **{field: 4}))
+        self.bad(["color", "1.5"], "add_body", body=sphere("b", color=ColorRGBA(r=1.5)))
         self.bad(["type", "7"], "add_body", body=sphere("b", type=7))
 
     def test_a_cylinder_rolls_down_a_slope(self):
         self.good("load_scene", text="world: {method: sequential_impulses}")
         tilt = Quaternion(0, math.sin(0.1), 0, math.cos(0.1))  # 0.2 rad about y
         self.good("add_body", body=sphere("slope", type=Body.STATIC, friction=1.0,
-                                          shape=Shape(Shape.PLANE, [])))
+                                          shapes=[Shape(type=Shape.PLANE)]))
         self.good("set_body_state", state=BodyState(name="slope", pose=Pose(orientation=tilt)))
         half = math.sqrt(0.5)
         roller = sphere("roller", 0.2 * math.sin(0.2), 0, 0.2 * math.cos(0.2), friction=1.0,
-                        shape=Shape(5, [0.2, 0.5]))  # as in Shape.msg
+                        shapes=[Shape(type=Shape.CYLINDER, dimensions=[0.2, 0.5])])
         roller.pose.orientation = Quaternion(half, 0, 0, half)
         self.good("add_body", body=roller)
         self.good("step", steps=100)
@@ -108,7 +115,7 @@ class Services(support.ServiceCase):
         self.assertIn("cylinder: {radius: 0.2, length: 0.5}", call("save_scene").text)
         for dimensions, named in (([0.1], "1"), ([], "0"), ([0.1, -1], "-1"), ([0, 1], "radius")):
             self.bad(["shape", named], "add_body",
-                     body=sphere("b", shape=Shape(5, dimensions)))
+                     body=sphere("b", shapes=[Shape(type=Shape.CYLINDER, dimensions=dimensions)]))
 
     def test_remove_body_refuses_the_unknown_and_the_world(self):
         for name in ("nobody", "", "world"):
@@ -147,7 +154,7 @@ class Services(support.ServiceCase):
         self.good("add_body", body=sphere("a", 0, 0, 1))
         self.good("add_body", body=sphere("b", 1, 0, 1))
         self.good("add_body", body=sphere("fixed", 2, 0, 1, type=Body.STATIC))
-        self.good("add_body", body=sphere("point", 3, 0, 1, shape=Shape(Shape.POINT, [])))
+        self.good("add_body", body=sphere("point", 3, 0, 1, shapes=[Shape(type=Shape.POINT)]))
         self.good("add_distance_constraint", name="rod", body_a="a", body_b="b")
         ends = {"body_a": "a", "body_b": "b"}
         for name in ("rod", "", "world", "a b"):

@@ -8,7 +8,7 @@ import rospy
 import rostest
 import yaml
 from constraint_sim.msg import (Body, BodyState, Constraint, ConstraintStates, ContactStates,
-                                MotorBias, Shape)
+                                CoordinateLaw, Motor, MotorBias, Parameter, Shape)
 from geometry_msgs.msg import Point, Quaternion, Twist, Vector3, Wrench
 from std_msgs.msg import String
 
@@ -83,7 +83,7 @@ class States(support.ServiceCase):
 
     def test_set_body_state_in_a_frame_and_get_it_back(self):
         self.add_turning_frame()
-        self.good("add_body", body=sphere("b", shape=Shape(Shape.BOX, [0.1, 0.2, 0.3])))
+        self.good("add_body", body=sphere("b", shapes=[Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3])]))
         state = BodyState(name="b")
         state.pose.position = Point(1, -2, 0.5)
         state.pose.orientation = Quaternion(0.5, 0.5, 0.5, 0.5)
@@ -166,7 +166,7 @@ class States(support.ServiceCase):
     def test_wrenches_refuse_bad_input(self):
         self.good("add_body", body=sphere("b"))
         self.good("add_body", body=sphere("fixed", type=Body.STATIC))
-        self.good("add_body", body=sphere("point", shape=Shape(Shape.POINT, [])))
+        self.good("add_body", body=sphere("point", shapes=[Shape(type=Shape.POINT)]))
         for name in ("", "world", "nobody"):
             self.bad(["body_name"], "apply_body_wrench", body_name=name)
             self.bad(["body_name"], "clear_body_wrenches", body_name=name)
@@ -209,8 +209,8 @@ class States(support.ServiceCase):
     def test_add_constraint_of_each_type(self):
         for kind, fields in (("distance", {}), ("distance", {"min_length": 0.5, "max_length": 2}),
                              ("rope", {}), ("strut", {"min_length": 0.5}),
-                             ("spring", {"frequency": 2.0, "damping_ratio": 0.1}),
-                             ("spring", {"keys": ["stiffness"], "values": [10.0]}), ("ball", {})):
+                             ("spring", {"coordinates": [CoordinateLaw(frequency=2.0, damping_ratio=0.1)]}),
+                             ("spring", {"coordinates": [CoordinateLaw(stiffness=10.0)]}), ("ball", {})):
             self.good("add_body", body=sphere("b", 1, 0, 0))
             answer = self.good("add_constraint", constraint=self.constraint(kind, **fields))
             self.assertEqual(answer.initial_error, 1.0 if kind == "ball" else 0.0)
@@ -221,8 +221,9 @@ class States(support.ServiceCase):
         self.good("add_body", body=sphere("b", 1, 0, 0))
         self.good("add_constraint", constraint=self.constraint(
             "distance", length=1.5, anchor_a=Point(0.5, 0, 0), baumgarte=0.2, break_force=100.0,
-            bias=0.1, amplitude=0.2, motor_frequency=3.0, phase=0.4, max_force=50.0,
-            collide_connected=True, keys=["timeout"], values=[7.0]))
+            collide_connected=True, coordinates=[CoordinateLaw(motor=Motor(
+                mode=Motor.RATE, bias=0.1, amplitude=0.2, frequency=3.0, phase=0.4, max_force=50.0,
+                timeout=7.0))]))
         text = self.good("save_scene").text
         for line in ("length: 1.5", "anchor_a: [0.5, 0, 0]", "baumgarte: 0.2", "break_force: 100",
                      "bias: 0.1", "amplitude: 0.2", "frequency: 3", "max_force: 50",
@@ -233,26 +234,39 @@ class States(support.ServiceCase):
         self.good("add_body", body=sphere("b", 1, 0, 0))
         for kind in ("cog", "", "Distance"):
             self.bad(["type", kind], "add_constraint", constraint=self.constraint(kind))
-        for kind, field in (("rope", "length"), ("rope", "frequency"), ("ball", "length"),
+        for kind, field in (("rope", "length"), ("ball", "length"), ("weld", "max_length"),
                             ("strut", "max_length"), ("spring", "min_length")):
             self.bad([field, kind], "add_constraint",
                      constraint=self.constraint(kind, **{field: 1.0}))
         self.bad(["axis_a"], "add_constraint",
                  constraint=self.constraint("distance", axis_a=Vector3(0, 0, 1)))
         self.bad(["frequency"], "add_constraint", constraint=self.constraint("spring"))
-        self.bad(["keys", "stiffness"], "add_constraint",
-                 constraint=self.constraint("rope", keys=["stiffness"], values=[1.0]))
-        self.bad(["values", "1"], "add_constraint",
-                 constraint=self.constraint("rope", keys=["timeout"], values=[]))
+        first = "coordinates[0]."
+        for kind, law, words in (
+                ("rope", CoordinateLaw(stiffness=1.0), [first + "stiffness", "'rope'"]),
+                ("rope", CoordinateLaw(frequency=1.0), [first + "frequency", "'rope'"]),
+                ("distance", CoordinateLaw(friction=1.0), [first + "friction", "'distance'"]),
+                ("distance", CoordinateLaw(has_limits=True), [first + "has_limits", "'distance'"]),
+                ("strut", CoordinateLaw(motor=Motor(mode=Motor.FORCE, force=1.0)), [first + "motor.mode", "3"]),
+                ("ball", CoordinateLaw(), ["coordinates", "'ball'", "0 coordinates, got 1"])):
+            self.bad(words, "add_constraint", constraint=self.constraint(kind, coordinates=[law]))
+        self.bad(["parameters", "'drag'"], "add_constraint",
+                 constraint=self.constraint("ball", parameters=[Parameter("drag", 1.0)]))
+        self.bad(["break_torque", "'distance'"], "add_constraint",
+                 constraint=self.constraint("distance", break_torque=1.0))
         for value in NOT_FINITE:
-            for field in ("length", "min_length", "max_length", "frequency", "damping_ratio",
-                          "baumgarte", "break_force", "bias", "amplitude", "motor_frequency",
-                          "phase", "max_force"):
-                name = {"motor_frequency": "frequency"}.get(field, field)
+            for field in ("length", "min_length", "max_length", "baumgarte", "break_force"):
                 if field == "max_length" and value == math.inf:
                     continue  # the type has no limits
-                self.bad([name, "%g" % value], "add_constraint",
+                self.bad([field, "%g" % value], "add_constraint",
                          constraint=self.constraint("distance", **{field: value}))
+            for field in ("frequency", "damping_ratio", "stiffness", "damping"):
+                self.bad([field, "%g" % value], "add_constraint", constraint=self.constraint(
+                    "distance", coordinates=[CoordinateLaw(**{field: value})]))
+            for field in ("bias", "amplitude", "frequency", "phase", "max_force", "timeout"):
+                self.bad([first + "motor." + field, "%g" % value], "add_constraint",
+                         constraint=self.constraint("distance", coordinates=[CoordinateLaw(
+                             motor=Motor(mode=Motor.RATE, **{field: value}))]))
         self.bad(["max_length", "min_length"], "add_constraint",
                  constraint=self.constraint("distance", min_length=2.0, max_length=1.0))
 
@@ -269,7 +283,7 @@ class States(support.ServiceCase):
     def test_contact_states(self):
         self.good("load_scene", text="world: {gravity: [0, 0, -10], time_step: 0.01}")
         listener = Listener(support.NODE + "/contact_states", ContactStates)
-        self.good("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        self.good("add_body", body=sphere("floor", type=Body.STATIC, shapes=[Shape(type=Shape.PLANE)]))
         self.good("add_body", body=sphere("ball", z=0.1, mass=3.0))
         self.good("step", steps=300)
         contact = listener.present().contacts[0]
@@ -351,7 +365,8 @@ wrenches: [{body: load, force: [0, 0, -5], start: 0.1}]""")
         self.good("step", steps=150)
         self.good("add_body", body=sphere("late", 2, 0, 4))
         self.good("add_constraint", constraint=Constraint(
-            name="late_rope", type="rope", body_b="late", anchor_a=Point(2, 0, 5), bias=-0.1))
+            name="late_rope", type="rope", body_b="late", anchor_a=Point(2, 0, 5),
+            coordinates=[CoordinateLaw(motor=Motor(mode=Motor.RATE, bias=-0.1))]))
         self.good("step", steps=37)
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "saved.yaml")

@@ -10,7 +10,7 @@ import tf2_ros
 from constraint_sim.msg import (Body, BodyStates, Constraint, ConstraintStates, Shape,
                                 Statistics)
 from geometry_msgs.msg import Point, Quaternion, Vector3
-from std_msgs.msg import String
+from std_msgs.msg import ColorRGBA, String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -167,7 +167,11 @@ constraints:
         self.assertEqual((state.name, state.type), ("cable", "distance"))
         # a load of 2 kg at rest; -m g to rounding of a hundred warm-started steps
         self.assertAlmostEqual(state.force, -2 * 9.81, places=6)
+        self.assertAlmostEqual(state.wrench.force.z, 2 * 9.81, places=6)
+        self.assertEqual((state.wrench_point.x, state.wrench_point.y), (0.0, 0.0))
         self.assertLess(abs(state.error), 1e-6)
+        self.assertEqual((state.closing_error, state.bias), (0.0, 0.0))
+        self.assertAlmostEqual(state.position, 3.0, places=6)
         self.assertFalse(state.saturated or state.broken or state.closing)
 
         call("set_motor_bias", constraint="cable", bias=0.25)
@@ -284,9 +288,10 @@ constraints:
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
         call("add_body", body=sphere("ball", 0, 0, 1))
-        call("add_body", body=sphere("box", 2, 0, 1, shape=Shape(Shape.BOX, [0.1, 0.2, 0.3])))
-        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
-        call("add_body", body=sphere("can", 5, 0, 1, shape=Shape(5, [0.1, 0.6])))
+        call("add_body", body=sphere("box", 2, 0, 1, shapes=[Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3])]))
+        call("add_body", body=sphere("floor", type=Body.STATIC, shapes=[Shape(type=Shape.PLANE)]))
+        call("add_body", body=sphere("can", 5, 0, 1, shapes=[Shape(type=Shape.CYLINDER, dimensions=[0.1, 0.6])],
+                                     color=ColorRGBA(1, 0.5, 0.25, 0)))
         support.wait_until(lambda: self.count(listener, "bodies") == 4, "four bodies")
         ball, box, _, can = [m for k, m in sorted(self.shown(listener).items()) if k[0] == "bodies"]
         self.assertEqual((ball.type, ball.scale.x), (Marker.SPHERE, 0.2))
@@ -295,6 +300,13 @@ constraints:
         self.assertEqual(box.pose.position.x, 2.0)
         self.assertEqual((can.type, can.scale.x, can.scale.y, can.scale.z),
                          (Marker.CYLINDER, 0.2, 0.2, 0.6))
+        self.assertEqual(can.color, ColorRGBA(1, 0.5, 0.25, 1))  # opaque where the opacity is left out
+        tool = Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3])
+        tool.pose.position.z = 0.5
+        call("add_body", body=sphere("tool", 7, 0, 1, shapes=[tool], inertia=Vector3(1, 1, 1)))
+        support.wait_until(lambda: self.count(listener, "bodies") == 5, "a body with a shape beside its centre")
+        shown = [m for m in self.of(listener, "bodies") if m.pose.position.x == 7.0]
+        self.assertEqual([m.pose.position.z for m in shown], [1.5])
 
     def test_constraint_lines_turn_from_green_to_red_with_the_error(self):
         support.empty_world()
@@ -345,7 +357,7 @@ constraints:
     def test_the_axis_of_a_small_hinge_is_no_longer_than_its_bodies(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
-        call("add_body", body=sphere("finger", shape=Shape(Shape.BOX, [0.01, 0.01, 0.04])))
+        call("add_body", body=sphere("finger", shapes=[Shape(type=Shape.BOX, dimensions=[0.01, 0.01, 0.04])]))
         hinge = Constraint(name="hinge", type="hinge", axis_a=Vector3(0, 1, 0), body_b="finger",
                            anchor_a=Point(0, 0, 0.02), anchor_b=Point(0, 0, 0.02))
         self.assertTrue(call("add_constraint", constraint=hinge).success)
@@ -453,7 +465,7 @@ bodies:
     def test_contact_arrows_come_out_of_the_floor(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
-        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        call("add_body", body=sphere("floor", type=Body.STATIC, shapes=[Shape(type=Shape.PLANE)]))
         call("add_body", body=sphere("ball", z=0.1))
         call("add_body", body=sphere("heavy", x=1, z=0.1, mass=4.0))
         call("step", steps=20)
@@ -497,7 +509,7 @@ bodies:
     def test_contacts_appear_and_go(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
-        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        call("add_body", body=sphere("floor", type=Body.STATIC, shapes=[Shape(type=Shape.PLANE)]))
         call("add_body", body=sphere("ball", z=0.1))
         call("step", steps=20)
         support.wait_until(lambda: self.count(listener, "contacts") == 1, "the contact")

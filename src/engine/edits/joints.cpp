@@ -307,6 +307,7 @@ World::JointWrench World::joint_wrench(JointId id) const {
     return {b.orientation.conjugate() * (state.force * direction(AnchorPair(joint, a, b))),
             Vector3d::Zero()};
   if (is_custom_force(joint.kind)) {
+    if (!acts(joint, state)) return {};
     const Jacobian wrench = custom_wrench(joint, a, b, time());
     const Vector3d arm = b.orientation * joint.anchor_b;
     const Eigen::Quaterniond to_joint = (b.orientation * *joint.frame_b).conjugate();

@@ -38,9 +38,6 @@ constexpr double kWidthOfLetter = 0.7;  // width of a space over the height of a
 
 const std_msgs::ColorRGBA kOffColour = colour(1.0, 0.5, 0.45);  // light, since letters are thin
 
-std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
-std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
-
 std::string shown(const char* format, double value) {
   char text[64];
   std::snprintf(text, sizeof text, format, value);
@@ -183,7 +180,7 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
     if (const auto* cylinder = std::get_if<engine::Cylinder>(&world.body(id).shape))
       place.z() += std::max(cylinder->radius, 0.5 * cylinder->length);
     place.z() += height_;
-    add_text("body_names", number(id), place, colour(0.9, 0.9, 0.9), world.body(id).name);
+    add_text("body_names", marker_id(id), place, colour(0.9, 0.9, 0.9), world.body(id).name);
   }
   find_all_wheels(world);
   find_broken(world, stamp.toSec());
@@ -333,7 +330,7 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
     place.z() += kAbove * height_ + rise;
   }
   for (const Line& each : lines) {
-    add_text(each.ns, number(id), place, each.colour,
+    add_text(each.ns, marker_id(id), place, each.colour,
              is_beside ? beside(each.text, is_left) : each.text);
     top_ = std::max(top_, place.z());
     place.z() -= line;

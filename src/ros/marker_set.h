@@ -12,9 +12,15 @@
 #include <utility>
 #include <vector>
 
+#include "constraint_sim/engine/id.h"
 #include "ros/marker_message.h"
 
 namespace constraint_sim {
+
+/// Id of the markers of a body, within a namespace.
+inline std::int32_t marker_id(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
+/// Id of the markers of a constraint, within a namespace.
+inline std::int32_t marker_id(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
 
 /// A marker that is kept between messages, so that only changes are set again.
 struct ShownMarker : visualization_msgs::Marker {

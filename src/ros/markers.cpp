@@ -26,9 +26,6 @@ constexpr double kHead = 0.2;           // head of a force's arrow over its leng
 constexpr double kLeastHead = 0.1;      // shortest head of a friction arrow over the longest arrow
 constexpr double kSlender = 0.025;      // width of an arrow over its length
 
-std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
-std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
-
 std::int32_t type_of(Look look) {
   if (look == Look::kRod) return Marker::CYLINDER;
   return look == Look::kStrut ? Marker::TRIANGLE_LIST : Marker::LINE_LIST;
@@ -199,8 +196,8 @@ Markers::JointLook& Markers::coupled_look(engine::JointId id) {
 // Draws the three springs of a hand as one arrow.
 void Markers::add_grip(const engine::World& world, engine::JointId id) {
   const engine::BodyId held = world.joint(id).body_b;
-  if (hands_.is_added(number(held))) return;
-  Marker& marker = hands_.add(number(held), Marker::LINE_LIST);
+  if (hands_.is_added(marker_id(held))) return;
+  Marker& marker = hands_.add(marker_id(held), Marker::LINE_LIST);
   marker.scale.x = 0.4 * extent_.width;
   marker.color = colour(1.0, 1.0, 0.6);
   const Vector3d& from = world.state(held).position;
@@ -215,7 +212,7 @@ void Markers::add_grip(const engine::World& world, engine::JointId id) {
 // Finds the extent of the scene with the first message and when bodies come or go; signs keep their
 // size while bodies move.
 void Markers::find_extent(const engine::World& world) {
-  const std::pair now(body_ids_.size(), body_ids_.empty() ? 0 : number(body_ids_.back()));
+  const std::pair now(body_ids_.size(), body_ids_.empty() ? 0 : marker_id(body_ids_.back()));
   if (extent_.sign > 0.0 && now == extent_of_) return;
   extent_of_ = now;
   extent_ = extent_of(world);
@@ -226,10 +223,10 @@ void Markers::add_body(const engine::World& world, const BodyLook& look) {
   std::optional<engine::BodyState> placed;
   if (look.has_shape_pose) placed = shape_state(world, look.id);
   const engine::BodyState& at = placed ? *placed : world.state(look.id);
-  ShownMarker* shown = bodies_.shown(number(look.id));
+  ShownMarker* shown = bodies_.shown(marker_id(look.id));
   if (!is_edited_ && shown != nullptr && is_at(shown->pose, at)) return bodies_.keep(shown);
   const bool is_new = is_edited_ || shown == nullptr;
-  Marker& marker = is_new ? bodies_.add(number(look.id), Marker::CUBE) : bodies_.send(shown);
+  Marker& marker = is_new ? bodies_.add(marker_id(look.id), Marker::CUBE) : bodies_.send(shown);
   marker.pose.position = point_at(at.position);
   marker.pose.orientation = quaternion_of(at.orientation);
   if (!is_new) return;
@@ -243,7 +240,7 @@ void Markers::add_body(const engine::World& world, const BodyLook& look) {
 // Returns whether a constraint is drawn. One that breaks while a viewer is connected stays for
 // kBrokenShown.
 bool Markers::is_drawn(const JointLook& look, bool is_broken, const ros::Time& stamp) {
-  const std::int32_t id = number(look.id);
+  const std::int32_t id = marker_id(look.id);
   if (!is_broken) {
     if (!broken_since_.empty()) broken_since_.erase(id);
     return true;
@@ -265,7 +262,7 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
   if (look.touches && !(shown_error(look.look, joint, state) > kToldError)) return;
   const double force = look.pulley ? look.tackle * world.joint_state(*look.pulley).force
                                    : axial_force(joint, state).value_or(0.0);
-  const Seen seen{number(look.id),
+  const Seen seen{marker_id(look.id),
                   look,
                   joint,
                   state,
@@ -341,7 +338,7 @@ void Markers::add_fixed(const engine::World& world) {
   }
   cubes_ = nullptr;
   const auto is_gone = [&](engine::JointId id) {
-    return world.joint_state(id).broken && broken_since_.count(number(id)) == 0;
+    return world.joint_state(id).broken && broken_since_.count(marker_id(id)) == 0;
   };
   for (const JointLook& look : joint_looks_) {
     if (!look.is_drawn || look.is_grip || look.pulley || is_gone(look.id)) continue;

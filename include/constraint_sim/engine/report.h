@@ -108,8 +108,9 @@ struct StepReport {
   /// Bodies that move too fast for the time step: on stiff islands, and on joints by impulses.
   std::uint32_t unresolved_bodies = 0;
   std::uint32_t torn_joints = 0;  ///< joints that broke in this step
-  /// First fast body where hits were left out: after kMostHits hits or 1000 parts of the step, or
-  /// against a body that was advanced already; hits left out come late or are missed.
+  /// First fast body where hits were left out: after kMostHits hits or 1000 parts of the step,
+  /// against a body that was advanced already, or on a path that forces made longer than assumed
+  /// in each repeat of the step; hits left out come late or are missed.
   std::optional<BodyId> hits_left_body;
   double overlap = 0.0;  ///< deepest contact by impulses [m] that stays deeper than 4 g h² and
                          ///< kMostOverlapShare of the thinner shape

@@ -318,11 +318,12 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
   }
   equations.joints.resize(count);
   return equations.coordinates.size() <= ContactEvents::kMostLaws &&
-         add_pairs(model, touching_before, group);
+         add_pairs(step, touching_before, group);
 }
 
-bool ContactGroups::add_pairs(const Model& model, const List<TouchingPair>& touching_before,
+bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>& touching_before,
                               const ContactGroup& group) {
+  const Model& model = step.model;
   ContactEquations& equations = group.events->equations();
   List<ContactEvents::Pair>& pairs = group.events->pairs();
   pairs.clear();
@@ -336,7 +337,8 @@ bool ContactGroups::add_pairs(const Model& model, const List<TouchingPair>& touc
     const std::size_t place_b = add_body(model, b, &equations);
     pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
                      surface.restitution, 0, 0,
-                     std::min(thickness(body_a.shape), thickness(body_b.shape))});
+                     std::min(thickness(body_a.shape), thickness(body_b.shape)),
+                     (step.assumed.of(a) + step.assumed.of(b)) / model.options.time_step});
     const double mass = 1.0 / (model.masses[a].inverse_mass + model.masses[b].inverse_mass);
     note_step_before(touching_before, std::minmax(a, b), mass, &pairs.back());
   }

@@ -29,15 +29,17 @@ void ContactPipeline::set_shapes(const Model& model, const State& state,
   broadphase_.set_resting(proxies_);
 }
 
-void ContactPipeline::find_pairs(const Model& model, const State& state,
+void ContactPipeline::find_pairs(const StepContext& step, const State& state,
                                  const List<int>& fast_bodies, const ContactReach* reach,
                                  StepReport* report) {
+  const Model& model = step.model;
   proxies_.clear();
   auto fast = fast_bodies.begin();
   for (const int body : moving_shapes_) {
     proxies_.push_back(proxy_of(model, state, body));
     if (fast != fast_bodies.end() && *fast == body) {
-      widen(max_distance(model, state, body, model.options.time_step), &proxies_.back());
+      widen(max_distance(step, state.states[body], body, model.options.time_step),
+            &proxies_.back());
       ++fast;
     }
     if (reach != nullptr) widen(reach->of(body), &proxies_.back());

@@ -20,7 +20,7 @@ class ContactPipeline {
 
   /// Finds pairs whose bounds overlap within the step. `fast_bodies`, in the order of
   /// moving_shapes(), sweep their bounds; `reach` widens all bounds, or is null.
-  void find_pairs(const Model& model, const State& state, const List<int>& fast_bodies,
+  void find_pairs(const StepContext& step, const State& state, const List<int>& fast_bodies,
                   const ContactReach* reach, StepReport* report);
   const List<Broadphase::Pair>& pairs() const { return broadphase_.pairs(); }
   /// The broadphase with the shapes that rest.

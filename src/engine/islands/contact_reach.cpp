@@ -31,7 +31,9 @@ double least_gap(const Model& model, const State& state, std::size_t a, std::siz
 }
 
 /// Whether an overlap is no deeper than impulses leave overlaps at rest, and changes slowly.
-bool is_settled(const Model& model, const State& state, const Broadphase::Pair& pair, double gap) {
+bool is_settled(const StepContext& step, const State& state, const Broadphase::Pair& pair,
+                double gap) {
+  const Model& model = step.model;
   const double h = model.options.time_step;
   const std::size_t a = to_index(pair.first), b = to_index(pair.second);
   const double most =
@@ -45,10 +47,11 @@ bool is_settled(const Model& model, const State& state, const Broadphase::Pair& 
     if (state.any_corrections) v -= state.corrections[body].head<3>();
     moved += sign * h * n.dot(v);
   }
-  const double turned = max_point_displacement(model, state, pair.first, h) -
-                        max_center_displacement(model, state, pair.first, h) +
-                        max_point_displacement(model, state, pair.second, h) -
-                        max_center_displacement(model, state, pair.second, h);
+  const BodyState &now_a = state.states[a], &now_b = state.states[b];
+  const double turned = max_point_displacement(step, now_a, pair.first, h) -
+                        max_center_displacement(step, now_a, pair.first, h) +
+                        max_point_displacement(step, now_b, pair.second, h) -
+                        max_center_displacement(step, now_b, pair.second, h);
   return std::abs(moved) + turned <= kMostMoved * most;
 }
 
@@ -71,12 +74,15 @@ bool is_elastic_sphere(const Model& model, std::size_t body) {
 
 // Gives all elastic spheres the reach of the fastest elastic sphere from the start, since a
 // group of very many spheres would grow too slowly.
-void ContactReach::begin(const Model& model, const State& state, const List<int>& moving_shapes) {
+void ContactReach::begin(const StepContext& step, const State& state,
+                         const List<int>& moving_shapes) {
+  const Model& model = step.model;
   reach_.assign(model.bodies.size(), 0.0);
   double of_elastic = 0.0;
   for (const int body : moving_shapes) {
     reach_[body] =
-        2.0 * max_point_displacement(model, state, body, model.options.time_step) + kTouching;
+        2.0 * max_point_displacement(step, state.states[body], body, model.options.time_step) +
+        kTouching;
     if (is_elastic_sphere(model, to_index(body))) of_elastic = std::max(of_elastic, reach_[body]);
   }
   for (const int body : moving_shapes)
@@ -84,12 +90,12 @@ void ContactReach::begin(const Model& model, const State& state, const List<int>
   own_reach_ = reach_;
 }
 
-bool ContactReach::grow(const Model& model, const Topology& topology, const State& state,
-                        const IslandLists& lists, const AwakeSets& awake,
-                        const List<Broadphase::Pair>& pairs) {
-  watch_pairs(model, topology, state, lists.islands.size(), pairs);
+bool ContactReach::grow(const StepContext& step, const State& state, const IslandLists& lists,
+                        const AwakeSets& awake, const List<Broadphase::Pair>& pairs) {
+  const Model& model = step.model;
+  watch_pairs(model, step.topology, state, lists.islands.size(), pairs);
   if (watched_pairs_.empty()) return false;
-  list_group_sizes(model, topology, state, lists, awake);
+  list_group_sizes(step, state, lists, awake);
   bool any_grown = false;
   for (const int i : awake.islands) {
     const GroupSize& size = sizes_[leader_of_[i]];
@@ -128,9 +134,10 @@ void ContactReach::watch_pairs(const Model& model, const Topology& topology, con
 
 // Counts the members of possible groups, by leader: most groups in a heap are too large, and need
 // no list of members.
-void ContactReach::list_group_sizes(const Model& model, const Topology& topology,
-                                    const State& state, const IslandLists& lists,
-                                    const AwakeSets& awake) {
+void ContactReach::list_group_sizes(const StepContext& step, const State& state,
+                                    const IslandLists& lists, const AwakeSets& awake) {
+  const Model& model = step.model;
+  const Topology& topology = step.topology;
   sizes_.assign(lists.islands.size(), GroupSize{});
   for (const auto& [pair, gap] : watched_pairs_) {
     const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
@@ -144,7 +151,7 @@ void ContactReach::list_group_sizes(const Model& model, const Topology& topology
                                                 model.bodies[pair.second].shape);
     if (gap >= -ContactEvents::kMostOverlap) continue;
     size.overlaps = true;
-    size.is_settled = size.is_settled && is_settled(model, state, pair, gap);
+    size.is_settled = size.is_settled && is_settled(step, state, pair, gap);
   }
   for (const int i : awake.islands) {
     GroupSize& size = sizes_[leader_of_[i]];

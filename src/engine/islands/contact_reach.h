@@ -7,6 +7,7 @@
 #include "engine/collision/broadphase.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/sleep.h"
+#include "engine/islands/step.h"
 #include "engine/islands/topology.h"
 #include "engine/math/list.h"
 #include "engine/model/model.h"
@@ -52,17 +53,17 @@ class ContactReach {
 
   void forget_pairs() { watched_pairs_.clear(); }
   /// Begins with the reach of each body by itself.
-  void begin(const Model& model, const State& state, const List<int>& moving_shapes);
+  void begin(const StepContext& step, const State& state, const List<int>& moving_shapes);
   /// Watches the pairs that may touch, out of all whose bounds overlap. True where a body of a
   /// group got a larger reach.
-  bool grow(const Model& model, const Topology& topology, const State& state,
-            const IslandLists& lists, const AwakeSets& awake, const List<Broadphase::Pair>& pairs);
+  bool grow(const StepContext& step, const State& state, const IslandLists& lists,
+            const AwakeSets& awake, const List<Broadphase::Pair>& pairs);
 
  private:
   void watch_pairs(const Model& model, const Topology& topology, const State& state,
                    std::size_t islands, const List<Broadphase::Pair>& pairs);
-  void list_group_sizes(const Model& model, const Topology& topology, const State& state,
-                        const IslandLists& lists, const AwakeSets& awake);
+  void list_group_sizes(const StepContext& step, const State& state, const IslandLists& lists,
+                        const AwakeSets& awake);
   std::optional<double> gap_to_watch(const Model& model, const Topology& topology,
                                      const State& state, const Broadphase::Pair& pair) const;
 

@@ -89,27 +89,33 @@ TouchingPair pair_of(const Model& model, const Broadphase::Pair& bodies) {
 }
 
 /// Sum of the largest displacements of two bodies [m].
-double moved_of(const Model& model, const State& state, const Broadphase::Pair& pair,
+double moved_of(const StepContext& step, const State& state, const Broadphase::Pair& pair,
                 double duration) {
-  return max_point_displacement(model, state, pair.first, duration) +
-         max_point_displacement(model, state, pair.second, duration);
+  const auto [a, b] = pair;
+  return max_point_displacement(step, state.states[a], a, duration) +
+         max_point_displacement(step, state.states[b], b, duration);
 }
 
 /// Whether two bodies can meet within a duration, whatever they bounce off.
-bool may_meet(const Model& model, const State& state, const Broadphase::Pair& pair,
+bool may_meet(const StepContext& step, const State& state, const Broadphase::Pair& pair,
               double duration) {
-  return gap_of(model, state, pair) <= max_distance(model, state, pair.first, duration) +
-                                           max_distance(model, state, pair.second, duration);
+  const auto [a, b] = pair;
+  return gap_of(step.model, state, pair) <= max_distance(step, state.states[a], a, duration) +
+                                                max_distance(step, state.states[b], b, duration);
 }
 
-/// Whether one of two bodies is dynamic and on a joint.
-bool has_joints(const Model& model, const Topology& topology, const IslandLists& lists,
-                const Broadphase::Pair& pair) {
-  const auto has = [&](int body) {
-    return model.is_movable(to_index(body)) &&
-           !lists.island_parts[topology.island_of(body)].members.joints.empty();
+/// Whether forces led one of two bodies farther than assumed, so that the step is repeated.
+bool is_forced(const StepContext& step, const Broadphase::Pair& pair) {
+  return step.assumed.of(pair.first) > 0.0 || step.assumed.of(pair.second) > 0.0;
+}
+
+/// Whether one of two bodies is dynamic and follows a curve, by a joint or by forces.
+bool is_led(const StepContext& step, const IslandLists& lists, const Broadphase::Pair& pair) {
+  const auto has_joints = [&](int body) {
+    return step.model.is_movable(to_index(body)) &&
+           !lists.island_parts[step.topology.island_of(body)].members.joints.empty();
   };
-  return has(pair.first) || has(pair.second);
+  return has_joints(pair.first) || has_joints(pair.second) || is_forced(step, pair);
 }
 
 /// First time at which a pair that is apart touches by its velocities [s]. The plane between two
@@ -125,8 +131,8 @@ std::optional<double> time_of_hit(const StepContext& step, const State& state,
   const Vector3d g_j = model.is_movable(j) ? model.options.gravity : none;
   const Vector3d v = state.states[i].linear_velocity - state.states[j].linear_velocity;
   const double far = (state.states[i].position - state.states[j].position).norm() +
-                     max_point_displacement(model, state, pair.first, duration) +
-                     max_point_displacement(model, state, pair.second, duration);
+                     max_point_displacement(step, state.states[i], pair.first, duration) +
+                     max_point_displacement(step, state.states[j], pair.second, duration);
   const double spin =
       fastest_turn(state.states[i], model.masses[i]) * reach_of(model.bodies[i], far) +
       fastest_turn(state.states[j], model.masses[j]) * reach_of(model.bodies[j], far);
@@ -155,9 +161,8 @@ std::optional<double> time_of_hit(const StepContext& step, const State& state,
 double time_to_watch(const StepContext& step, const State& state, const IslandLists& lists,
                      const TouchingPair& pair) {
   const Model& model = step.model;
-  if (pair.manifold.count == 0) return 0.0;
-  if (has_joints(model, step.topology, lists, pair.ends()))
-    return kInfinity;  // joints hold it back
+  if (pair.manifold.count == 0 || is_forced(step, pair.ends())) return 0.0;
+  if (is_led(step, lists, pair.ends())) return kInfinity;  // joints hold it back
   const BodyState& a = state.states[pair.a];
   const BodyState& b = state.states[pair.b];
   const Body& body_a = model.bodies[pair.a];
@@ -184,59 +189,27 @@ bool is_hit(const Model& model, const State& state, const TouchingPair& pair, do
   return closing * duration > kFastShare * thinner_of(model, pair.ends());
 }
 
-/// Whether two bodies that have taken their step met within the step; false once a stop flag is
-/// set.
-bool passes(const StepContext& step, const State& state, const Rollback& rollback,
-            const Broadphase::Pair& pair) {
-  const Model& model = step.model;
-  const double h = model.options.time_step;
-  const std::size_t i = to_index(pair.first), j = to_index(pair.second);
-  const auto path_of = [&](std::size_t body) {
-    if (model.is_movable(body)) return Path(rollback.states()[body], state.states[body], h);
-    BodyState later = state.states[body];  // kinematic bodies have not moved yet
-    later.position += h * later.linear_velocity;
-    later.orientation = rotation(h * later.angular_velocity) * later.orientation;
-    return Path(state.states[body], later, h);
-  };
-  const Path of_i = path_of(i), of_j = path_of(j);
-  const double far = (of_i.x0 - of_j.x0).norm() + of_i.way() + of_j.way();
-  const double bound = of_i.way() + of_j.way() + of_i.angle() * reach_of(model.bodies[i], far) +
-                       of_j.angle() * reach_of(model.bodies[j], far);
-  const double least = kFastShare * thinner_of(model, pair);
-  double s = 0.0;
-  for (int k = 0; k < kMostPlaces && s < 1.0; ++k) {
-    if (is_set(step.stop)) return false;
-    const BodyState at_i = of_i.at(s), at_j = of_j.at(s);
-    const PlacedShape shape_i(model.bodies[i], at_i), shape_j(model.bodies[j], at_j);
-    const double gap =
-        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state()).gap;
-    if (gap <= 0.0 && s > 0.0) return true;
-    if (gap > (1.0 - s) * bound) return false;
-    s += std::max(gap, least) / bound;
-  }
-  return s < 1.0;  // After kMostPlaces poses a pair counts as passing.
-}
-
 /// Time for which a group with joints can go on so that no fast pair moves by more than its gap, or
 /// by kFastShare of the thinner body: these distances are `ways` [m].
-double time_on_joints(const Model& model, const State& state, const List<Broadphase::Pair>& near,
-                      double left, List<double>* ways) {
+double time_on_joints(const StepContext& step, const State& state,
+                      const List<Broadphase::Pair>& near, double left, List<double>* ways) {
+  const Model& model = step.model;
   double longest = left;
   for (const Broadphase::Pair& pair : near) {
     double& way = ways->emplace_back(kFastShare * thinner_of(model, pair));
-    if (!is_fast(model, state, pair, longest)) continue;
+    if (!is_fast(step, state, pair, longest)) continue;
     way = std::max(way, gap_of(model, state, pair));
-    longest = std::min(longest, way / moved_of(model, state, pair, longest) * longest);
+    longest = std::min(longest, way / moved_of(step, state, pair, longest) * longest);
   }
   return longest;
 }
 
 /// Whether a pair without contact has moved by more than twice its entry of `ways`, driven by
 /// joints.
-bool has_outrun(const Model& model, const State& state, const List<Broadphase::Pair>& near,
+bool has_outrun(const StepContext& step, const State& state, const List<Broadphase::Pair>& near,
                 const List<double>& ways, double duration) {
   for (std::size_t k = 0; k < ways.size(); ++k) {
-    if (moved_of(model, state, near[k], duration) > 2.0 * ways[k] &&
+    if (moved_of(step, state, near[k], duration) > 2.0 * ways[k] &&
         find(state.touching, near[k]) == nullptr)
       return true;
   }
@@ -254,7 +227,7 @@ double time_without_hit(const StepContext& step, const State& state, const Islan
   for (const TouchingPair& pair : state.touching)
     duration = std::min(duration, time_to_watch(step, state, lists, pair));
   for (const Broadphase::Pair& pair : near)
-    if (is_fast(model, state, pair, duration) && find(state.touching, pair) == nullptr)
+    if (is_fast(step, state, pair, duration) && find(state.touching, pair) == nullptr)
       duration = std::max(kInstant * model.options.time_step,
                           time_of_hit(step, state, pair, duration).value_or(duration));
   return duration;
@@ -288,6 +261,38 @@ bool collide_group(const Model& model, const List<Broadphase::Pair>& near, doubl
 
 }  // namespace
 
+bool passes(const StepContext& step, const State& state, const Rollback& rollback,
+            const Broadphase::Pair& pair) {
+  const Model& model = step.model;
+  const double h = model.options.time_step;
+  const std::size_t i = to_index(pair.first), j = to_index(pair.second);
+  const auto path_of = [&](std::size_t body) {
+    if (model.is_movable(body) && !state.asleep[body])
+      return Path(rollback.states()[body], state.states[body], h);
+    BodyState later = state.states[body];  // kinematic and sleeping bodies have not moved
+    later.position += h * later.linear_velocity;
+    later.orientation = rotation(h * later.angular_velocity) * later.orientation;
+    return Path(state.states[body], later, h);
+  };
+  const Path of_i = path_of(i), of_j = path_of(j);
+  const double far = (of_i.x0 - of_j.x0).norm() + of_i.way() + of_j.way();
+  const double bound = of_i.way() + of_j.way() + of_i.angle() * reach_of(model.bodies[i], far) +
+                       of_j.angle() * reach_of(model.bodies[j], far);
+  const double least = kFastShare * thinner_of(model, pair);
+  double s = 0.0;
+  for (int k = 0; k < kMostPlaces && s < 1.0; ++k) {
+    if (is_set(step.stop)) return false;
+    const BodyState at_i = of_i.at(s), at_j = of_j.at(s);
+    const PlacedShape shape_i(model.bodies[i], at_i), shape_j(model.bodies[j], at_j);
+    const double gap =
+        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state()).gap;
+    if (gap <= 0.0 && s > 0.0) return true;
+    if (gap > (1.0 - s) * bound) return false;
+    s += std::max(gap, least) / bound;
+  }
+  return s < 1.0;  // After kMostPlaces poses a pair counts as passing.
+}
+
 void ContinuousCollision::set_shapes(const Model& model) {
   fast_bodies_.clear();
   jointed_pairs_.clear();
@@ -297,22 +302,24 @@ void ContinuousCollision::set_shapes(const Model& model) {
       thinnest_ = std::min(thinnest_, thickness(model.bodies[i].shape));
 }
 
-void ContinuousCollision::find_fast_bodies(const Model& model, const State& state,
+void ContinuousCollision::find_fast_bodies(const StepContext& step, const State& state,
                                            const List<int>& moving_shapes) {
+  const Model& model = step.model;
   const double h = model.options.time_step;
   const double speed = kFastShare * thinnest_ / h - h * model.options.gravity.norm();
   fast_square_ = speed > 0.0 ? speed * speed : -1.0;
   fast_bodies_.clear();
   jointed_pairs_.clear();
   for (const int body : moving_shapes)
-    if (is_fast_body(model, state, body)) fast_bodies_.push_back(body);
+    if (is_fast_body(step, state, body)) fast_bodies_.push_back(body);
 }
 
-bool ContinuousCollision::is_fast_body(const Model& model, const State& state, int body) const {
+bool ContinuousCollision::is_fast_body(const StepContext& step, const State& state,
+                                       int body) const {
   const BodyState& now = state.states[body];
   if (now.linear_velocity.squaredNorm() > fast_square_) return true;
-  return !now.angular_velocity.isZero(0.0) &&
-         max_point_displacement(model, state, body, model.options.time_step) >
+  return (!now.angular_velocity.isZero(0.0) || step.assumed.is_any()) &&
+         max_point_displacement(step, now, body, step.model.options.time_step) >
              kFastShare * thinnest_;
 }
 
@@ -324,9 +331,9 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
   // Whether a pair may hit within the step. may_meet() drops pairs that are near only by the
   // bounds that event-driven groups widen.
   const auto is_open = [&](const Broadphase::Pair& pair) {
-    return !has_joints(model, step.topology, lists, pair) && is_fast(model, *state, pair, h) &&
+    return !is_led(step, lists, pair) && is_fast(step, *state, pair, h) &&
            find(state->touching, pair) == nullptr && !step.topology.is_unpaired(pair) &&
-           (!follows_contacts(model.options) || may_meet(model, *state, pair, h));
+           (!follows_contacts(model.options) || may_meet(step, *state, pair, h));
   };
   List<bool> hits_something(model.bodies.size());
   bool any = false;
@@ -354,9 +361,9 @@ void ContinuousCollision::list_jointed_pairs(const StepContext& step,
   const double h = model.options.time_step;
   jointed_pairs_.clear();
   for (const Broadphase::Pair& pair : near) {
-    if (!has_joints(model, step.topology, lists, pair) || !is_fast(model, state, pair, h) ||
+    if (!is_led(step, lists, pair) || !is_fast(step, state, pair, h) ||
         step.topology.is_unpaired(pair) || find(state.touching, pair) != nullptr ||
-        !may_meet(model, state, pair, h))
+        !may_meet(step, state, pair, h))
       continue;
     jointed_pairs_.push_back(pair);
   }
@@ -446,7 +453,7 @@ List<Broadphase::Pair> ContinuousCollision::pairs_of_group(const StepContext& st
   for (const int body : moving_shapes) {
     proxies_.push_back(proxy_of(model, state, body));
     if (is_member_[body] || !model.is_movable(to_index(body)))
-      widen(max_distance(model, state, body, duration), &proxies_.back());
+      widen(max_distance(step, state.states[body], body, duration), &proxies_.back());
   }
   List<Broadphase::Pair> pairs;
   for (const Broadphase::Pair& pair : broadphase->find_pairs(proxies_)) {
@@ -456,13 +463,17 @@ List<Broadphase::Pair> ContinuousCollision::pairs_of_group(const StepContext& st
     if (step.topology.is_unpaired(pair)) continue;
     const int other = has_a ? pair.second : pair.first;
     if (has_a != has_b && model.is_movable(to_index(other)))
-      *is_any_left = *is_any_left || (is_fast(model, state, pair, duration) &&
+      *is_any_left = *is_any_left || (is_fast(step, state, pair, duration) &&
                                       time_of_hit(step, state, pair, duration));
     else
       pairs.push_back(pair);
   }
   if (broadphase->is_full()) throw StepFailed{Failure::kTooManyPairs};
   return pairs;
+}
+
+bool ContinuousCollision::has_met(const Broadphase::Pair& pair) const {
+  return is_divided() && find(hits_, pair) != nullptr;
 }
 
 // Adds the contact impulses of a part of the step to the impulses of the parts before (`hits_`).
@@ -546,7 +557,8 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   hits_.clear();
   const bool is_on_joints =
       std::any_of(state->touching.begin(), state->touching.end(), [&](const TouchingPair& pair) {
-        return pair.manifold.count == 0 && has_joints(model, step.topology, lists, pair.ends());
+        return is_forced(step, pair.ends()) ||
+               (pair.manifold.count == 0 && is_led(step, lists, pair.ends()));
       });
 
   joint_sums_.assign(is_on_joints ? group_.joints.size() : 0, {});
@@ -570,7 +582,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
     } else if (is_on_joints) {
       report.hits += is_any_hit && !was_hit ? 1 : 0;  // velocities left by sweeps go on closing
       was_hit = is_any_hit;
-      duration = std::max(kInstant * h, time_on_joints(model, *state, near, left, &ways));
+      duration = std::max(kInstant * h, time_on_joints(step, *state, near, left, &ways));
     } else if (is_any_hit) {
       ++report.hits;
       duration = std::min(left, kInstant * h);
@@ -581,7 +593,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
     advance_group(step, awake, wrenches, done, is_last ? left : duration, method, &report.impulses,
                   state);
     report.has_left_any =
-        report.has_left_any || has_outrun(model, *state, near, ways, is_last ? left : duration);
+        report.has_left_any || has_outrun(step, *state, near, ways, is_last ? left : duration);
     gather_hits(*state);
     done = is_last ? h : done + duration;
   }

@@ -44,6 +44,11 @@ struct HitReport {
   bool has_left_any = false;  ///< a hit was not found, since there were too many
 };
 
+/// Whether two bodies that have taken their step met within the step, where they were apart; false
+/// once a stop flag is set.
+bool passes(const StepContext& step, const State& state, const Rollback& rollback,
+            const Broadphase::Pair& pair);
+
 /// Bodies that move so far in a step that they could pass through another body, or through
 /// themselves into it: conservative advancement (Mirtich 1996) finds each hit. Bodies that may hit
 /// each other within the step, with everything that joints and contacts connect with them, are one
@@ -59,8 +64,11 @@ class ContinuousCollision {
   /// Takes over which bodies have shapes that may touch.
   void set_shapes(const Model& model);
   /// Lists the fast bodies among `moving_shapes`, and forgets the pairs of the step before.
-  void find_fast_bodies(const Model& model, const State& state, const List<int>& moving_shapes);
+  void find_fast_bodies(const StepContext& step, const State& state,
+                        const List<int>& moving_shapes);
   const List<int>& fast_bodies() const { return fast_bodies_; }
+  /// Least thickness of all shapes [m].
+  double thinnest() const { return thinnest_; }
 
   /// Adds pairs without points to the contacts: pairs of fast bodies that hit something, and of
   /// everything that these may hit then. Lists the fast pairs with joints.
@@ -80,6 +88,10 @@ class ContinuousCollision {
               const List<int>& joints, State* state);
   void begin_impulses() { group_.bodies.clear(); }
   bool is_divided() const { return !group_.is_empty(); }
+  /// Whether the step of a body was divided.
+  bool divides(int body) const { return is_divided() && is_member_[body]; }
+  /// Whether bodies of the group met as this pair.
+  bool has_met(const Broadphase::Pair& pair) const;
   /// Everything that impulses advance beside the group.
   const ImpulseGroup& rest() const { return rest_; }
   /// Advances the group by a step, from hit to hit. `broadphase` knows the shapes that rest.
@@ -92,7 +104,7 @@ class ContinuousCollision {
   std::uint32_t return_contacts(State* state) const;
 
  private:
-  bool is_fast_body(const Model& model, const State& state, int body) const;
+  bool is_fast_body(const StepContext& step, const State& state, int body) const;
   void list_jointed_pairs(const StepContext& step, const List<Broadphase::Pair>& near,
                           const State& state, const IslandLists& lists);
   List<Broadphase::Pair> pairs_of_group(const StepContext& step, const State& state,

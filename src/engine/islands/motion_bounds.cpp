@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/collision/narrowphase.h"
+#include "engine/islands/step.h"
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -55,23 +56,28 @@ double thinner_of(const Model& model, const std::pair<int, int>& bodies) {
                   thickness(model.bodies[bodies.second].shape));
 }
 
-double max_center_displacement(const Model& model, const State& state, int body, double duration) {
+double max_center_displacement(const StepContext& step, const BodyState& now, int body,
+                               double duration) {
+  const Model& model = step.model;
   const double fall =
       model.is_movable(to_index(body)) ? duration * model.options.gravity.norm() : 0.0;
-  return duration * (state.states[body].linear_velocity.norm() + fall);
+  const double known = duration * (now.linear_velocity.norm() + fall);
+  if (!step.assumed.is_any()) return known;
+  return std::max(known, duration / model.options.time_step * step.assumed.of(body));
 }
 
-double max_point_displacement(const Model& model, const State& state, int body, double duration) {
-  const double of_center = max_center_displacement(model, state, body, duration);
-  const Eigen::Vector3d& w = state.states[body].angular_velocity;
+double max_point_displacement(const StepContext& step, const BodyState& now, int body,
+                              double duration) {
+  const double of_center = max_center_displacement(step, now, body, duration);
+  const Eigen::Vector3d& w = now.angular_velocity;
   if (w.isZero(0.0)) return of_center;
-  return of_center + duration * w.norm() * reach_of(model.bodies[body]);
+  return of_center + duration * w.norm() * reach_of(step.model.bodies[body]);
 }
 
-double max_distance(const Model& model, const State& state, int body, double duration) {
+double max_distance(const StepContext& step, const BodyState& now, int body, double duration) {
   return std::min(
-      max_point_displacement(model, state, body, duration),
-      max_center_displacement(model, state, body, duration) + reach_of(model.bodies[body]));
+      max_point_displacement(step, now, body, duration),
+      max_center_displacement(step, now, body, duration) + reach_of(step.model.bodies[body]));
 }
 
 Proxy proxy_of(const Model& model, const State& state, int body) {
@@ -84,11 +90,12 @@ void widen(double margin, Proxy* proxy) {
   proxy->box.max += Eigen::Vector3d::Constant(margin);
 }
 
-bool is_fast(const Model& model, const State& state, const std::pair<int, int>& bodies,
+bool is_fast(const StepContext& step, const State& state, const std::pair<int, int>& bodies,
              double duration) {
-  return max_point_displacement(model, state, bodies.first, duration) +
-             max_point_displacement(model, state, bodies.second, duration) >
-         kFastShare * thinner_of(model, bodies);
+  const auto [a, b] = bodies;
+  return max_point_displacement(step, state.states[a], a, duration) +
+             max_point_displacement(step, state.states[b], b, duration) >
+         kFastShare * thinner_of(step.model, bodies);
 }
 
 double gap_of(const Model& model, const State& state, const std::pair<int, int>& bodies) {

@@ -10,6 +10,8 @@
 
 namespace constraint_sim::engine {
 
+struct StepContext;
+
 // How far bodies can get within a time, and how far apart they are.
 
 /// Whether a body has a shape that may touch other shapes.
@@ -31,13 +33,16 @@ double reach_of(const Body& body, double distance = 0.0);
 /// Radius around the centre of a body that holds its shape [m]; infinite of planes.
 double extent(const Body& body);
 
-/// Largest displacement of the centre of a body within a duration [s], by velocity and gravity [m].
-double max_center_displacement(const Model& model, const State& state, int body, double duration);
+/// Largest displacement of the centre of a body in a state within a duration [s], by velocity and
+/// gravity, and by the path that the step assumes [m].
+double max_center_displacement(const StepContext& step, const BodyState& now, int body,
+                               double duration);
 /// Largest displacement of a point of a body [m].
-double max_point_displacement(const Model& model, const State& state, int body, double duration);
+double max_point_displacement(const StepContext& step, const BodyState& now, int body,
+                              double duration);
 /// Distance from its present place that a body cannot leave, whatever it bounces off [m]: however
 /// fast a body turns, it stays within its reach.
-double max_distance(const Model& model, const State& state, int body, double duration);
+double max_distance(const StepContext& step, const BodyState& now, int body, double duration);
 
 /// The bounds of a body in the broadphase.
 Proxy proxy_of(const Model& model, const State& state, int body);
@@ -45,7 +50,7 @@ Proxy proxy_of(const Model& model, const State& state, int body);
 void widen(double margin, Proxy* proxy);
 
 /// Whether two bodies move against each other by more than kFastShare of the thinner body.
-bool is_fast(const Model& model, const State& state, const std::pair<int, int>& bodies,
+bool is_fast(const StepContext& step, const State& state, const std::pair<int, int>& bodies,
              double duration);
 
 /// Gap between the shapes of two bodies [m]; < 0: they overlap.

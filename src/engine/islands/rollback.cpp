@@ -17,6 +17,22 @@ void Rollback::save(const AwakeSets& awake, const State& state, const List<Islan
   if (had_corrections_) corrections_ = state.corrections;
 }
 
+void Rollback::save_methods(const AwakeSets& awake, const IslandLists& lists) {
+  methods_.resize(lists.islands.size());
+  for (const int i : awake.islands) {
+    const Island& island = lists.islands[to_index(i)];
+    methods_[i] = {island.method, island.why};
+  }
+}
+
+void Rollback::restore_methods(const AwakeSets& awake, IslandLists* lists) const {
+  for (const int i : awake.islands) {
+    Island& island = lists->islands[to_index(i)];
+    island.method = methods_[i].method;
+    island.why = methods_[i].why;
+  }
+}
+
 void Rollback::restore(const AwakeSets& awake, State* state, List<IslandParts>* islands) const {
   for (const int i : awake.bodies) state->states[i] = states_[i];
   for (const int j : awake.joints) state->joint_states[j] = joint_states_[j];

@@ -17,8 +17,12 @@ class Rollback {
   bool is_saved() const { return is_saved_; }
   /// Saves the state of everything awake.
   void save(const AwakeSets& awake, const State& state, const List<IslandParts>& islands);
+  /// Saves the methods of awake islands, for a repeat of the step.
+  void save_methods(const AwakeSets& awake, const IslandLists& lists);
   /// Restores everything that save() saved; the awake sets are those of save().
   void restore(const AwakeSets& awake, State* state, List<IslandParts>* islands) const;
+  /// Restores everything that save_methods() saved.
+  void restore_methods(const AwakeSets& awake, IslandLists* lists) const;
   /// Restores the bodies and joints of an island.
   void restore(const IslandMembers& members, State* state) const;
 
@@ -32,6 +36,7 @@ class Rollback {
   List<Twist> corrections_;
   List<JointState> joint_states_;
   List<IslandMemory> memory_;
+  List<MethodChoice> methods_;
 };
 
 }  // namespace constraint_sim::engine

@@ -52,6 +52,8 @@ class Sleep {
   /// Whether the awake sets changed since the methods were chosen.
   bool has_changed() const { return has_changed_; }
   void forget_change() { has_changed_ = false; }
+  /// The methods are chosen again, as after a change of the awake sets.
+  void choose_again() { has_changed_ = true; }
 
   void wake(std::size_t body, State* state) {
     any_waking_ = any_waking_ || state->asleep[body];

@@ -3,6 +3,7 @@
 #include "constraint_sim/engine/stop_flag.h"
 #include "constraint_sim/engine/world.h"
 #include "engine/constraints/joint.h"
+#include "engine/islands/assumed_paths.h"
 #include "engine/islands/topology.h"
 #include "engine/model/model.h"
 #include "engine/support/stage_timer.h"
@@ -14,10 +15,11 @@ struct Tick {
   double start, end;
 };
 
-/// Everything that stays the same for all stages of a step.
+/// Everything that stays the same for all stages of an attempt of a step.
 struct StepContext {
   const Model& model;
   const Topology& topology;
+  const AssumedPaths& assumed;
   Tick tick;
   StopFlag stop = nullptr;
   Clock clock = nullptr;

@@ -97,14 +97,16 @@ const StepReport& World::step() {
   Impl& world = *impl_;
   try {
     const StepContext step = world.begin_step();
-    world.find_pairs(step);     // 1. broadphase: fast and approximate
-    world.find_contacts(step);  // 2. narrowphase: accurate but slow
-    if (world.any_corrections)
-      world.State::take_out_corrections(
-          world.sleep.awake().bodies);  // velocities that closed errors in the last step
-    world.choose_methods(step);
-    world.integrate(step);            //    islands of runge_kutta, energy_momentum, event_driven
-    world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
+    do {
+      world.find_pairs(step);     // 1. broadphase: fast and approximate
+      world.find_contacts(step);  // 2. narrowphase: accurate but slow
+      if (world.any_corrections)
+        world.State::take_out_corrections(
+            world.sleep.awake().bodies);  // velocities that closed errors in the last step
+      world.choose_methods(step);
+      world.integrate(step);            //    islands of runge_kutta, energy_momentum, event_driven
+      world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
+    } while (world.assumed.is_any_driven(world) && world.has_missed_any(step));
     world.advance_kinematic_bodies();
     world.finish_step(step);
   } catch (const StepFailed& failed) {
@@ -149,13 +151,14 @@ void World::Impl::abandon_step() {
 
 StepContext World::Impl::begin_step() {
   rollback.begin_step();
+  assumed.begin_step();
   if (edits.any())
     rebuild_topology();
   else if (sleep.is_stale())
     spread_waking();
   save_state();
   const StepContext step{
-      *this, topology, {time(), time_of(step_count + 1, options.time_step)}, stop, clock};
+      *this, topology, assumed, {time(), time_of(step_count + 1, options.time_step)}, stop, clock};
   report = StepReport{};
   events.clear();
   pipeline.begin_step();
@@ -163,7 +166,10 @@ StepContext World::Impl::begin_step() {
   return step;
 }
 
-void World::Impl::save_state() { rollback.save(sleep.awake(), *this, island_parts); }
+void World::Impl::save_state() {
+  rollback.save(sleep.awake(), *this, island_parts);
+  if (!pipeline.moving_shapes().empty()) rollback.save_methods(sleep.awake(), *this);
+}
 
 void World::Impl::restore_state() {
   rollback.restore(sleep.awake(), this, &island_parts);

@@ -63,6 +63,7 @@ void World::Impl::spread_waking() { list_resting(sleep.spread(*this, topology, t
 void World::Impl::list_resting(const RestingSets& resting_sets) {
   pipeline.set_shapes(*this, *this, sleep.awake().bodies, resting_sets.bodies);
   continuous.set_shapes(*this);
+  assumed.set_shapes(*this, topology, *this, pipeline.moving_shapes());
   monitors.set_resting(*this, *this, resting_sets, *this);
   set_resting_contacts(resting, options.time_step);
 }
@@ -74,18 +75,18 @@ void World::Impl::find_pairs(const StepContext& step) {
   const List<int>& shapes = pipeline.moving_shapes();
   if (shapes.empty()) return;
   const StageTimer timer(step.clock, Stage::kBroadphase, &report.stage_times);
-  continuous.find_fast_bodies(*this, *this, shapes);
+  continuous.find_fast_bodies(step, *this, shapes);
   if (!follows_contacts(options))
-    return pipeline.find_pairs(*this, *this, continuous.fast_bodies(), nullptr, &report);
-  reach.begin(*this, *this, shapes);
-  pipeline.find_pairs(*this, *this, continuous.fast_bodies(), &reach, &report);
+    return pipeline.find_pairs(step, *this, continuous.fast_bodies(), nullptr, &report);
+  reach.begin(step, *this, shapes);
+  pipeline.find_pairs(step, *this, continuous.fast_bodies(), &reach, &report);
   // Each round but the last makes a group larger or faster. Groups still growing after kMostRounds
   // stay as they are.
   constexpr int kMostRounds = 40;
-  for (int round = 0; reach.grow(*this, topology, *this, *this, sleep.awake(), pipeline.pairs()) &&
-                      round < kMostRounds;
+  for (int round = 0;
+       reach.grow(step, *this, *this, sleep.awake(), pipeline.pairs()) && round < kMostRounds;
        ++round)
-    pipeline.find_pairs(*this, *this, continuous.fast_bodies(), &reach, &report);
+    pipeline.find_pairs(step, *this, continuous.fast_bodies(), &reach, &report);
 }
 
 // Stage 2: contacts where shapes touch now, hits of fast bodies, and event-driven groups. Repeats
@@ -121,6 +122,49 @@ bool World::Impl::wake_touched() {
     for (const auto& [pair, gap] : reach.watched_pairs())
       if (asleep[pair.first] || asleep[pair.second]) sleep.wake(pair, this);
   return sleep.is_stale();
+}
+
+// Whether a body may have met a shape that was not looked at, so that the step has to be repeated.
+// The world then is where the step began.
+bool World::Impl::has_missed_any(const StepContext& step) {
+  if (is_set(stop)) return false;
+  const MovedBodies moved{step,
+                          *this,
+                          rollback,
+                          *this,
+                          pipeline.moving_shapes(),
+                          reach,
+                          groups,
+                          continuous,
+                          report.hits_left_body.has_value()};
+  const std::optional<int> body = assumed.find_missed(moved, pipeline.broadphase());
+  if (!body) return false;
+  if (!assumed.lengthen(bodies.size())) {
+    report.hits_left_body = body_ids[to_index(*body)];
+    return false;
+  }
+  return_to_start();
+  return true;
+}
+
+// Returns to the start of the step, with nothing left of the attempt but the paths that it found.
+void World::Impl::return_to_start() {
+  for (const int i : integration.partition().smooth) {
+    IslandParts& parts = island_parts[i];
+    parts.energy.corrections -= parts.correction_work;
+    if (groups.contains(to_index(i)))
+      parts.energy.corrections -= groups.driven_work_of(to_index(i));
+  }
+  monitors.set_work(0.0, 0.0);
+  restore_state();
+  rollback.restore_methods(sleep.awake(), this);
+  sleep.choose_again();
+  for (const int i : sleep.awake().islands)
+    if (island_parts[i].motion >= 0) motions[island_parts[i].motion].forget();
+  events.clear();
+  const auto times = report.stage_times;
+  report = StepReport{};
+  report.stage_times = times;
 }
 
 // Reads the coordinates of a joint that couples, and its force in the step.

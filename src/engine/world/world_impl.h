@@ -10,6 +10,7 @@
 
 #include "constraint_sim/engine/world.h"
 #include "engine/constraints/joint.h"
+#include "engine/islands/assumed_paths.h"
 #include "engine/islands/compile.h"
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/contact_pipeline.h"
@@ -49,6 +50,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
 
   // ---- owners of the stages of a step, in the order of the stages
   Rollback rollback;
+  AssumedPaths assumed;
   ContactPipeline pipeline;
   ContactReach reach;
   ContactGroups groups;
@@ -123,6 +125,8 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void choose_methods(const StepContext& step);
   void integrate(const StepContext& step);
   void advance_by_impulses(const StepContext& step);
+  bool has_missed_any(const StepContext& step);
+  void return_to_start();
   void finish_impulses(const StepContext& step);
   void leave_out_estimates();
   ImpulseStep impulse_step(const StepContext& step) const;

@@ -319,18 +319,17 @@ double ContactEvents::longest_substep(double left) const {
   const double fall = left * equations_.gravity.norm();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
     const ContactEquations::Contact& contact = equations_.contacts[c];
-    const bool is_of_boxes = pairs_[pair_of_[c]].is_of_boxes();
+    const Pair& pair = pairs_[pair_of_[c]];
     if (contact.acts != Acts::kOpen || contact.feature.kind == ContactFeature::Kind::kNothing)
       continue;
     if (!contact.feature.on_a.isZero(0.0) || equations_.is_beside(contact.a))
       longest = std::min(longest, kMostTurn / equations_.state(contact.a).angular_velocity.norm());
-    if (is_of_boxes || equations_.is_beside(contact.b))
+    if (pair.is_of_boxes() || equations_.is_beside(contact.b))
       longest = std::min(longest, kMostTurn / equations_.state(contact.b).angular_velocity.norm());
-    const double thickness = pairs_[pair_of_[c]].thickness;
-    if (!std::isfinite(thickness)) continue;
+    if (!std::isfinite(pair.thickness)) continue;
     const ContactMotion now = equations_.motion(contact);
-    const double way = std::max(now.gap, kFastShare * thickness);
-    longest = std::min(longest, way / (now.w.norm() + fall));
+    const double way = std::max(now.gap, kFastShare * pair.thickness);
+    longest = std::min(longest, way / std::max(now.w.norm() + fall, pair.assumed_speed));
   }
   return longest;
 }

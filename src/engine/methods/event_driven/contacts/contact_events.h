@@ -38,6 +38,7 @@ class ContactEvents {
     double friction, restitution;
     std::size_t first = 0, count = 0;  ///< range of its contacts
     double thickness = 0.0;            ///< thickness of the thinner shape [m]
+    double assumed_speed = 0.0;        ///< mean speed of approach that the step assumes [m/s]
     bool touched = false;              ///< during the previous step
     bool held = false, stuck = false;  ///< state at the end of the previous step
     bool is_still = false;  ///< some contact did not slip, at the end of the previous step

@@ -1,0 +1,194 @@
+#include "engine/islands/assumed_paths.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "engine/collision/narrowphase.h"
+#include "engine/islands/contact_groups.h"
+#include "engine/islands/contact_reach.h"
+#include "engine/islands/continuous_collision.h"
+#include "engine/islands/island_lists.h"
+#include "engine/islands/motion_bounds.h"
+#include "engine/islands/rollback.h"
+#include "engine/islands/step.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kRoomOfPath = 1.25;  // assumed path of a repeat, as a multiple of the path found
+
+bool is_moving_shape(const MovedBodies& in, int body) {
+  return std::binary_search(in.moving_shapes.begin(), in.moving_shapes.end(), body);
+}
+
+/// State of a body at the start of the step.
+const BodyState& start_of(const MovedBodies& in, int body) {
+  return (is_moving_shape(in, body) ? in.rollback.states() : in.state.states)[body];
+}
+
+double gap_at_start(const MovedBodies& in, const Broadphase::Pair& pair) {
+  const List<Body>& bodies = in.step.model.bodies;
+  const auto [a, b] = pair;
+  const PlacedShape of_a(bodies[a], start_of(in, a)), of_b(bodies[b], start_of(in, b));
+  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
+}
+
+/// Largest distance of the points of a dynamic body from their start within the step [m]. An
+/// integrated centre follows a cubic with the positions and velocities of both ends, which is no
+/// longer than its control polygon. Bodies that impulses advance move straight.
+double path_of(const MovedBodies& in, int body) {
+  const Model& model = in.step.model;
+  const double h = model.options.time_step;
+  const BodyState &from = in.rollback.states()[body], &to = in.state.states[body];
+  const Vector3d moved = to.position - from.position;
+  double path = moved.norm(), spin = 0.0;
+  if (in.lists.islands[in.step.topology.island_of(body)].method != Method::kSequentialImpulses) {
+    const Vector3d m0 = h * from.linear_velocity, m1 = h * to.linear_velocity;
+    path = (m0.norm() + (3.0 * moved - m0 - m1).norm() + m1.norm()) / 3.0;
+    spin = std::max(from.angular_velocity.norm(), to.angular_velocity.norm());
+  }
+  const double radius = reach_of(model.bodies[body]);
+  if (radius == 0.0) return path;
+  const double chord = 2.0 * (to.orientation * from.orientation.conjugate()).vec().norm();
+  const double most = model.bodies[body].shape_pose ? 2.0 : 1.0;  // a centred shape stays around
+  return path + std::min(std::max(h * spin, chord), most) * radius;
+}
+
+/// Path of a body that the stages before the motion assumed [m].
+double assumed_for(const MovedBodies& in, int body) {
+  const WorldOptions& options = in.step.model.options;
+  if (follows_contacts(options)) return in.reach.of(body);
+  const double assumed = max_distance(in.step, in.rollback.states()[body], body, options.time_step);
+  return std::max(assumed, kFastShare * in.continuous.thinnest());
+}
+
+bool is_touching_pair(const List<TouchingPair>& touching, const Broadphase::Pair& pair) {
+  const auto found = std::lower_bound(
+      touching.begin(), touching.end(), pair,
+      [](const TouchingPair& l, const Broadphase::Pair& r) { return l.ends() < r; });
+  return found != touching.end() && found->ends() == pair;
+}
+
+/// Whether the overlap of a pair in contact by impulses grew within the step by as much as fast
+/// bodies move.
+bool is_pushed_in(const MovedBodies& in, const Broadphase::Pair& pair) {
+  const double gap = gap_of(in.step.model, in.state, pair);
+  return gap < 0.0 && gap_at_start(in, pair) - gap > kFastShare * thinner_of(in.step.model, pair);
+}
+
+/// Whether an event-driven group advanced a pair.
+bool is_followed(const ContactGroups& groups, const Broadphase::Pair& pair) {
+  return std::any_of(
+      groups.groups().begin(), groups.groups().end(), [&](const ContactGroup& group) {
+        return !group.has_failed &&
+               std::find(group.pairs.begin(), group.pairs.end(), pair) != group.pairs.end();
+      });
+}
+
+/// Whether a pair of an event-driven group passed through each other between two substeps: the pair
+/// is not in contact at the end, and its path leads through an overlap.
+bool has_jumped(const MovedBodies& in, const Broadphase::Pair& pair) {
+  constexpr double kContact = 1e-6;  // gap of a pair in contact, as a share of the thinner shape
+  return std::abs(gap_of(in.step.model, in.state, pair)) >
+             kContact * thinner_of(in.step.model, pair) &&
+         passes(in.step, in.state, in.rollback, pair);
+}
+
+}  // namespace
+
+void AssumedPaths::set_shapes(const Model& model, const Topology& topology,
+                              const IslandLists& lists, const List<int>& moving_shapes) {
+  has_shapes_ = !moving_shapes.empty();
+  on_joints_.clear();
+  for (const int body : moving_shapes)
+    if (model.is_movable(to_index(body)) &&
+        !lists.island_parts[topology.island_of(body)].members.joints.empty())
+      on_joints_.push_back(body);
+}
+
+std::optional<int> AssumedPaths::find_missed(const MovedBodies& in, Broadphase* broadphase) {
+  list_outrun(in);
+  if (outrun_.empty()) return std::nullopt;
+  for (const Broadphase::Pair& pair : find_near(in, broadphase)) {
+    if (!is_missed(in, pair)) continue;
+    const auto has_outrun = [&](const Outrun& outrun) { return outrun.body == pair.first; };
+    return std::any_of(outrun_.begin(), outrun_.end(), has_outrun) ? pair.first : pair.second;
+  }
+  return std::nullopt;
+}
+
+void AssumedPaths::list_outrun(const MovedBodies& in) {
+  outrun_.clear();
+  const auto look_at = [&](int body) {
+    const double path = path_of(in, body);
+    if (path > assumed_for(in, body)) outrun_.push_back({body, path});
+  };
+  for (const int body : on_joints_) look_at(body);
+  for (const Wrench& wrench : in.state.wrenches) {
+    const int body = static_cast<int>(in.step.model.index(wrench.body));
+    if (is_moving_shape(in, body) && in.step.model.is_movable(to_index(body)) &&
+        !std::binary_search(on_joints_.begin(), on_joints_.end(), body))
+      look_at(body);
+  }
+}
+
+// Pairs whose paths come near each other, where one of both bodies has outrun its assumed path.
+const List<Broadphase::Pair>& AssumedPaths::find_near(const MovedBodies& in,
+                                                      Broadphase* broadphase) {
+  const Model& model = in.step.model;
+  found_.assign(model.bodies.size(), 0.0);
+  proxies_.clear();
+  for (const int body : in.moving_shapes) {
+    const bool is_movable = model.is_movable(to_index(body));
+    found_[body] =
+        is_movable ? path_of(in, body)
+                   : max_distance(in.step, in.state.states[body], body, model.options.time_step);
+    const PlacedShape placed(model.bodies[body], in.rollback.states()[body]);
+    proxies_.push_back({bounds(placed.shape(), placed.state()), body, is_movable});
+    widen(found_[body], &proxies_.back());
+  }
+  const List<Broadphase::Pair>& near = broadphase->find_pairs(proxies_);
+  if (broadphase->is_full()) throw StepFailed{Failure::kTooManyPairs};
+  return near;
+}
+
+// Whether a pair may have met without being looked at.
+bool AssumedPaths::is_missed(const MovedBodies& in, const Broadphase::Pair& pair) const {
+  const auto is_of_pair = [&](const Outrun& outrun) {
+    return outrun.body == pair.first || outrun.body == pair.second;
+  };
+  if (std::none_of(outrun_.begin(), outrun_.end(), is_of_pair)) return false;
+  const auto [a, b] = pair;
+  const Model& model = in.step.model;
+  const Topology& topology = in.step.topology;
+  if (topology.is_unpaired(pair)) return false;
+  if (is_touching_pair(in.state.touching, pair) || in.continuous.has_met(pair))
+    return is_pushed_in(in, pair);
+  const List<Broadphase::Pair>& on_joints = in.continuous.jointed_pairs();
+  if (std::binary_search(on_joints.begin(), on_joints.end(), pair))
+    return in.has_left_hits && (in.continuous.divides(a) || in.continuous.divides(b));
+  const double most = found_[a] + found_[b];
+  const bool is_fast_pair = most > kFastShare * thinner_of(model, pair);
+  const bool follows = follows_contacts(model.options);
+  // a body that is slow comes to lie within a shape, and impulses push it out again
+  if (!is_fast_pair && !follows) return false;
+  const double gap = gap_at_start(in, pair);
+  if (gap > most) return false;
+  if (!follows) return passes(in.step, in.state, in.rollback, pair);
+  if (gap > in.reach.of(a) + in.reach.of(b)) return true;
+  return is_fast_pair && (!is_followed(in.groups, pair) || has_jumped(in, pair));
+}
+
+bool AssumedPaths::lengthen(std::size_t bodies) {
+  if (repeats_ == kMostRepeats) return false;
+  ++repeats_;
+  paths_.resize(bodies, 0.0);
+  for (const auto& [body, path] : outrun_)
+    paths_[body] = std::max(paths_[body], kRoomOfPath * path);
+  return true;
+}
+
+}  // namespace constraint_sim::engine

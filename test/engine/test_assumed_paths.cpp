@@ -200,9 +200,9 @@ TEST_P(AssumedPaths, EndAtTargets) {
   }
 }
 
-// By impulses, which also advance cylinders, a body does not pass in the step in which it meets its
-// target: parts of a step are as long as a quarter of the thinner shape, and a sweep leaves as
-// much.
+// By impulses, which also advance cylinders, a body ends before its target, or the report names it.
+// Overlaps deeper than half of the thinner shape are named in the step after, so that up to three
+// quarters are seen here.
 TEST_P(AssumedPaths, MeetTargetsByImpulses) {
   Random random;
   for (int seed = 0; seed < kPathSeeds; ++seed) {
@@ -216,14 +216,15 @@ TEST_P(AssumedPaths, MeetTargetsByImpulses) {
         world.add_body(shot.wall(BodyType::kStatic, 1.0));
         const BodyId id = world.add_body(shot.shot());
         shot.drive(GetParam(), id, &world);
-        double x = 0.0;
-        for (int i = 0; i < std::lround(0.2 / h) && x < shot.gap; ++i) {
+        bool is_named = false;
+        for (int i = 0; i < std::lround(0.2 / h); ++i) {
           ASSERT_FALSE(world.step().failed);
-          if (world.report().hits_left_body) break;  // named
-          x = shot.frame.x(world.state(id).position);
+          is_named = is_named || world.report().hits_left_body || world.report().overlap > 0.0;
         }
-        EXPECT_LE(x, shot.gap + 0.5 * shot.thinner())
-            << shot.text(GetParam(), seed, h) << " by " << name(method) << ", t = " << world.time();
+        if (is_named) continue;
+        const double x = shot.frame.x(world.state(id).position);
+        EXPECT_LE(x, shot.gap + 0.75 * shot.thinner())
+            << shot.text(GetParam(), seed, h) << " by " << name(method);
       }
     }
   }

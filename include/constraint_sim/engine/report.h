@@ -72,8 +72,10 @@ inline constexpr double kUnclosedAngle = 0.5;
 
 /// Thresholds for reporting overlap and creep of contacts by impulses, as shares of the thinner
 /// shape. kMostSlipShare replaces kMostCreepShare for bodies that have moved since the last edit.
-/// Overlaps are reported after 0.1 s or ten ticks, whichever is longer.
-inline constexpr double kMostOverlapShare = 0.01, kMostCreepShare = 1e-4, kMostSlipShare = 0.05;
+/// Overlaps are reported after 0.1 s or ten ticks, whichever is longer; beyond kDeepOverlapShare,
+/// from where contacts may push shapes apart on the wrong side, in the first tick.
+inline constexpr double kDeepOverlapShare = 0.5, kMostOverlapShare = 0.01, kMostCreepShare = 1e-4,
+                        kMostSlipShare = 0.05;
 
 /// Figures of a step: counts, errors and costs.
 struct StepReport {
@@ -112,8 +114,9 @@ struct StepReport {
   /// against a body that was advanced already, or on a path that forces made longer than assumed
   /// in each repeat of the step; hits left out come late or are missed.
   std::optional<BodyId> hits_left_body;
-  double overlap = 0.0;  ///< deepest contact by impulses [m] that stays deeper than 4 g h² and
-                         ///< kMostOverlapShare of the thinner shape
+  /// Deepest contact by impulses [m] that stays deeper than 4 g h² and kMostOverlapShare of the
+  /// thinner shape, or is deeper than kDeepOverlapShare.
+  double overlap = 0.0;
   std::optional<BodyId> overlap_body;  ///< body of the contact with `overlap`, movable where one is
   /// Farthest slide of a contact by impulses while friction holds it [m], where above
   /// kMostCreepShare of the thinner shape.

@@ -29,11 +29,19 @@ const BodyState& start_of(const MovedBodies& in, int body) {
   return (is_moving_shape(in, body) ? in.rollback.states() : in.state.states)[body];
 }
 
-double gap_at_start(const MovedBodies& in, const Broadphase::Pair& pair) {
+Separation separation_at(const MovedBodies& in, const Broadphase::Pair& pair,
+                         const BodyState& state_a, const BodyState& state_b) {
   const List<Body>& bodies = in.step.model.bodies;
-  const auto [a, b] = pair;
-  const PlacedShape of_a(bodies[a], start_of(in, a)), of_b(bodies[b], start_of(in, b));
-  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
+  const PlacedShape a(bodies[pair.first], state_a), b(bodies[pair.second], state_b);
+  return separation(a.shape(), a.state(), b.shape(), b.state());
+}
+
+Separation separation_at_start(const MovedBodies& in, const Broadphase::Pair& pair) {
+  return separation_at(in, pair, start_of(in, pair.first), start_of(in, pair.second));
+}
+
+Separation separation_at_end(const MovedBodies& in, const Broadphase::Pair& pair) {
+  return separation_at(in, pair, in.state.states[pair.first], in.state.states[pair.second]);
 }
 
 /// Largest distance of the points of a dynamic body from their start within the step [m]. An
@@ -57,10 +65,9 @@ double path_of(const MovedBodies& in, int body) {
   return path + std::min(std::max(h * spin, chord), most) * radius;
 }
 
-/// Path of a body that the stages before the motion assumed [m].
+/// Path of a body that the stages before the motion assumed [m], without the room of groups.
 double assumed_for(const MovedBodies& in, int body) {
   const WorldOptions& options = in.step.model.options;
-  if (follows_contacts(options)) return in.reach.of(body);
   const double assumed = max_distance(in.step, in.rollback.states()[body], body, options.time_step);
   return std::max(assumed, kFastShare * in.continuous.thinnest());
 }
@@ -72,11 +79,17 @@ bool is_touching_pair(const List<TouchingPair>& touching, const Broadphase::Pair
   return found != touching.end() && found->ends() == pair;
 }
 
+/// Whether two shapes ended the step on other sides of each other than they began it.
+bool has_changed_sides(const MovedBodies& in, const Broadphase::Pair& pair) {
+  const Separation start = separation_at_start(in, pair), end = separation_at_end(in, pair);
+  return start.normal.dot(end.normal) < 0.0;
+}
+
 /// Whether the overlap of a pair in contact by impulses grew within the step by as much as fast
 /// bodies move.
 bool is_pushed_in(const MovedBodies& in, const Broadphase::Pair& pair) {
-  const double gap = gap_of(in.step.model, in.state, pair);
-  return gap < 0.0 && gap_at_start(in, pair) - gap > kFastShare * thinner_of(in.step.model, pair);
+  const Separation start = separation_at_start(in, pair), end = separation_at_end(in, pair);
+  return end.gap < 0.0 && start.gap - end.gap > kFastShare * thinner_of(in.step.model, pair);
 }
 
 /// Whether an event-driven group advanced a pair.
@@ -86,15 +99,6 @@ bool is_followed(const ContactGroups& groups, const Broadphase::Pair& pair) {
         return !group.has_failed &&
                std::find(group.pairs.begin(), group.pairs.end(), pair) != group.pairs.end();
       });
-}
-
-/// Whether a pair of an event-driven group passed through each other between two substeps: the pair
-/// is not in contact at the end, and its path leads through an overlap.
-bool has_jumped(const MovedBodies& in, const Broadphase::Pair& pair) {
-  constexpr double kContact = 1e-6;  // gap of a pair in contact, as a share of the thinner shape
-  return std::abs(gap_of(in.step.model, in.state, pair)) >
-             kContact * thinner_of(in.step.model, pair) &&
-         passes(in.step, in.state, in.rollback, pair);
 }
 
 }  // namespace
@@ -166,20 +170,21 @@ bool AssumedPaths::is_missed(const MovedBodies& in, const Broadphase::Pair& pair
   const Topology& topology = in.step.topology;
   if (topology.is_unpaired(pair)) return false;
   if (is_touching_pair(in.state.touching, pair) || in.continuous.has_met(pair))
-    return is_pushed_in(in, pair);
-  const List<Broadphase::Pair>& on_joints = in.continuous.jointed_pairs();
-  if (std::binary_search(on_joints.begin(), on_joints.end(), pair))
-    return in.has_left_hits && (in.continuous.divides(a) || in.continuous.divides(b));
+    return is_pushed_in(in, pair) || has_changed_sides(in, pair);
   const double most = found_[a] + found_[b];
   const bool is_fast_pair = most > kFastShare * thinner_of(model, pair);
+  const List<Broadphase::Pair>& on_joints = in.continuous.jointed_pairs();
+  const bool is_left = in.has_left_hits && (in.continuous.divides(a) || in.continuous.divides(b));
+  if (is_left && std::binary_search(on_joints.begin(), on_joints.end(), pair)) return true;
   const bool follows = follows_contacts(model.options);
   // a body that is slow comes to lie within a shape, and impulses push it out again
   if (!is_fast_pair && !follows) return false;
-  const double gap = gap_at_start(in, pair);
+  const double gap = separation_at_start(in, pair).gap;
   if (gap > most) return false;
-  if (!follows) return passes(in.step, in.state, in.rollback, pair);
-  if (gap > in.reach.of(a) + in.reach.of(b)) return true;
-  return is_fast_pair && (!is_followed(in.groups, pair) || has_jumped(in, pair));
+  if (follows && gap > in.reach.of(a) + in.reach.of(b)) return true;
+  if (!is_fast_pair) return false;
+  return is_followed(in.groups, pair) ? has_changed_sides(in, pair)
+                                      : passes(in.step, in.state, in.rollback, pair);
 }
 
 bool AssumedPaths::lengthen(std::size_t bodies) {

@@ -45,6 +45,7 @@ class AssumedPaths {
   void set_shapes(const Model& model, const Topology& topology, const IslandLists& lists,
                   const List<int>& moving_shapes);
   void begin_step() {
+    if (repeats_ == 0) return;
     paths_.clear();
     repeats_ = 0;
   }

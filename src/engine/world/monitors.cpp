@@ -359,7 +359,9 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
     const double thinner = thinner_of(model, pair.ends());
     if (deepest > std::max(sunk, kMostOverlapShare * thinner)) {
       now.overlapping = h + (is_known ? before->overlapping : 0.0);
-      if (now.overlapping >= patience && deepest > report->overlap) {
+      const bool is_reported =
+          now.overlapping >= patience || deepest > std::max(sunk, kDeepOverlapShare * thinner);
+      if (is_reported && deepest > report->overlap) {
         report->overlap = deepest;
         report->overlap_body = movable;
       }

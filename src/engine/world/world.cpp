@@ -168,7 +168,7 @@ StepContext World::Impl::begin_step() {
 
 void World::Impl::save_state() {
   rollback.save(sleep.awake(), *this, island_parts);
-  if (!pipeline.moving_shapes().empty()) rollback.save_methods(sleep.awake(), *this);
+  if (assumed.is_any_driven(*this)) rollback.save_methods(sleep.awake(), *this);
 }
 
 void World::Impl::restore_state() {

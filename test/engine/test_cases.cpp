@@ -161,5 +161,28 @@ TEST(Case, RepeatedTargetsAreReached) {
   }
 }
 
+// 1e-6 rad: each stop is met to 1e-15 s, 300 times.
+TEST(Case, GearedArmKeepsItsTurnsBetweenStops) {
+  for (const double h : kCaseTimeSteps) {
+    World world = load_case("geared_arm_stop", h);
+    run_case_until(world, 3.0);
+    const double arm = world.joint_state(world.find_joint("ha")).coordinates[0].position;
+    const double rotor = world.joint_state(world.find_joint("hr")).coordinates[0].position;
+    EXPECT_NEAR(arm, 0.0, 1e-6) << "at 1/" << 1.0 / h;
+    EXPECT_NEAR(rotor, 50.0 * arm, 1e-6) << "at 1/" << 1.0 / h;
+  }
+}
+
+// 1e-6 of the energy: the tolerance of runge_kutta, summed over 2 s.
+TEST(Case, SpringAndStopsKeepTheEnergy) {
+  for (const double h : kCaseTimeSteps) {
+    World world = load_case("spring_and_stops_gain", h);
+    for (int i = 0; i < static_cast<int>(std::lround(2.0 / h)); ++i) {
+      ASSERT_FALSE(world.step().failed);
+      ASSERT_NEAR(world.energy(), 300.0, 300.0 * 1e-6) << "at 1/" << 1.0 / h;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

@@ -65,6 +65,12 @@ double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMot
 /// Returns `angle` plus the whole turns that bring it nearest to `reference` [rad].
 double unwound(double angle, double reference);
 
+/// Returns a coordinate that was at `position` h [s] ago: the integral of its rate by the
+/// trapezoidal rule. Angles are unwrapped to the turn nearest to the integral.
+inline double integrated(double position, double h, double rate_before, double rate_now) {
+  return h == 0.0 ? position : position + 0.5 * h * (rate_before + rate_now);
+}
+
 /// Returns the weighted sum of two Jacobians.
 Jacobian combined(double weight_a, const Jacobian& a, double weight_b, const Jacobian& b);
 

@@ -84,16 +84,18 @@ double coordinate_error(const CoordinateLaw& law, const CoordinateState& state) 
 struct Passed {
   double h = 0.0;                   // [s]
   const double* counted = nullptr;  // JointStep::counted
+  bool moves_at_end_rate = false;   // JointStep::moves_at_end_rate
 };
 
 // Returns a reference to unwrap an angle: the held or counted coordinate, or a prediction from the
-// last value and both velocities.
+// last value and the velocities with which the method moves bodies.
 double expected(const Passed& passed, const CoordinateLaw& law, const CoordinateState& before,
                 double velocity, int coordinate) {
   if (is_held(law) && passed.h > 0.0) return before.held;
   if (passed.counted != nullptr && !std::isnan(passed.counted[coordinate]))
     return passed.counted[coordinate];
-  return before.position + 0.5 * passed.h * (before.velocity + velocity);
+  const double at_start = passed.moves_at_end_rate ? velocity : before.velocity;
+  return integrated(before.position, passed.h, at_start, velocity);
 }
 
 // Sets position and velocity of the coordinates, and raises the error of the joint to their largest
@@ -250,7 +252,7 @@ void add_own_coupling(const Joint& joint, double impulse, RowVector* done) {
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
             double zeta, const RowVector& impulse, JointState& state) {
   const bool is_distance = has_length(joint.kind);
-  const Passed passed{step.h, step.counted};
+  const Passed passed{step.h, step.counted, step.moves_at_end_rate};
   if (is_distance)
     measure_distance(joint, a, b, zeta, state);
   else if (state.closing)

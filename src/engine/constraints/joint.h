@@ -26,6 +26,8 @@ struct JointStep {
   /// Coordinates at the end of the step, from a method that counts turns within it. NaN or nullptr
   /// where turns were not counted.
   const double* counted = nullptr;
+  /// Whether bodies move with their velocity at the end of the step, as by impulses.
+  bool moves_at_end_rate = false;
 };
 
 /// Clears the impulses that would warm start the rows.
@@ -44,7 +46,7 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
 double spring_stretch(const Joint& joint, const JointState& state, const Row& row);
 
 /// Takes forces and state from the solved rows, with the bodies after the step.
-void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointStep step,
                 const Row* rows, int count, JointState& state);
 
 /// Measures a joint that was added or repaired, or whose bodies were set; its error is closed from

@@ -249,8 +249,9 @@ double spring_stretch(const Joint& joint, const JointState& state, const Row& ro
          (is_servo ? *law.motor->position : soft_law(law).R);
 }
 
-void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointStep step,
                 const Row* rows, int count, JointState& state) {
+  step.moves_at_end_rate = true;
   if (has_length(joint.kind)) {
     settle(joint.distance, joint, AnchorPair(joint, a, b), step, rows, count, state);
     return finish(joint, a, b, step, state.bias, state.impulse, state);

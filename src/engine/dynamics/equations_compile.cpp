@@ -15,6 +15,29 @@ using Eigen::Vector3d;
 
 constexpr std::size_t kMostStages = DormandPrince8::kStages + 1;
 
+/// Lists the angles of general joints that neither a soft coordinate nor a coupling reads.
+TurnedAngles unread_angles(const IslandModel& island) {
+  TurnedAngles angles;
+  for (std::size_t l = 0; l < island.links().size(); ++l) {
+    const IslandModel::Link& link = island.links()[l];
+    const JointKindInfo& kind = info(link.kind);
+    for (int i = 0; island.is_general(l) && i < kind.coordinates; ++i) {
+      const auto is_read_by = [&](const IslandModel::CoupledRow& coupled) {
+        return std::any_of(coupled.terms.begin(), coupled.terms.end(), [&](const auto& term) {
+          return term.link == l && term.coordinate == i;
+        });
+      };
+      bool is_read =
+          std::any_of(island.coupled_rows().begin(), island.coupled_rows().end(), is_read_by);
+      for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
+        is_read = is_read || island.soft_coordinates()[s].function == kind.rows + i;
+      if (kind.coordinate[to_index(i)].is_angle && !is_read)
+        angles.add(l, link.kind, i, link.a, link.b);
+    }
+  }
+  return angles;
+}
+
 }  // namespace
 
 EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_joints,
@@ -42,6 +65,7 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
   }
   if (is_chain_of_bodies_) pairs_ = pairs_of_chain(*this);
   tree_ = tree_of(*this);
+  angles_ = unread_angles(*this);
 
   const std::size_t points = inverse_mass_.size();
   for (auto* list :
@@ -69,7 +93,7 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
   impulses_.assign(soft_force(softs_.size()), 0.0);
   squares_.assign(bodies_.size(), 0.0);
   stage_forces_.assign(impulses_.size() * kMostStages, 0.0);
-  kept_positions_.reserve(softs_.size() + 2 * coupled_.size());
+  kept_positions_.reserve(2 * softs_.size() + 4 * coupled_.size());
 }
 
 // Lists the entries of A with their sources. Redundant rows have no entries; their unknowns come

@@ -230,8 +230,8 @@ void EquationsOfMotion::pull_softs(double* forces) {
     const SoftCoordinate& soft = softs_[s];
     const Link& link = links_[soft.link];
     const JointVectors& vectors = vectors_[soft.link - first_general_];
-    const double force = forces[soft_force(s)] =
-        soft.law.force(reading_of(soft), rate_of(soft.link, soft.form));
+    const double rate = rate_of(soft.link, soft.form);
+    const double force = forces[soft_force(s)] = soft.law.force(reading_of(soft, rate), rate);
     const Jacobian J = jacobian(soft.form, vectors);
     acceleration_[link.a] += inverse_mass_[link.a] * force * J.j1;
     acceleration_[link.b] += inverse_mass_[link.b] * force * J.j3;
@@ -243,16 +243,25 @@ void EquationsOfMotion::pull_softs(double* forces) {
 // Notes positions and rates of coordinates, from which angles are unwrapped.
 void EquationsOfMotion::note_positions() {
   for (SoftCoordinate& soft : softs_) {
-    soft.position = reading_of(soft);
-    soft.rate = rate_of(soft.link, soft.form);
+    const double rate = rate_of(soft.link, soft.form);
+    soft.position = reading_of(soft, rate);
+    soft.rate = rate;
   }
   for (CoupledRow& coupled : coupled_) {
     for (CoupledRow::Term& term : coupled.terms) {
-      term.position = reading_of(term);
-      term.rate = rate_of(term.link, term.form);
+      const double rate = rate_of(term.link, term.form);
+      term.position = reading_of(term, rate);
+      term.rate = rate;
     }
   }
-  noted_at_ = placed_at_;
+  const auto spin = [this](std::size_t point) -> Vector3d {
+    if (rotates(point)) return angular_velocity_[point];
+    return point < bodies_.size() ? Vector3d(Vector3d::Zero()) : fixed_angular_velocity(point);
+  };
+  angles_.integrate(placed_at_, spin, [this](const TurnedAngles::Angle& angle) {
+    const JointVectors& vectors = vectors_[angle.joint - first_general_];
+    return (angle.is_about_b ? vectors.axes_B : vectors.axes_A).col(2);
+  });
 }
 
 // Computes the right-hand side C̈_target − γ − G a_free.

@@ -15,6 +15,7 @@
 #include "engine/dynamics/island_model.h"
 #include "engine/dynamics/kernels/body_tree.h"
 #include "engine/dynamics/kernels/chain_pair.h"
+#include "engine/dynamics/turned_angles.h"
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -83,6 +84,20 @@ class EquationsOfMotion : public IslandModel {
     softs_[soft].position = position;
     softs_[soft].rate = 0.0;
   }
+  /// Adds the rotations of a step of length h [s], which ends at time t [s], to the angles that
+  /// neither springs nor couplings read. `turn(body)`: rotation vector of a rotating body [rad];
+  /// `axis(link, end)`: axis z of a general joint on A (0) or B (1) in the step.
+  template <class Turn, class Axis>
+  void add_turns(double t, double h, const Turn& turn, const Axis& axis) {
+    const auto turn_of = [&](std::size_t point) -> Eigen::Vector3d {
+      if (rotates(point)) return turn(point);
+      if (point < bodies_.size()) return Eigen::Vector3d::Zero();
+      return h * fixed_angular_velocity(point);
+    };
+    angles_.add_turns(t, turn_of, [&](const TurnedAngles::Angle& angle) {
+      return axis(angle.joint, angle.is_about_b ? 1 : 0);
+    });
+  }
   /// Acceleration by gravity and loads [m/s²] and torque by loads [N m], without the joints.
   const Eigen::Vector3d& applied_acceleration(std::size_t body) const {
     return applied_acceleration_[body];
@@ -122,8 +137,8 @@ class EquationsOfMotion : public IslandModel {
   void add_soft_impulse(std::size_t soft, double impulse) {
     impulses_[soft_force(soft)] += impulse;
   }
-  /// Saves impulses and coordinate positions; restore_impulses() undoes later calls of
-  /// add_impulse() and set_position().
+  /// Saves impulses, and positions and rates of coordinates; restore_impulses() undoes later
+  /// substeps, and calls of add_impulse() and set_position().
   void keep_impulses();
   void restore_impulses();
   /// Saves impulses, coordinate positions and the forces of the first stage, for a substep that is
@@ -246,8 +261,8 @@ class EquationsOfMotion : public IslandModel {
   RowVector row_impulse(std::size_t l) const;
   /// Impulse of the coupling of joints()[l]; 0 where joint l does not couple.
   double coupled_impulse(std::size_t l) const;
-  /// Writes the positions of those coordinates of a general joint that have laws or couplings, laid
-  /// out as JointStep::counted. Returns false where joint l has none.
+  /// Writes the positions of angles of a general joint, and of coordinates that have laws or
+  /// couplings, laid out as JointStep::counted. Returns false where there is none.
   bool count_turns(std::size_t l, std::array<double, kMaxCoordinates>* positions) const;
   /// Impulse of joint l in the order of rows and coordinates of its kind; `of_rows`: impulses of
   /// its rigid rows.
@@ -292,12 +307,13 @@ class EquationsOfMotion : public IslandModel {
   const Eigen::Vector3d& fixed_angular_velocity(std::size_t fixed_point) const {
     return fixed_points_[fixed_point - bodies_.size()].start.angular_velocity;
   }
-  /// Position of a soft coordinate [m or rad]. Angles are unwrapped to the turn nearest to the last
-  /// noted position, extrapolated at the last noted rate.
-  double reading_of(const SoftCoordinate& soft) const {
-    const double there = value(soft.form, vectors_[soft.link - first_general_]);
-    return reading(soft.form, there, soft.zero,
-                   soft.position + (placed_at_ - noted_at_) * soft.rate);
+  /// Position of a soft or coupled coordinate that moves at `rate` [m or rad]. Angles are unwrapped
+  /// to the turn nearest to the integral of the rate since the last noted position.
+  template <class Coordinate>
+  double reading_of(const Coordinate& of, double rate) const {
+    const double there = value(of.form, vectors_[of.link - first_general_]);
+    return reading(of.form, there, of.zero,
+                   integrated(of.position, placed_at_ - angles_.time(), of.rate, rate));
   }
   /// C of a row minus its target; whole turns of an angle do not count.
   double value_of(const GeneralRow& row) const {
@@ -379,7 +395,6 @@ class EquationsOfMotion : public IslandModel {
   void pull_softs(double* forces);
   void pull_custom();
   void note_positions();
-  double reading_of(const CoupledRow::Term& term) const;
   double rate_of(std::size_t link, const ScalarForm& form) const {
     return rate(form, vectors_[link - first_general_], motions_[link - first_general_]);
   }
@@ -467,8 +482,7 @@ class EquationsOfMotion : public IslandModel {
   bool fixed_points_move_ = false;
   bool is_time_dependent_ = false;  // fixed points move, or there are prescribed motions
   bool has_jumped_ = false;
-  // Times of the last update_kinematics() and of the last note_positions() [s].
-  double placed_at_ = 0.0, noted_at_ = 0.0;
+  double placed_at_ = 0.0;    // time of the last update_kinematics() [s]
   double fixed_scale_ = 0.0;  // largest coordinate of fixed points, or length [m]
   // Largest coordinate or length, bodies included; rounding is relative to scale_ [m].
   double scale_ = 0.0;
@@ -494,6 +508,10 @@ class EquationsOfMotion : public IslandModel {
   List<double> value_target_;                       // per row; of general joints
   List<double> rate_target_, acceleration_target_;  // per row
   List<Eigen::Vector3d> J_angular_, M_inv_Jt_;      // per angular block: J_ang, I⁻¹ J_angᵀ
+
+  // Angles that neither springs nor couplings read. Their time is also that of positions in softs_
+  // and coupled_.
+  TurnedAngles angles_;
 
   // ---- redundant rows
   std::size_t kept_ = 0;          // number of rows with a force

@@ -178,7 +178,7 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     if (left_out_ > 0) note_energy(time_, y);
   }
   if (left_out_ > 0) factor(kLeastPivotOfForces);
-  if (!softs_.empty() || !coupled_.empty()) note_positions();
+  if (!softs_.empty() || !coupled_.empty() || !angles_.empty()) note_positions();
   accelerate(0, y, dydt);
   return true;
 }

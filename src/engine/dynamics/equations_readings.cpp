@@ -122,30 +122,41 @@ void EquationsOfMotion::add_impulse(std::size_t l, const RowVector& impulse) {
 
 void EquationsOfMotion::keep_impulses() {
   kept_impulses_ = impulses_;
+  angles_.keep();
   kept_positions_.clear();
-  for (const SoftCoordinate& soft : softs_) kept_positions_.push_back(soft.position);
+  const auto keep = [this](const auto& coordinate) {
+    kept_positions_.push_back(coordinate.position);
+    kept_positions_.push_back(coordinate.rate);
+  };
+  for (const SoftCoordinate& soft : softs_) keep(soft);
   for (const CoupledRow& coupled : coupled_)
-    for (const CoupledRow::Term& term : coupled.terms) kept_positions_.push_back(term.position);
+    for (const CoupledRow::Term& term : coupled.terms) keep(term);
 }
 
 void EquationsOfMotion::restore_impulses() {
   impulses_ = kept_impulses_;
+  angles_.restore();
   const double* kept = kept_positions_.data();
-  for (std::size_t s = 0; s < softs_.size(); ++s) set_position(s, *kept++);
-  for (std::size_t c = 0; c < coupled_.size(); ++c)
-    for (std::size_t k = 0; k < 2; ++k) set_position(c, k, *kept++);
+  const auto restore = [&kept](auto& coordinate) {
+    coordinate.position = *kept++;
+    coordinate.rate = *kept++;
+  };
+  for (SoftCoordinate& soft : softs_) restore(soft);
+  for (CoupledRow& coupled : coupled_)
+    for (CoupledRow::Term& term : coupled.terms) restore(term);
 }
 
 bool EquationsOfMotion::count_turns(std::size_t l,
                                     std::array<double, kMaxCoordinates>* positions) const {
   const Link& link = links_[l];
-  if (!is_general(l) || (link.softs == 0 && coupled_.empty())) return false;
+  if (!is_general(l) || (link.softs == 0 && coupled_.empty() && angles_.empty())) return false;
   positions->fill(std::numeric_limits<double>::quiet_NaN());
   for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
     (*positions)[softs_[s].function - info(link.kind).rows] = softs_[s].position;
   for (const CoupledRow& coupled : coupled_)
     for (const CoupledRow::Term& term : coupled.terms)
       if (term.link == l) (*positions)[term.coordinate] = term.position;
+  angles_.read(l, positions);
   return true;
 }
 

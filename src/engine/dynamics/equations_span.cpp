@@ -62,7 +62,7 @@ void EquationsOfMotion::begin(double t, const List<BodyState>& states, const Vec
   }
 
   tick_start_ = t - since_tick;
-  noted_at_ = t;
+  angles_.set_time(t);
   fixed_points_move_ = false;
   for (FixedPoint& point : fixed_points_) {
     point.start = states[point.body];
@@ -181,12 +181,17 @@ void EquationsOfMotion::begin_step(const List<JointState>& states) {
     const auto i = to_index(soft.function - info(links_[soft.link].kind).rows);
     const CoordinateState& state = states[joints_[soft.link]].coordinates[i];
     soft.position = state.position;
+    soft.rate = state.velocity;
   }
   for (CoupledRow& coupled : coupled_) {
     coupled.constant = states[joints_[coupled.link]].coupling.constant;
-    for (CoupledRow::Term& term : coupled.terms)
-      term.position = states[joints_[term.link]].coordinates[term.coordinate].position;
+    for (CoupledRow::Term& term : coupled.terms) {
+      const CoordinateState& state = states[joints_[term.link]].coordinates[term.coordinate];
+      term.position = state.position;
+      term.rate = state.velocity;
+    }
   }
+  angles_.begin([&](std::size_t l) -> const JointState& { return states[to_index(joints_[l])]; });
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
   dependent_rows_ = 0;
   momentary_error_ = 0.0;

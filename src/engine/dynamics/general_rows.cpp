@@ -76,14 +76,11 @@ void EquationsOfMotion::update_prescribed_coupling(std::size_t l, const Prescrib
   }
 }
 
-double EquationsOfMotion::reading_of(const CoupledRow::Term& term) const {
-  const double there = value(term.form, vectors_[term.link - first_general_]);
-  return reading(term.form, there, term.zero, term.position + (placed_at_ - noted_at_) * term.rate);
-}
-
+// The rates are those of the last stage.
 double EquationsOfMotion::value_of(const CoupledRow& coupled) const {
   double sum = 0.0;
-  for (const CoupledRow::Term& term : coupled.terms) sum += term.ratio * reading_of(term);
+  for (const CoupledRow::Term& term : coupled.terms)
+    sum += term.ratio * reading_of(term, rate_of(term.link, term.form));
   return sum - coupled.constant - coupled.closing.value;
 }
 

@@ -352,6 +352,12 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     for (std::size_t k = 0; k < 2; ++k) equations->set_position(c, k, coupled.terms[k].end);
   }
   frequency_ = std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
+  const auto turn = [&](std::size_t body) {
+    return ConstVector(unknowns.data() + to_index(first_unknown_[body]) + 3);
+  };
+  equations->add_turns(t_ + h_, h_, turn, [&](std::size_t l, std::size_t end) {
+    return shapes_[l].axes0[end].col(2);
+  });
 
   // Velocity at the end from the change (Δx or w), the change of the previous step, and the
   // velocity at the start.

@@ -23,8 +23,8 @@ struct KernelView {
   Eigen::Vector3d* rod_direction;        ///< d, per rod
   Eigen::Vector3d* separation;           ///< d, per link; of ball joints
   JointVectors* vectors;                 ///< per general joint
-  /// Times of the last evaluation and of the last note_positions() [s]
-  double *placed_at, *noted_at;
+  double* placed_at;                     ///< time of the last evaluation [s]
+  TurnedAngles* angles;                  ///< angles of general joints
 
   double* solution;                 ///< by unknown
   double *impulses, *stage_forces;  ///< by unknown; stage_forces stage by stage
@@ -59,7 +59,7 @@ inline KernelView EquationsOfMotion::kernel_view() {
   view.separation = d_.data();
   view.vectors = vectors_.data();
   view.placed_at = &placed_at_;
-  view.noted_at = &noted_at_;
+  view.angles = &angles_;
   view.solution = solution_.data();
   view.impulses = impulses_.data();
   view.stage_forces = stage_forces_.data();

@@ -69,7 +69,6 @@ IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integ
     case Integration::kSubsteps: {
       const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
       if (!learn_from_substeps(cost, state->step_count, model.options, &progress, &parts)) break;
-      if (!progress.done) motion.begin_step(state->joint_states);  // forgets the attempt
       parts.needs_method_choice = true;
       break;
     }

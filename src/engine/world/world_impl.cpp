@@ -1,6 +1,8 @@
 #include "engine/world/world_impl.h"
 
 #include <algorithm>
+#include <array>
+#include <limits>
 
 #include "engine/islands/contact_group_reports.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
@@ -176,6 +178,7 @@ void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
 }
 
 void World::Impl::read_smooth_joints(JointStep step) {
+  std::array<double, kMaxCoordinates> positions;
   const bool is_split = integration.interval_ends().size() > 2;
   for (std::size_t k = 0; is_split && k < integration.time_varying_joints().size(); ++k) {
     const std::size_t j = to_index(integration.time_varying_joints()[k]);
@@ -188,10 +191,12 @@ void World::Impl::read_smooth_joints(JointStep step) {
     if (const EventDriven* by_events = motion.finish_events(states)) {
       tell_events(*by_events);
       for (std::size_t l = 0; l < by_events->joints().size(); ++l) {
-        by_events->write(l, &joint_states[by_events->joints()[l]]);
+        by_events->write(l, &joint_states[by_events->joints()[l]], &positions);
+        step.counted = positions.data();
         read_smooth_joint(to_index(by_events->joints()[l]), step, by_events->impulse(l),
                           by_events->coupled_impulse(l));
       }
+      step.counted = nullptr;
       continue;
     }
     const EquationsOfMotion& equations = motion.equations();
@@ -200,9 +205,8 @@ void World::Impl::read_smooth_joints(JointStep step) {
         equations.redundant_rows() > 0 && islands[i].why != MethodReason::kInconsistent;
     const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
     const bool any_coupling = !equations.coupled_rows().empty();
-    const bool any_counted = any_coupling || !equations.soft_coordinates().empty();
+    const bool any_counted = !equations.general_rows().empty();
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
-      std::array<double, kMaxCoordinates> positions;
       if (any_counted)
         step.counted = equations.count_turns(l, &positions) ? positions.data() : nullptr;
       read_smooth_joint(to_index(equations.joints()[l]), step,
@@ -215,7 +219,8 @@ void World::Impl::read_smooth_joints(JointStep step) {
   }
 }
 
-void World::Impl::report_contact_groups(const JointStep& step) {
+void World::Impl::report_contact_groups(JointStep step) {
+  std::array<double, kMaxCoordinates> positions;
   const std::size_t first = touching.size();
   for (const ContactGroup& group : groups.groups()) {
     if (group.has_failed) continue;
@@ -225,8 +230,12 @@ void World::Impl::report_contact_groups(const JointStep& step) {
     const ContactEquations& equations = group.events->equations();
     for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
       group.events->write(c, &joint_states[equations.joints[equations.coordinates[c].joint].index]);
-    for (const ContactEquations::BodyJoint& joint : equations.joints) {
+    for (std::size_t j = 0; j < equations.joints.size(); ++j) {
+      const ContactEquations::BodyJoint& joint = equations.joints[j];
       if (joint.is_broken) joint_states[joint.index].broken = true;
+      positions.fill(std::numeric_limits<double>::quiet_NaN());
+      equations.angles.read(j, &positions);
+      step.counted = positions.data();
       read_smooth_joint(to_index(joint.index), step, joint.impulse, 0.0);
     }
   }

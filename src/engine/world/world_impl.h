@@ -134,7 +134,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void find_custom_forces(const StepContext& step);
 
   // ---- the end of a step: results of joints and contacts, events, failures
-  void report_contact_groups(const JointStep& step);
+  void report_contact_groups(JointStep step);
   void advance_kinematic_bodies();
   void finish_step(const StepContext& step);
   void read_smooth_joints(JointStep step);

@@ -284,8 +284,9 @@ void TreeOfBodies::pull(TreeNode* node, const SpatialVector& relative, double* f
     Direction& direction = node->directions[k];
     if (direction.soft == TreeNode::kNone) continue;
     const auto& soft = view_.softs[direction.soft];
+    const double rate = component(direction, relative);
     const double force = forces[equations_.soft_force(direction.soft)] =
-        soft.law.force(equations_.reading_of(soft), component(direction, relative));
+        soft.law.force(equations_.reading_of(soft, rate), rate);
     direction.force = node->sense * force;
   }
 }
@@ -330,11 +331,17 @@ void TreeOfBodies::note_positions() {
     for (std::size_t k = 0; k < node.count; ++k) {
       if (node.directions[k].soft == TreeNode::kNone) continue;
       auto& soft = view_.softs[node.directions[k].soft];
-      soft.position = equations_.reading_of(soft);
-      soft.rate = component(node.directions[k], relative_velocity(node));
+      const double rate = component(node.directions[k], relative_velocity(node));
+      soft.position = equations_.reading_of(soft, rate);
+      soft.rate = rate;
     }
   }
-  *view_.noted_at = *view_.placed_at;
+  view_.angles->integrate(
+      *view_.placed_at, [this](std::size_t point) { return spin(point); },
+      [this](const TurnedAngles::Angle& angle) {
+        const JointVectors& vectors = view_.vectors[angle.joint - first_general_];
+        return (angle.is_about_b ? vectors.axes_B : vectors.axes_A).col(2);
+      });
 }
 
 // Writes the row forces of a joint, from its force and torque on the child.
@@ -386,11 +393,8 @@ bool TreeOfBodies::restart(double* y, double* dydt) {
   });
   find_forces(solution);
   for (std::size_t i = 0; i < equations_.rows(); ++i) view_.impulses[i] += solution[i];
-  if (!equations_.soft_coordinates().empty()) {
-    find_spins(y);
-    note_positions();
-  }
   accelerate(0, y, dydt);
+  if (!equations_.soft_coordinates().empty() || !view_.angles->empty()) note_positions();
   return true;
 }
 

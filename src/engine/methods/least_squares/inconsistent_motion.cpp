@@ -200,6 +200,9 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
     ask(span.t + (k + 1) * h, equations, &end_);
     step(h, energy, &progress);
     ++progress.substeps;
+    equations->add_turns(
+        span.t + (k + 1) * h, h, [&](std::size_t body) { return displacement_.angular[body]; },
+        [&](std::size_t l, std::size_t end) { return at_start_[l].axes[end].col(2); });
     for (std::size_t i = 0; i < rows_.rows().size(); ++i)
       if (rows_.rows()[i].soft >= 0)
         equations->set_position(to_index(rows_.rows()[i].soft),

@@ -126,6 +126,15 @@ IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOpti
 
 IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                                       List<BodyState>* states) {
+  equations_.keep_impulses();
+  const IntegrationResult result = integrate_span(span, accuracy, states);
+  if (!result.done) equations_.restore_impulses();
+  return result;
+}
+
+IntegrationResult RungeKutta::integrate_span(const SmoothSpan& span,
+                                             const IntegratorOptions& accuracy,
+                                             List<BodyState>* states) {
   const IntegrationResult begun = begin(span, accuracy, *states);
   if (!begun.done) return begun;
   const StageMemory memory(numbers_.data(), equations_.size());

@@ -21,7 +21,8 @@ class RungeKutta {
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
   void begin_step(const List<JointState>& joints) { equations_.begin_step(joints); }
-  /// Advances the island as method.h describes, with its own equations.
+  /// Advances the island as method.h describes, with its own equations. Impulses and angles of a
+  /// failed attempt do not count.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             List<BodyState>* states);
   /// First part of advance(), for methods that look at every substep.
@@ -70,6 +71,8 @@ class RungeKutta {
   IntegrationResult start(const SmoothSpan& span, const IntegratorOptions& accuracy,
                           const StageMemory& memory);
 
+  IntegrationResult integrate_span(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                   List<BodyState>* states);
   bool is_far_too_stiff(const IntegratorOptions& accuracy);
   template <class Act>
   auto with_system(Act act);

@@ -27,6 +27,7 @@ constexpr double kContactsProjected = 1e-12;
 
 void ContactEquations::gather_state(const List<BodyState>& states, double since_tick) {
   t_ = 0.0;
+  angles.set_time(0.0);
   since_tick_ = since_tick;
   movers_.clear();
   states_.resize(bodies.size());
@@ -316,19 +317,19 @@ void ContactEquations::break_joint(std::size_t j) {
 }
 
 void ContactEquations::keep() {
-  kept_ = stages_[0];
-  kept_work_ = driven_work;
-  kept_contacts_.clear();
-  kept_joints_.clear();
-  for (const Contact& contact : contacts) kept_contacts_.push_back(contact.impulse);
-  for (const BodyJoint& joint : joints) kept_joints_.push_back(joint.impulse);
+  kept_.stage = stages_[0];
+  kept_.work = driven_work;
+  kept_.contacts.clear();
+  kept_.joints.clear();
+  for (const Contact& contact : contacts) kept_.contacts.push_back(contact.impulse);
+  for (const BodyJoint& joint : joints) kept_.joints.push_back(joint.impulse);
 }
 
 void ContactEquations::restore() {
-  stages_[0] = kept_;
-  driven_work = kept_work_;
-  for (std::size_t c = 0; c < contacts.size(); ++c) contacts[c].impulse = kept_contacts_[c];
-  for (std::size_t j = 0; j < joints.size(); ++j) joints[j].impulse = kept_joints_[j];
+  stages_[0] = kept_.stage;
+  driven_work = kept_.work;
+  for (std::size_t c = 0; c < contacts.size(); ++c) contacts[c].impulse = kept_.contacts[c];
+  for (std::size_t j = 0; j < joints.size(); ++j) joints[j].impulse = kept_.joints[j];
 }
 
 // Squared size of a change of the state, defined as in EquationsOfMotion.

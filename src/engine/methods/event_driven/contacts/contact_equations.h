@@ -12,6 +12,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/dynamics/turned_angles.h"
 #include "engine/math/embedded_pairs.h"
 #include "engine/math/least_norm_solver.h"
 #include "engine/math/list.h"
@@ -67,8 +68,8 @@ class ContactEquations {
     bool is_prescribed = false;  ///< held by a motor without force limit
     bool is_one_sided = false;
     OneSidedState state;
-    Motor motor{};          ///< demand in this interval; of laws with a drive
-    double position = 0.0;  ///< start of a substep [m or rad]
+    Motor motor{};   ///< demand in this interval; of laws with a drive
+    int angle = -1;  ///< index in angles; -1: no angle
     /// Position where friction or a drive began to hold the coordinate [m or rad].
     double held = 0.0;
     double held_at = 0.0;  ///< time when the hold began, simulated [s]
@@ -83,6 +84,7 @@ class ContactEquations {
   std::size_t movable = 0;
   List<BodyJoint> joints;
   List<Coordinate> coordinates;
+  TurnedAngles angles;  ///< all angles of joints, numbered by joints and bodies
   List<Contact> contacts;
   /// Whether slips keep their directions at the start of the substep; rows hold them transversely.
   bool is_straight = false;
@@ -318,10 +320,14 @@ class ContactEquations {
   // Scratch: forces, free accelerations, reference forces.
   List<Eigen::Vector3d> linear_, angular_, free_linear_, free_angular_;
   List<Eigen::Vector3d> reference_linear_, reference_angular_;
-  Stage kept_;
-  double kept_work_ = 0.0;
-  List<Eigen::Vector3d> kept_contacts_;  // impulses of contacts
-  List<RowVector> kept_joints_;
+  /// Values that keep() saved; impulses per contact and per joint.
+  struct Kept {
+    Stage stage;
+    double work = 0.0;
+    List<Eigen::Vector3d> contacts;
+    List<RowVector> joints;
+  };
+  Kept kept_;
 };
 
 }  // namespace constraint_sim::engine

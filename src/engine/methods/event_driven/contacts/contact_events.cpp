@@ -22,6 +22,25 @@ constexpr std::uint32_t kMostJams = 4;  // per step
 constexpr double kOverlap = 1e-9;       // [m] a deeper overlap was missed
 constexpr int kMostMissed = 40;         // substeps repeated per step for missed overlaps
 
+/// Lists the angles of all joints of a group, where the step starts.
+void list_angles(const List<JointState>& states, ContactEquations* equations) {
+  TurnedAngles& angles = equations->angles;
+  angles.clear();
+  for (std::size_t j = 0; j < equations->joints.size(); ++j) {
+    const ContactEquations::BodyJoint& joint = equations->joints[j];
+    const JointKindInfo& kind = info(joint.joint.kind);
+    for (int i = 0; i < kind.coordinates; ++i) {
+      if (!kind.coordinate[static_cast<std::size_t>(i)].is_angle) continue;
+      for (ContactEquations::Coordinate& of : equations->coordinates)
+        if (of.joint == j && of.law.coordinate == i) of.angle = static_cast<int>(angles.size());
+      angles.add(j, joint.joint.kind, i, joint.a, joint.b);
+    }
+  }
+  angles.begin([&](std::size_t j) -> const JointState& {
+    return states[static_cast<std::size_t>(equations->joints[j].index)];
+  });
+}
+
 }  // namespace
 
 // ---- contact features
@@ -178,6 +197,7 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
                                  const List<JointState>& states) {
   equations_.origin = span.all.t;
   equations_.set_time(0.0);
+  if (!done_.spans) list_angles(states, &equations_);
   for (ContactEquations::BodyJoint& joint : equations_.joints) {
     JointState state = states[static_cast<std::size_t>(joint.index)];
     joint.course.begin(joint.joint, step, state);
@@ -193,7 +213,6 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
     }
     const auto i = static_cast<std::size_t>(of.law.coordinate);
     const CoordinateState& now = states[static_cast<std::size_t>(joint.index)].coordinates[i];
-    if (!done_.spans) of.position = now.position;
     if (!done_.spans) of.braking = now.braking;
     if (of.law.drive == 0.0) continue;
     of.motor = *joint.joint.coordinates[i].motor;
@@ -201,6 +220,19 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
   }
   if (!done_.spans) note_last_states();
   done_.spans = true;
+}
+
+// Integrates the angles of joints to the present time, or takes their rates where velocities have
+// jumped.
+void ContactEvents::note_angles() {
+  const List<BodyState>& states = equations_.states();
+  equations_.angles.integrate(
+      equations_.time(), [&](std::size_t body) { return states[body].angular_velocity; },
+      [&](const TurnedAngles::Angle& angle) -> Vector3d {
+        const JointVectors vectors(equations_.joints[angle.joint].joint, states[angle.a],
+                                   states[angle.b]);
+        return (angle.is_about_b ? vectors.axes_B : vectors.axes_A).col(2);
+      });
 }
 
 // Infers the states before the step, as far as the motion shows them.
@@ -222,12 +254,6 @@ void ContactEvents::note_last_states() {
       return equations_.limit(of, upper_one);
     }));
   }
-}
-
-// Counts whole turns from one substep to the next.
-void ContactEvents::note_positions() {
-  for (ContactEquations::Coordinate& of : equations_.coordinates)
-    of.position = equations_.read(of, nullptr).q;
 }
 
 // Moves a yielding limit of a length along with the length.
@@ -297,7 +323,7 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
   bool is_done = settle(&span, {}, true);
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
   if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0) note_stillness();
-  note_positions();
+  note_angles();
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     last_states_[c] = equations_.coordinates[c].state;
     was_saturated_[c] = is_saturated(c, last_states_[c]) ? 1 : 0;
@@ -383,7 +409,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   if (is_set(span->all.stop) || done_.work > most_work_) return false;
   find_features(false);
   set_directions();
-  note_positions();
+  note_angles();
   if (!equations_.has_movers() && !equations_.is_moved_by_motors() &&
       equations_.is_still(derivative())) {  // nothing will move in the interval
     equations_.accept_stillness(span->left.left);
@@ -460,7 +486,7 @@ bool ContactEvents::has_changed() const {
 
 bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t which) {
   if (++done_.events > kMostEvents) return false;
-  note_positions();
+  note_angles();
   const std::size_t watches = watched_.before.size();
   const std::uint32_t impacts = done_.impacts, breaks = done_.breaks;
   if (watched.kind == Watched::Kind::kBreak) break_joint(*span, watched.joint);

@@ -215,7 +215,7 @@ class ContactEvents {
 
   void begin_joints(const Span& span, const JointStep& step, const List<JointState>& states);
   void note_last_states();
-  void note_positions();
+  void note_angles();
   void give_way(std::size_t coordinate);
   void add_contacts();
   void find_features(bool all, bool is_within = false);

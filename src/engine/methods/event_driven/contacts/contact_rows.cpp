@@ -133,8 +133,10 @@ ContactEquations::Reading ContactEquations::read(const Coordinate& of,
   const JointVectors vectors(joint.joint, a, b);
   const JointMotion motion(vectors, a, b);
   Reading now;
-  now.q = reading(of.law.form, value(of.law.form, vectors), of.law.zero, of.position);
   now.rate = rate(of.law.form, vectors, motion);
+  const double turned =
+      of.angle < 0 ? 0.0 : angles.expected(static_cast<std::size_t>(of.angle), t_, now.rate);
+  now.q = reading(of.law.form, value(of.law.form, vectors), of.law.zero, turned);
   now.J = jacobian(of.law.form, vectors);
   now.acceleration = gamma(of.law.form, vectors, motion);
   if (rates != nullptr)

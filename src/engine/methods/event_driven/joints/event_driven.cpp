@@ -18,6 +18,20 @@ constexpr std::uint32_t kMostEvents = 5000;  // per step
 // Shortest prescribed motion [s]; an event may be at the end of an interval.
 constexpr double kShortest = 1e-12;
 
+// Returns a coordinate as the equations have counted it up to their state, or `noted` where the
+// joint is not in the equations.
+double counted(const EquationsOfMotion& equations, std::size_t joint, int coordinate,
+               double noted) {
+  const List<int>& joints = equations.joints();
+  const auto found = std::find(joints.begin(), joints.end(), static_cast<int>(joint));
+  std::array<double, kMaxCoordinates> positions;
+  if (found == joints.end() ||
+      !equations.count_turns(to_index(found - joints.begin()), &positions) ||
+      std::isnan(positions[to_index(coordinate)]))
+    return noted;
+  return positions[to_index(coordinate)];
+}
+
 }  // namespace
 
 // ---- compilation
@@ -134,7 +148,9 @@ EventDriven::Reading EventDriven::read(const Span& span, const OneSidedLaw& law,
   if (frame.moves) motion.add(frame, b.orientation.toRotationMatrix());
   Reading reading;
   const double reference =
-      law.is_distance ? 0.0 : joint_states_[law.joint].coordinates[law.coordinate].position;
+      law.is_distance ? 0.0
+                      : counted(equations, law.joint, law.coordinate,
+                                joint_states_[law.joint].coordinates[law.coordinate].position);
   reading.q = engine::reading(law.form, value(law.form, vectors), law.zero, reference);
   reading.rate = rate(law.form, vectors, motion);
   reading.J = jacobian(law.form, vectors);
@@ -154,7 +170,7 @@ EventDriven::Reading EventDriven::read(const Span& span, const OneSidedLaw& law,
   return reading;
 }
 
-// Counts whole turns from one substep to the next.
+// Takes over the coordinates at the end of a substep, with whole turns.
 void EventDriven::note_positions(const Span& span, double t) {
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     const JointKindInfo& kind = info(joints_[l].kind);
@@ -167,7 +183,8 @@ void EventDriven::note_positions(const Span& span, double t) {
     for (int i = 0; i < kind.coordinates; ++i) {
       double& position = joint_states_[l].coordinates[i].position;
       const ScalarForm& form = kind.coordinate[i];
-      position = reading(form, value(form, vectors), joints_[l].coordinates[i].zero, position);
+      position = reading(form, value(form, vectors), joints_[l].coordinates[i].zero,
+                         counted(span.motion->equations(), l, i, position));
     }
   }
 }
@@ -304,7 +321,10 @@ void EventDriven::collect(const List<BodyState>& states, RungeKutta* motion) {
   motion->begin_step(joint_states_);
 }
 
-void EventDriven::write(std::size_t l, JointState* state) const {
+void EventDriven::write(std::size_t l, JointState* state,
+                        std::array<double, kMaxCoordinates>* positions) const {
+  for (std::size_t i = 0; i < kMaxCoordinates; ++i)
+    (*positions)[i] = joint_states_[l].coordinates[i].position;
   if (is_broken_[l]) state->broken = true;
   const auto [first, count] = laws_of(l);
   for (std::size_t c = first; c < first + count; ++c) {

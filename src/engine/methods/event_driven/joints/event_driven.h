@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -84,8 +85,9 @@ class EventDriven {
   const RowVector& impulse(std::size_t l) const { return impulses_[l]; }
   double coupled_impulse(std::size_t l) const { return coupled_impulses_[l]; }
   /// Writes where motors with a force limit hold, whether they are saturated, and whether the joint
-  /// broke.
-  void write(std::size_t l, JointState* state) const;
+  /// broke. `positions`: all coordinates of joints()[l], laid out as JointStep::counted.
+  void write(std::size_t l, JointState* state,
+             std::array<double, kMaxCoordinates>* positions) const;
 
   /// Visits the states of rows, as engine/support/memory.h describes. Reading compiles bare() and
   /// `motion` for these states.

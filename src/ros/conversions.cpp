@@ -66,10 +66,14 @@ void read_keys(const Constraint& msg, engine::Joint& joint) {
     const std::string& key = msg.keys[i];
     if (key == "timeout")
       joint.motor.timeout = msg.values[i];
-    else if (key == "stiffness" && distance != nullptr && msg.type == "spring")
+    else if (key == "stiffness" && (msg.type == "spring" || msg.type == "rope"))
       distance->stiffness = msg.values[i];
-    else if (key == "damping" && distance != nullptr && msg.type == "spring")
+    else if (key == "damping" && (msg.type == "spring" || msg.type == "rope"))
       distance->damping = msg.values[i];
+    else if (key == "one_sided" && msg.type == "spring")
+      distance->one_sided = flag(msg.values[i], "one_sided");
+    else if (key == "one_sided" && engine::couples_lengths(joint.kind))
+      joint.coupling.one_sided = flag(msg.values[i], "one_sided");
     else if (key == "break_torque" && distance == nullptr)
       joint.break_torque = msg.values[i];
     else if (key == "ratio" && engine::couples_joints(joint.kind))
@@ -99,7 +103,7 @@ engine::DistanceJoint distance_joint(const Constraint& msg, double present_dista
     distance.min_length = msg.min_length;
     if (msg.max_length != 0.0) distance.max_length = msg.max_length;
   } else if (msg.type == "rope") {
-    check_left_out(msg, {"max_length"});
+    check_left_out(msg, {"max_length", "frequency", "damping_ratio"});
     distance.max_length = msg.max_length != 0.0 ? msg.max_length : present_distance;
   } else if (msg.type == "strut") {
     check_left_out(msg, {"min_length"});
@@ -315,7 +319,8 @@ engine::Joint from_msg(const Constraint& msg, const engine::World& world) {
   if (msg.baumgarte != 0.0) joint.baumgarte = msg.baumgarte;
   joint.break_force = msg.break_force;
   joint.collide_connected = msg.collide_connected;
-  const auto* distance = engine::if_distance(joint);
+  auto* distance = engine::if_distance(joint);
+  if (msg.type == "rope" && distance->is_soft()) *distance = engine::tension_spring(*distance);
   if (msg.type == "spring" && !distance->is_soft())
     refuse("frequency",
            "a spring needs one, or stiffness or damping, got " + std::to_string(msg.frequency));

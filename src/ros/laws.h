@@ -14,6 +14,9 @@ namespace constraint_sim {
 /// std::invalid_argument naming the invalid key or field.
 void read_laws(const Constraint& msg, engine::Joint* joint);
 
+/// Returns a setting that is 0 or 1. Throws std::invalid_argument naming `field` for other values.
+bool flag(double value, const char* field);
+
 /// Changes properties of an existing joint, by key: laws as in read_laws() with the message's
 /// fields as keys, `motor` 0 to remove a motor, lengths and springs, break forces, `enabled`.
 /// Throws std::invalid_argument naming the invalid key.

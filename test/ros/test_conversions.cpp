@@ -300,6 +300,53 @@ void set(Constraint& msg, const std::string& key, double value) {
   msg.values.push_back(value);
 }
 
+TEST(Conversions, ARopeWithStiffnessIsASpringThatOnlyPulls) {
+  const engine::World world = world_of_two();
+  Constraint msg;
+  msg.name = "c";
+  msg.body_b = "b";
+  msg.type = "rope";
+  msg.max_length = 2.0;
+  set(msg, "stiffness", 9.0);
+  set(msg, "damping", 0.5);
+  const engine::DistanceJoint rope = from_msg(msg, world).distance;
+  EXPECT_TRUE(rope.one_sided);
+  EXPECT_EQ(rope.length, 2.0);
+  EXPECT_FALSE(rope.is_limited());
+  EXPECT_EQ(rope.stiffness, 9.0);
+  EXPECT_EQ(rope.damping, 0.5);
+  msg.type = "strut";
+  msg.max_length = 0.0;
+  msg.min_length = 2.0;
+  EXPECT_EQ(error_of([&] { from_msg(msg, world); }),
+            "keys: constraints of type 'strut' have no 'stiffness'");
+}
+
+TEST(Conversions, APulleyMayBeOneSided) {
+  engine::World world = world_of_two();
+  for (const char* body : {"a", "b"}) {
+    engine::Joint length;
+    length.name = std::string("to_") + body;
+    length.kind = engine::free_length();
+    length.body_b = world.find_body(body);
+    length.anchor_a = {0.0, 0.0, 1.0};
+    world.add_joint(length);
+  }
+  Constraint msg;
+  msg.name = "c";
+  msg.type = "pulley";
+  msg.body_a = "to_a";
+  msg.body_b = "to_b";
+  set(msg, "ratio", 1.0);
+  set(msg, "one_sided", 1.0);
+  EXPECT_TRUE(from_msg(msg, world).coupling.one_sided);
+  msg.values.back() = 2.0;
+  EXPECT_EQ(error_of([&] { from_msg(msg, world); }).rfind("one_sided: must be 0 or 1", 0), 0u);
+  msg.type = "gear";
+  EXPECT_EQ(error_of([&] { from_msg(msg, world); }),
+            "keys: constraints of type 'gear' have no 'one_sided'");
+}
+
 TEST(Conversions, FieldsAndKeysAreLawsOfTheFirstCoordinate) {
   Door door;
   door.msg.bias = 0.1;

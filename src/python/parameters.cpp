@@ -95,6 +95,7 @@ void visit_distance(Distance& distance, Visit visit) {
   visit("damping_ratio", distance.damping_ratio);
   visit("stiffness", distance.stiffness);
   visit("damping", distance.damping);
+  visit("one_sided", distance.one_sided);
 }
 
 template <class Value>
@@ -348,6 +349,7 @@ void read_coupling(Keywords* reading, const engine::World& world, engine::Joint*
   if (engine::has_pitch(joint->kind)) reading->read("pitch", &joint->pitch);
   if (!engine::couples_joints(joint->kind)) return;
   reading->read("ratio", &joint->coupling.ratio);
+  if (engine::couples_lengths(joint->kind)) reading->read("one_sided", &joint->coupling.one_sided);
   const py::object names = reading->find("joints");
   if (!names || !py::isinstance<py::sequence>(names) || py::isinstance<py::str>(names) ||
       py::len(names) != 2 || !py::isinstance<py::str>(names.cast<py::sequence>()[0]) ||
@@ -443,6 +445,7 @@ py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool
     dict["joints"] = py::make_tuple(world.joint(joint.coupling.first).name,
                                     world.joint(joint.coupling.second).name);
     dict["ratio"] = joint.coupling.ratio;
+    if (engine::couples_lengths(joint.kind)) dict["one_sided"] = joint.coupling.one_sided;
   }
   if (engine::has_pitch(joint.kind)) dict["pitch"] = joint.pitch;
   if (engine::couples(joint.kind))

@@ -84,7 +84,8 @@ void define_list_of_joints(Class* world) {
       "axis_a=(0, 0, 1) and axis_b or frame_a and frame_b (x, y, z, w), length=None [m] None: the "
       "present distance, "
       "min_length=0, max_length=inf [m], frequency [Hz] and damping_ratio, or stiffness [N/m] and "
-      "damping [N s/m], baumgarte=None, break_force=0 [N], break_torque=0 [N m], "
+      "damping [N s/m], one_sided=False True: a spring that only pulls, or a pulley whose rope may "
+      "go slack, baumgarte=None, break_force=0 [N], break_torque=0 [N m], "
       "collide_connected=False, enabled=True, broken=False, motor={}; of types with free "
       "coordinates, for the "
       "first: lower, upper [m or rad], limit_restitution=0, friction, damping, stiffness, rest, "
@@ -182,7 +183,7 @@ void define_joint_settings(Class* world) {
       py::arg("name"),
       "set_joint(name, *, baumgarte, break_force, break_torque, collide_connected, enabled; of a "
       "distance joint length, min_length, max_length, frequency, damping_ratio, stiffness, "
-      "damping, "
+      "damping, one_sided, "
       "motor; of types with free coordinates coordinate=0, and of that one lower, upper, "
       "limit_restitution, friction, damping, stiffness, rest, frequency, damping_ratio, position, "
       "motor={...} or None)\n\nSets the given settings and keeps the others; returns opening(): "

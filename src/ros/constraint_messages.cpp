@@ -126,7 +126,7 @@ void read_law_of_length(const Constraint& msg, engine::Joint* joint) {
               {"has_position", law.has_position ? 1.0 : 0.0},
               {"position", law.position},
               {"zero", law.zero}});
-  if (msg.type == "rope" || msg.type == "strut")
+  if (msg.type == "strut")
     check_zero(prefix, of_type(msg) + " have none",
                {{"frequency", law.frequency},
                 {"damping_ratio", law.damping_ratio},
@@ -136,6 +136,8 @@ void read_law_of_length(const Constraint& msg, engine::Joint* joint) {
   joint->distance.damping_ratio = law.damping_ratio;
   joint->distance.stiffness = law.stiffness;
   joint->distance.damping = law.damping;
+  if (msg.type == "rope" && joint->distance.is_soft())
+    joint->distance = engine::tension_spring(joint->distance);
   const std::optional<engine::CoordinateMotor> motor = motor_of(prefix + "motor.", law.motor);
   if (!motor) return;
   if (law.motor.mode != Motor::RATE)
@@ -233,8 +235,11 @@ void read_coupling(const Constraint& msg, engine::Joint* joint) {
   if (!engine::has_pitch(joint->kind)) check_zero("coupling.", why, {{"pitch", coupling.pitch}});
   if (!engine::couples(joint->kind))
     check_zero("coupling.", why, {{"has_value", coupling.has_value ? 1.0 : 0.0}});
+  if (!engine::couples_lengths(joint->kind))
+    check_zero("coupling.", why, {{"one_sided", coupling.one_sided ? 1.0 : 0.0}});
   if (coupling.ratio != 0.0) joint->coupling.ratio = coupling.ratio;
   joint->pitch = coupling.pitch;
+  joint->coupling.one_sided = coupling.one_sided;
   if (coupling.has_value)
     joint->coupling.value = coupling.value;
   else

@@ -90,9 +90,8 @@ void EventTopic::passed(const World& world, const Stepper& stepper) {
 EventTopic::JointSeen EventTopic::look_at(const World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
   const engine::JointState& state = world.joint_state(id);
-  const bool is_rope =
-      engine::if_distance(joint) != nullptr && look_of(joint) == Look::kRope && joint.enabled;
-  return {state.broken, state.saturated, is_rope && !state.broken && !is_slack(joint, state)};
+  const bool acts = joint.enabled && !state.broken;
+  return {state.broken, state.saturated, acts && is_rope(joint) && !is_slack(joint, state)};
 }
 
 // Publishes events that the engine lists, with the moment within the tick.

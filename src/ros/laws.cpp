@@ -88,17 +88,17 @@ std::size_t take_coordinate(std::string* key) {
   return number;
 }
 
+bool flag(double value, const char* field) {
+  if (value != 0.0 && value != 1.0) refuse(field, "must be 0 or 1, got " + std::to_string(value));
+  return value == 1.0;
+}
+
 using engine::Joint;
 
 struct JointKey {
   const char* name;
   void (*set)(Joint& joint, double value);
 };
-
-bool flag(double value, const char* field) {
-  if (value != 0.0 && value != 1.0) refuse(field, "must be 0 or 1, got " + std::to_string(value));
-  return value == 1.0;
-}
 
 constexpr JointKey kJointKeys[] = {
     {"enabled", [](Joint& joint, double value) { joint.enabled = flag(value, "enabled"); }},
@@ -119,6 +119,8 @@ constexpr JointKey kDistanceKeys[] = {
     {"damping_ratio", [](Joint& joint, double value) { joint.distance.damping_ratio = value; }},
     {"stiffness", [](Joint& joint, double value) { joint.distance.stiffness = value; }},
     {"damping", [](Joint& joint, double value) { joint.distance.damping = value; }},
+    {"one_sided",
+     [](Joint& joint, double value) { joint.distance.one_sided = flag(value, "one_sided"); }},
     {"bias", [](Joint& joint, double value) { joint.motor.bias = value; }},
     {"amplitude", [](Joint& joint, double value) { joint.motor.amplitude = value; }},
     {"motor_frequency", [](Joint& joint, double value) { joint.motor.frequency = value; }},

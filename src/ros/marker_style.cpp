@@ -68,14 +68,18 @@ Look look_of(const engine::Joint& joint) {
   if (engine::couples_joints(joint.kind)) return Look::kCoupling;
   const engine::DistanceJoint* distance = engine::if_distance(joint);
   if (distance == nullptr) return engine::is_free_length(joint.kind) ? Look::kRope : Look::kJoint;
-  if (distance->is_soft()) return Look::kSpring;
+  if (distance->is_soft()) return distance->one_sided ? Look::kRope : Look::kSpring;
   if (distance->min_length > 0.0) return Look::kStrut;
   return distance->is_limited() ? Look::kRope : Look::kRod;
 }
 
+bool is_rope(const engine::Joint& joint) {
+  if (joint.coupling.one_sided) return true;
+  return engine::if_distance(joint) != nullptr && look_of(joint) == Look::kRope;
+}
+
 bool is_slack(const engine::Joint& joint, const engine::JointState& state) {
-  return engine::if_distance(joint) != nullptr && look_of(joint) == Look::kRope &&
-         state.force == 0.0;
+  return is_rope(joint) && state.force == 0.0;
 }
 
 double error_while_closing(const engine::Joint& joint, const engine::JointState& state) {

@@ -20,15 +20,17 @@ namespace constraint_sim {
 /// Shape by which a constraint is drawn. Distance joints have several.
 enum class Look { kRod, kRope, kStrut, kSpring, kJoint, kCoupling };
 Look look_of(const engine::Joint& joint);
+/// Returns whether the joint is a rope that may go slack: a distance joint or a pulley.
+bool is_rope(const engine::Joint& joint);
 /// Returns whether a rope hangs slack and transmits no force.
 bool is_slack(const engine::Joint& joint, const engine::JointState& state);
 /// Returns the error of a joint that is closing [m]: 0 where a motor on its way to a position is
 /// the cause.
 double error_while_closing(const engine::Joint& joint, const engine::JointState& state);
-/// Returns the error to show [m]: 0 for a spring, whose length is free, and for a motor on its way
-/// to a position.
+/// Returns the error to show [m]: 0 for a spring or a rope with stiffness, whose length is free,
+/// and for a motor on its way to a position.
 inline double shown_error(Look look, const engine::Joint& joint, const engine::JointState& state) {
-  if (look == Look::kSpring) return 0.0;
+  if (look == Look::kSpring || joint.distance.one_sided) return 0.0;
   return state.closing ? error_while_closing(joint, state) : std::abs(state.error);
 }
 /// Returns the force along the drawn line [N], > 0 in compression; none for shapes without a line.

@@ -410,8 +410,9 @@ void Markers::draw_rope(const engine::World& world, const Seen& seen, double len
                         ShownMarker* marker) const {
   const engine::JointState& state = seen.state;
   const bool slack = is_slack(seen.joint, state);
-  const double longest =
-      slack ? std::max(seen.joint.distance.max_length + state.travel, length) : length;
+  const engine::DistanceJoint& rope = seen.joint.distance;
+  const double natural = rope.one_sided ? rope.length.value_or(0.0) : rope.max_length;
+  const double longest = slack ? std::max(natural + state.travel, length) : length;
   const Vector3d way = seen.p_b - seen.p_a;
   if (slack || !(length > 0.0)) {
     if (slack) marker->color = slack_colour();

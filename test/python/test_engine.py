@@ -183,6 +183,32 @@ def test_bodies_joints_and_options_go_round():
     assert world.joint_names == []
 
 
+def test_slack_ropes():
+    """A rope with stiffness and a one-sided pulley are made of keywords, and pull or do nothing."""
+    world = engine.World(time_step=0.01)
+    world.add_body('ball', mass=1.0, position=(0.0, 0.0, -0.5))
+    world.add_body('weight', mass=2.0, position=(1.0, 0.0, -1.0))
+    world.add_joint('bungee', body_b='ball', length=1.0, stiffness=100.0, one_sided=True)
+    world.add_joint('to_ball', free=True, body_b='ball')
+    world.add_joint('to_weight', free=True, anchor_a=(1.0, 0.0, 0.0), body_b='weight')
+    world.add_joint('hoist', type='pulley', joints=('to_ball', 'to_weight'), value=2.0, one_sided=True)
+    assert world.joint('bungee')['one_sided'] is True and world.joint('hoist')['one_sided'] is True
+    world.step()
+    assert world.joint_state('bungee')['force'] == 0.0 and world.joint_state('hoist')['force'] == 0.0
+    world.run(1.0)
+    assert world.joint_state('hoist')['force'] <= 1e-9
+    again = engine.World(**world.options)
+    for name in world.body_names:
+        again.add_body(**world.body(name))
+    for name in world.joint_names:
+        again.add_joint(**world.joint(name))
+    assert again.joint('hoist') == world.joint('hoist') and again.joint('bungee') == world.joint('bungee')
+    with pytest.raises(ValueError, match='one_sided: only a spring is one-sided'):
+        world.add_joint('rod', body_b='ball', one_sided=True)
+    with pytest.raises(ValueError, match="ratio: must be > 0 for a one-sided pulley"):
+        world.add_joint('push', type='pulley', joints=('to_ball', 'to_weight'), ratio=-1.0, one_sided=True)
+
+
 def test_joints_with_axes():
     """A hinge rotates about its axis only; axes without direction, or given twice, are rejected."""
     def arm():

@@ -381,6 +381,52 @@ TEST(Conversions, AxesThatCannotBeAreNamed) {
   EXPECT_EQ(error(1.0, "rope").rfind("axis_a: constraints of type 'rope' have none", 0), 0u);
 }
 
+TEST(ConstraintMessages, ARopeWithStiffnessIsASpringThatOnlyPulls) {
+  const engine::World world = world_of_two();
+  Constraint msg;
+  msg.name = "c";
+  msg.body_b = "b";
+  msg.type = "rope";
+  msg.max_length = 2.0;
+  msg.coordinates.resize(1);
+  msg.coordinates[0].stiffness = 9.0;
+  msg.coordinates[0].damping = 0.5;
+  const engine::DistanceJoint rope = from_msg(msg, world).distance;
+  EXPECT_TRUE(rope.one_sided);
+  EXPECT_EQ(rope.length, 2.0);
+  EXPECT_FALSE(rope.is_limited());
+  EXPECT_EQ(rope.stiffness, 9.0);
+  EXPECT_EQ(rope.damping, 0.5);
+  msg.type = "strut";
+  msg.max_length = 0.0;
+  msg.min_length = 2.0;
+  EXPECT_EQ(
+      error_of([&] { from_msg(msg, world); }).rfind("coordinates[0].stiffness: constraints", 0),
+      0u);
+}
+
+TEST(ConstraintMessages, APulleyMayBeOneSided) {
+  engine::World world = world_of_two();
+  for (const char* body : {"a", "b"}) {
+    engine::Joint length;
+    length.name = std::string("to_") + body;
+    length.kind = engine::free_length();
+    length.body_b = world.find_body(body);
+    length.anchor_a = {0.0, 0.0, 1.0};
+    world.add_joint(length);
+  }
+  Constraint msg;
+  msg.name = "c";
+  msg.type = "pulley";
+  msg.body_a = "to_a";
+  msg.body_b = "to_b";
+  msg.coupling.one_sided = true;
+  EXPECT_TRUE(from_msg(msg, world).coupling.one_sided);
+  msg.type = "gear";
+  EXPECT_EQ(error_of([&] { from_msg(msg, world); }),
+            "coupling.one_sided: constraints of type 'gear' have none, got 1.000000");
+}
+
 TEST(ConstraintMessages, EachFieldOfALawArrives) {
   Door door;
   door.msg.type = "universal";

@@ -243,8 +243,8 @@ class States(support.ServiceCase):
         self.bad(["frequency"], "add_constraint", constraint=self.constraint("spring"))
         first = "coordinates[0]."
         for kind, law, words in (
-                ("rope", CoordinateLaw(stiffness=1.0), [first + "stiffness", "'rope'"]),
-                ("rope", CoordinateLaw(frequency=1.0), [first + "frequency", "'rope'"]),
+                ("strut", CoordinateLaw(stiffness=1.0), [first + "stiffness", "'strut'"]),
+                ("strut", CoordinateLaw(frequency=1.0), [first + "frequency", "'strut'"]),
                 ("distance", CoordinateLaw(friction=1.0), [first + "friction", "'distance'"]),
                 ("distance", CoordinateLaw(has_limits=True), [first + "has_limits", "'distance'"]),
                 ("strut", CoordinateLaw(motor=Motor(mode=Motor.FORCE, force=1.0)), [first + "motor.mode", "3"]),

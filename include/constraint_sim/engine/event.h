@@ -8,9 +8,10 @@ namespace constraint_sim::engine {
 
 /// Kind of a discrete change within a step.
 enum class EventKind {
-  kBroken,        ///< a joint broke, or a gear or pulley lost a joint that broke
-  kRopeTaut,      ///< a distance joint reached its upper limit
-  kRopeSlack,     ///< a distance joint left its upper limit
+  kBroken,  ///< a joint broke, or a gear or pulley lost a joint that broke
+  /// A distance joint or a one-sided pulley reached its upper limit, or a spring began to pull.
+  kRopeTaut,
+  kRopeSlack,     ///< a joint of kRopeTaut left its upper limit or ceased to pull
   kLimitReached,  ///< a coordinate reached a limit, or a distance joint its lower limit
   kLimitLeft,     ///< a coordinate left a limit, or a distance joint its lower limit
   kSaturated,     ///< a motor reached its force limit

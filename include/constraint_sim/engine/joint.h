@@ -40,7 +40,7 @@ inline constexpr auto kOwnJointKindCount = static_cast<std::size_t>(JointKind::k
 inline constexpr auto kJointKindCount = static_cast<std::size_t>(JointKind::kCustomForce) + 1;
 
 /// Settings of a joint of kind kDistance: a rod, a rope or strut between limits, or a spring about
-/// `length`. C = ‖d‖ − length [m].
+/// `length`, which may act one way. C = ‖d‖ − length [m].
 struct DistanceJoint {
   std::optional<double> length;  ///< [m] ≥ 0; left out: the distance when added; 0: a ball joint
   /// Limits of ‖d‖ [m] ≥ 0. With either limit the anchors are free between the limits.
@@ -53,6 +53,9 @@ struct DistanceJoint {
   /// Spring by stiffness [N/m] and damping [N s/m], instead of frequency and damping ratio.
   double stiffness = 0.0;
   double damping = 0.0;
+  /// Whether the spring only pulls: F = k (‖d‖ − length) + c ḋ where ‖d‖ > length and F > 0, else
+  /// 0. Needs a spring, and excludes limits and a force limit.
+  bool one_sided = false;
 
   bool is_limited() const {
     return min_length > 0.0 || max_length < std::numeric_limits<double>::infinity();
@@ -134,6 +137,8 @@ struct Coupling {
   JointId first, second;
   double ratio = 1.0;           ///< units of q₁ per unit of q₂, not 0
   std::optional<double> value;  ///< [m or rad, as q₁]; left out: present value when added
+  /// Whether a pulley's rope may go slack: q₁ + ratio q₂ ≤ value. Needs a ratio > 0.
+  bool one_sided = false;
 };
 
 /// A constraint between two bodies, or a body and the world.
@@ -291,6 +296,10 @@ const std::array<JointKind, kOwnJointKindCount>& joint_kinds();
 /// Returns a frame with its z axis along `axis`, of any length but 0, turned by the least angle.
 /// Throws std::invalid_argument naming `axis_a` where the axis has no direction.
 Eigen::Quaterniond frame_along(const Eigen::Vector3d& axis);
+
+/// Returns the spring that only pulls for a rope with `max_length` and stiffness, damping or
+/// frequency: `max_length` becomes its length. Throws std::invalid_argument naming `max_length`.
+DistanceJoint tension_spring(DistanceJoint rope);
 
 /// Throws std::invalid_argument naming the invalid field and its value. Does not check that bodies
 /// exist.

@@ -33,7 +33,8 @@ struct Row {
   double drive = 0.0;       ///< part of `target` that comes from a motor [m/s]
   double correction = 0.0;  ///< rate that corrects the error in this step alone [m/s]: −(β/h) C
   double softness = 0.0;    ///< compliance of a spring [m/(s N s)], 0 for a rigid row
-  double stiffness = 0.0;   ///< stiffness of a spring [N/m]; its energy is ½ stiffness C²
+  /// Stiffness of a spring [N/m]; its energy is ½ stiffness C², with `upper` 0 only where C > 0.
+  double stiffness = 0.0;
   double lower = -std::numeric_limits<double>::infinity();  ///< lower bound of the impulse [N s]
   double upper = std::numeric_limits<double>::infinity();
   double impulse = 0.0;             ///< p [N s]; before solving: the initial guess

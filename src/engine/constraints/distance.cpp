@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/math/numbers.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -28,8 +30,17 @@ Eigen::Vector3d direction(const AnchorPair& anchors) {
   return distance > 0.0 ? Eigen::Vector3d(anchors.d / distance) : Eigen::Vector3d::UnitX();
 }
 
+DistanceJoint tension_spring(DistanceJoint rope) {
+  check_positive("max_length", rope.max_length);
+  rope.length = std::exchange(rope.max_length, kInfinity);
+  rope.one_sided = true;
+  return rope;
+}
+
 double distance_error(const DistanceJoint& joint, double distance, double travel) {
-  if (!is_between_limits(joint)) return distance - *joint.length - travel;
+  const double stretch = distance - joint.length.value_or(0.0) - travel;
+  if (joint.one_sided) return std::max(stretch, 0.0);
+  if (!is_between_limits(joint)) return stretch;
   const Limits limits(joint, travel);
   return std::max(distance - limits.max, 0.0) + std::min(distance - limits.min, 0.0);
 }

@@ -14,8 +14,8 @@ namespace constraint_sim::engine {
 /// Returns n = d/‖d‖; for coincident anchors, where C has no gradient, the x axis of the world.
 Eigen::Vector3d direction(const AnchorPair& anchors);
 
-/// Returns the error of the length [m], positive where it is too long; 0 between limits. `travel`
-/// is the motor's travel [m].
+/// Returns the error of the length [m], positive where it is too long; 0 between limits, and where
+/// a spring that only pulls is slack. `travel` is the motor's travel [m].
 double distance_error(const DistanceJoint& joint, double distance, double travel);
 
 /// Writes C, J and bounds of the rows of the joint and returns their number: one for a rod or

@@ -59,7 +59,8 @@ void measure_distance(const Joint& joint, const BodyState& a, const BodyState& b
   const double length = anchors.d.norm();
   state.reached_rate = length > 0.0 ? anchors.d.dot(d_dot) / length : direction(anchors).dot(d_dot);
   state.error = distance_error(joint.distance, length, state.travel);
-  const bool is_slack = is_between_limits(joint.distance) && state.error == 0.0;
+  const bool is_slack =
+      (is_between_limits(joint.distance) || joint.distance.one_sided) && state.error == 0.0;
   state.error_rate = is_slack ? 0.0 : state.reached_rate - zeta;
 }
 
@@ -161,10 +162,16 @@ void read_own_coupling(const Joint& joint, JointState& state) {
   state.coupling.rate = along.velocity - lead(joint) * about.velocity;
 }
 
+// Returns the error of a coupling; 0 where the rope of a one-sided pulley is slack.
+double coupling_error(const Joint& joint, const JointState& state) {
+  const double off = state.coupling.value - state.coupling.constant;
+  return joint.coupling.one_sided ? std::max(off, 0.0) : off;
+}
+
 // Raises the error of the joint to the error of its coupling.
 void measure_coupling(const Joint& joint, JointState& state) {
   read_own_coupling(joint, state);
-  const double off = state.coupling.value - state.coupling.constant;
+  const double off = coupling_error(joint, state);
   if (!has_pitch(joint.kind)) state.reached_rate = state.coupling.rate;
   if (std::abs(off) <= state.error) return;
   state.error = std::abs(off);
@@ -369,7 +376,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   }
   state.initial_error = state.error;
   state.closing_since = t;
-  state.coupling.offset = state.coupling.value - state.coupling.constant;
+  state.coupling.offset = coupling_error(joint, state);
   if (is_by_frame) state.closing_offset.head(kind.rows).setZero();
   state.closing = acts(joint, state) && is_rigid(joint) && std::abs(state.error) > kFits;
 }
@@ -395,6 +402,7 @@ bool is_rigid(const Joint& joint) {
 }
 
 bool is_always_rigid(const Joint& joint) {
+  if (joint.coupling.one_sided) return false;
   const auto* distance = if_distance(joint);
   if (distance == nullptr)
     return !any_coordinate(joint, [](const CoordinateLaw& law) {
@@ -409,9 +417,10 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   const double share = closing_course(step.t - state.closing_since, step.closing_time).value;
   if (has_length(joint.kind)) return std::abs(state.error - share * state.initial_error) <= kFits;
   const JointKindInfo& kind = info(joint.kind);
-  const double coupling = state.coupling.value - state.coupling.constant;
-  if (couples(joint.kind) && !(std::abs(coupling - share * state.coupling.offset) <= kFits))
-    return false;
+  const double coupling =
+      state.coupling.value - state.coupling.constant - share * state.coupling.offset;
+  const bool is_slack = joint.coupling.one_sided && coupling <= kFits;
+  if (couples(joint.kind) && !is_slack && !(std::abs(coupling) <= kFits)) return false;
   // The moving frame on B is used, since coordinates with the frame at home may differ widely.
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
   if (kind.alignment != Alignment::kFree) {

@@ -34,6 +34,19 @@ bool is_beyond(const Row& limit, double error) {
   return limit.upper == 0.0 ? error > 0.0 : error < 0.0;
 }
 
+// Turns the row of a spring into that of a spring that only pulls. The damper acts from the step
+// after the length has passed its natural value.
+void pull_only(const DistanceJoint& distance, double h, Row* row) {
+  row->upper = 0.0;
+  if (row->C > 0.0) {
+    set_bias_soft(*row, distance.stiffness, distance.damping, h);
+  } else if (distance.stiffness > 0.0) {
+    set_bias_soft(*row, distance.stiffness, 0.0, h);
+  } else {
+    row->lower = 0.0;
+  }
+}
+
 int prepare_rows(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
                  const JointStep& step, JointState& state, Row* rows) {
   drive(distance, step, joint.motor, state);
@@ -47,6 +60,8 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
     if (is_closing) row->C -= closing.offset;
     if (is_limit)
       set_bias_limit(*row, beta, step.h);
+    else if (distance.one_sided)
+      pull_only(distance, step.h, row);
     else if (distance.is_soft())
       set_bias_soft(*row, distance.stiffness, distance.damping, step.h);
     else
@@ -224,9 +239,15 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
         (state.coupling.offset * closing_course(begun + step.h, step.closing_time).value - left) /
         step.h;
   }
-  set_bias_rigid(row, joint.baumgarte.value_or(step.beta), step.h);
+  const double beta = joint.baumgarte.value_or(step.beta);
+  if (joint.coupling.one_sided) {
+    row.upper = 0.0;
+    set_bias_limit(row, beta, step.h);
+  } else {
+    set_bias_rigid(row, beta, step.h);
+  }
   row.correction += rate;
-  row.impulse = state.coupling.impulse;
+  row.impulse = std::min(state.coupling.impulse, row.upper);
   rows->push_back(row);
   row.normal_row = Row::kCoupledPart;
   row.J = J[1];

@@ -52,7 +52,8 @@ SoftLaw length_spring(const Joint& joint) {
 }
 
 bool has_limits(const Joint& joint) {
-  return (has_length(joint.kind) && joint.distance.is_limited()) ||
+  return (has_length(joint.kind) && (joint.distance.is_limited() || joint.distance.one_sided)) ||
+         joint.coupling.one_sided ||
          any_coordinate(joint, [](const CoordinateLaw& law) { return law.is_limited(); });
 }
 

@@ -37,7 +37,8 @@ SoftLaw together(const SoftLaw& a, const SoftLaw& b);
 /// Returns the spring of a distance joint; none for other joints.
 SoftLaw length_spring(const Joint& joint);
 
-/// Whether the length or a coordinate of the joint has limits.
+/// Whether the length, a coordinate or the coupling of the joint has limits, or a spring of the
+/// joint only pulls.
 bool has_limits(const Joint& joint);
 
 /// Whether a motor prescribes the coordinate with any force.

@@ -14,7 +14,8 @@ double sign(double x) { return x > 0.0 ? 1.0 : (x < 0.0 ? -1.0 : 0.0); }
 
 bool has_one_sided_length(const Joint& joint) {
   const auto* distance = if_distance(joint);
-  return distance != nullptr && (distance->is_limited() || joint.motor.max_force > 0.0);
+  return distance != nullptr &&
+         (distance->is_limited() || distance->one_sided || joint.motor.max_force > 0.0);
 }
 
 bool is_drive(const CoordinateLaw& law) {
@@ -45,7 +46,16 @@ OneSidedLaw law_of_length(const Joint& joint) {
   if (!distance.is_soft()) return law;
   const SoftLaw spring{distance.stiffness, *distance.length, distance.damping, 0.0};
   law.servo_most = joint.motor.max_force;
-  (law.servo_most > 0.0 ? law.servo : law.soft) = spring;
+  law.only_pulls = distance.one_sided;
+  (law.has_servo() ? law.servo : law.soft) = spring;
+  return law;
+}
+
+OneSidedLaw law_of_coupling(std::size_t index) {
+  OneSidedLaw law;
+  law.joint = index;
+  law.is_coupling = true;
+  law.upper = 0.0;
   return law;
 }
 
@@ -63,7 +73,8 @@ CoordinateLaw with_soft_law(CoordinateLaw law, const SoftLaw& soft) {
 }  // namespace
 
 bool has_one_sided_law(const Joint& joint) {
-  return has_one_sided_length(joint) || any_coordinate(joint, is_one_sided);
+  return has_one_sided_length(joint) || joint.coupling.one_sided ||
+         any_coordinate(joint, is_one_sided);
 }
 
 bool is_switchable(const Joint& joint) {
@@ -77,6 +88,7 @@ void add_one_sided_laws(const Joint& joint, std::size_t index, List<OneSidedLaw>
     laws->push_back(law_of_length(joint));
     laws->back().joint = index;
   }
+  if (joint.coupling.one_sided) laws->push_back(law_of_coupling(index));
   const JointKindInfo& kind = info(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateLaw& from = joint.coordinates[static_cast<std::size_t>(i)];
@@ -135,6 +147,10 @@ bool with_rows_switched(const OneSidedLaw* laws, const OneSidedState* states, st
   for (std::size_t k = 0; k < count; ++k) {
     const OneSidedLaw& law = laws[k];
     const bool is_rigid = states[k].hold != Hold::kNone;
+    if (law.is_coupling) {
+      acts = is_rigid;
+      continue;
+    }
     const double force = constant_force(law, states[k]);
     const double at_limit = states[k].servo == Servo::kMost    ? law.servo_most
                             : states[k].servo == Servo::kLeast ? -law.servo_most
@@ -162,7 +178,7 @@ bool with_rows_switched(const OneSidedLaw* laws, const OneSidedState* states, st
       joint->kind = JointKind::kFreeDistance;
       joint->coordinates[0] = with_soft_law({}, {0.0, 0.0, 0.0, force + at_limit});
     } else {
-      acts = distance.is_soft() && (law.servo_most == 0.0 || states[k].servo == Servo::kFollows);
+      acts = distance.is_soft() && (!law.has_servo() || states[k].servo == Servo::kFollows);
     }
   }
   return acts;

@@ -13,7 +13,8 @@
 namespace constraint_sim::engine {
 
 // Laws on a coordinate q that act one way or up to a limit, in event-driven integration: limits,
-// Coulomb friction, motors, and servos or springs with a force limit. All but servos and springs
+// Coulomb friction, motors, servos or springs with a force limit, and springs that only pull. The
+// value of a one-sided coupling has an upper limit, too. All but servos and springs
 // are a force that jumps where q̇ passes a rate, and takes any value between while q̇ stays there:
 //   friction    ±f          at q̇ = 0
 //   motor       ±max_force  at q̇ = ζ
@@ -32,18 +33,24 @@ enum class Hold : char {
 };
 
 /// State of a servo or a spring with a force limit: −K (q − R) − C q̇, within ±max_force. The force
-/// is continuous, so it either follows this law or is constant.
+/// is continuous, so it either follows this law or is constant. A spring that only pulls follows
+/// the law where q > R and the force is < 0, and else has no force.
 enum class Servo : char {
   kNone,     ///< no servo
   kFollows,  ///< below its force limit
   kMost,     ///< force +max_force
   kLeast,    ///< force −max_force
+  kSlack,    ///< no force; the length is at most R
+  kRetracts  ///< no force; the length is above R and shrinks faster than the damper allows to pull
 };
 
 struct OneSidedLaw {
   std::size_t joint = 0;  ///< index of the joint in the island
   int coordinate = 0;     ///< coordinate of the joint; 0 for the length of a distance joint
   bool is_distance = false;
+  /// Value of the coupling of `joint`, without a form; its upper limit is CouplingState::constant.
+  bool is_coupling = false;
+  bool only_pulls = false;  ///< `servo` is a spring that only pulls, without a force limit
   ScalarForm form;
   double zero = 0.0;  ///< CoordinateLaw::zero
   double lower = -kInfinity;
@@ -59,6 +66,9 @@ struct OneSidedLaw {
   int function = 0;            ///< index of the coordinate in JointKindInfo::function
 
   double limit(bool upper_one) const { return upper_one ? upper : lower; }
+  bool has_servo() const { return servo_most > 0.0 || only_pulls; }
+  /// Whether the law is a rope: the upper limit of a length or of the lengths of a pulley.
+  bool is_rope() const { return is_distance || is_coupling; }
 };
 
 /// State of a OneSidedLaw between events.
@@ -109,9 +119,14 @@ double servo_force_rate(const OneSidedLaw& law, const Reading& now, const Prescr
   return -law.servo.K * (now.rate - rest.rate) -
          law.servo.C * (now.acceleration - rest.acceleration);
 }
+/// Distance from R within which a length counts as R [m].
+inline constexpr double kAtNaturalLength = 1e-10;
 /// Returns the force of a servo within its limit.
 template <class Reading>
 double clamped_servo_force(const OneSidedLaw& law, const Reading& now, const Prescribed& rest) {
+  if (law.only_pulls)
+    return now.q - rest.value >= -kAtNaturalLength ? std::min(servo_force(law, now, rest), 0.0)
+                                                   : 0.0;
   return std::clamp(servo_force(law, now, rest), -law.servo_most, law.servo_most);
 }
 

@@ -227,9 +227,10 @@ class EquationsOfMotion : public IslandModel {
     List<Eigen::Vector3d> linear, angular;  ///< angular: 0 for bodies that do not rotate
   };
   /// Impulse on two bodies, given by index. Bodies outside bodies() do not move.
+  /// The list of bodies ends at the first 0.
   struct BodyImpulse {
-    std::array<int, 2> body;
-    std::array<Eigen::Vector3d, 2> linear, angular;
+    std::array<int, 4> body{};
+    std::array<Eigen::Vector3d, 4> linear, angular;
   };
   /// Returns the velocity changes by an impulse. Writes to `impulses` the reactions of the rigid
   /// rows, which keep the rates of the rows.
@@ -243,12 +244,11 @@ class EquationsOfMotion : public IslandModel {
   void find_accelerations(const double* y, const double* dydt, Motions* rates) const;
   /// Largest force or torque of the last first stage, loads and gravity included [N or N m].
   double largest_force() const;
-  /// Force of joint l in the last first stage, laid out as impulse() [N or N m].
-  RowVector force(std::size_t l) const { return by_joint(l, stage_forces_.data()); }
-  /// Force of joint l in a stage of the last substep, laid out as impulse() [N or N m].
-  RowVector stage_force(std::size_t l, std::size_t stage) const {
-    return by_joint(l, stage_forces_.data() + stage * impulses_.size());
-  }
+  /// Force of joint l in the last first stage, laid out as stage_force() [N or N m].
+  RowVector force(std::size_t l) const { return stage_force(l, 0); }
+  /// Force of joint l in a stage of the last substep, laid out as impulse() [N or N m]; of a gear
+  /// or pulley the force along its first coordinate comes first.
+  RowVector stage_force(std::size_t l, std::size_t stage) const;
 
   // ---- joint impulses since begin_step()
 

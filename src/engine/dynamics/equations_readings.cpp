@@ -52,6 +52,15 @@ RowVector EquationsOfMotion::by_joint(std::size_t l, const double* of_unknowns) 
   return by_function(l, of_rows(l, of_unknowns), of_unknowns);
 }
 
+RowVector EquationsOfMotion::stage_force(std::size_t l, std::size_t stage) const {
+  const double* const forces = stage_forces_.data() + stage * impulses_.size();
+  RowVector force = by_joint(l, forces);
+  if (!couples_joints(links_[l].kind)) return force;
+  for (const CoupledRow& coupled : coupled_)
+    if (coupled.link == l) force[0] = forces[rows_[coupled.row].unknown];
+  return force;
+}
+
 RowVector EquationsOfMotion::impulse(std::size_t l) const { return by_joint(l, impulses_.data()); }
 
 // ---- access for methods with their own time stepping

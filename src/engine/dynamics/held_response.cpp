@@ -32,7 +32,7 @@ EquationsOfMotion::Motions EquationsOfMotion::held_response(const BodyImpulse& i
   const std::size_t bodies = bodies_.size();
   Motions f{List<Vector3d>(inverse_mass_.size(), Vector3d::Zero()),
             List<Vector3d>(bodies, Vector3d::Zero())};
-  for (std::size_t k = 0; k < 2; ++k) {
+  for (std::size_t k = 0; k < impulse.body.size() && impulse.body[k] != 0; ++k) {
     const auto found = std::find(bodies_.begin(), bodies_.end(), impulse.body[k]);
     if (found == bodies_.end()) continue;
     const auto i = static_cast<std::size_t>(found - bodies_.begin());
@@ -61,7 +61,7 @@ EquationsOfMotion::Motions EquationsOfMotion::held_response(const BodyImpulse& i
 
 double EquationsOfMotion::free_response(const BodyImpulse& impulse) const {
   double response = 0.0;
-  for (std::size_t k = 0; k < 2; ++k) {
+  for (std::size_t k = 0; k < impulse.body.size() && impulse.body[k] != 0; ++k) {
     const auto found = std::find(bodies_.begin(), bodies_.end(), impulse.body[k]);
     if (found == bodies_.end()) continue;
     const auto i = static_cast<std::size_t>(found - bodies_.begin());

@@ -146,7 +146,8 @@ void check_coupling_loop(const Model& model, const State& state, const Joint& jo
   List<Acting> couplings;
   bool has_first = false, has_second = false;
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
-    if (!couples_joints(model.joints[j].kind) || !acts(model.joints[j], state.joint_states[j]))
+    if (!couples_joints(model.joints[j].kind) || !acts(model.joints[j], state.joint_states[j]) ||
+        model.joints[j].coupling.one_sided)
       continue;
     const CoupledTerms terms = model.terms_of(j);
     const CouplingState& now = state.joint_states[j].coupling;
@@ -165,7 +166,9 @@ void check_coupling_loop(const Model& model, const State& state, const Joint& jo
   if (!implied) return;
   const auto reads = [&](std::size_t j) { return state.joint_states[j].coordinates[0].position; };
   const double value = joint.coupling.value.value_or(reads(first) + ratio * reads(second));
-  if (std::abs(value - implied->constant) <= kLoopFits + kSumRounding * implied->off) return;
+  const double over = implied->constant - value;
+  if ((joint.coupling.one_sided ? over : std::abs(over)) <= kLoopFits + kSumRounding * implied->off)
+    return;
   std::string names;
   for (const std::size_t j : coordinates.reasons(first, ratio, second))
     names += (names.empty() ? "" : ", ") + in_quotes(model.joints[j].name);

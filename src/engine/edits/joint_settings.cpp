@@ -89,6 +89,7 @@ void check_same_place(const Joint& joint, const Joint& before) {
   check("joints", joint.coupling.first == before.coupling.first &&
                       joint.coupling.second == before.coupling.second);
   check("ratio", joint.coupling.ratio == before.coupling.ratio);
+  check("one_sided", joint.coupling.one_sided == before.coupling.one_sided);
   check("value", joint.coupling.value == before.coupling.value);
   check("pitch", joint.pitch == before.pitch);
 }
@@ -166,7 +167,8 @@ void World::set_joint(JointId id, const Joint& joint) {
   if (!are_same(changed.motor, before.motor)) state.expires_at = end_of(changed.motor, time());
   const bool is_resized = is_distance && !have_same_length(changed.distance, before.distance);
   if (is_resized) state.travel = 0.0;
-  if (is_resized || changed.enabled != before.enabled) impl_->restart_joint(j);
+  const bool is_turned = changed.distance.one_sided != before.distance.one_sided;
+  if (is_resized || is_turned || changed.enabled != before.enabled) impl_->restart_joint(j);
   if (changed.enabled && !before.enabled) impl_->hold_from_here(j);
 }
 

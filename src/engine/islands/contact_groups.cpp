@@ -48,7 +48,7 @@ void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquation
     if (!laws.empty()) law = laws.front();
     law.is_distance = true;
     law.form = ScalarForm(LengthForm{});
-    if (law.servo_most == 0.0) law.soft = {spring.K, 0.0, spring.C, 0.0};
+    if (!law.has_servo()) law.soft = {spring.K, 0.0, spring.C, 0.0};
     add(law).is_one_sided = !laws.empty();
     return;
   }

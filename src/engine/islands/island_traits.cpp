@@ -29,8 +29,8 @@ double largest_response(const MassProperties& mass, const Vector3d& r) {
 
 // Bounds the frequency ω [rad/s] at which springs move each body, and with c for k the rate [1/s]
 // of its dampers. Along a line ω² ≤ 2 Σ k (1/m + λ), with λ the largest eigenvalue of [r]ᵀ I⁻¹ [r];
-// about an axis n ω² ≤ 2 Σ k n·I⁻¹n. `with_limit` selects springs and dampers with a force limit,
-// its absence springs and dampers without.
+// about an axis n ω² ≤ 2 Σ k n·I⁻¹n. `with_limit` selects springs and dampers with a force limit
+// and springs that only pull, its absence all other springs and dampers.
 List<double> fastest_springs(const Model& model, const List<JointState>& joint_states,
                              const List<JointEnds>& ends, bool with_limit) {
   List<double> fastest_spring(model.bodies.size(), 0.0);
@@ -63,8 +63,8 @@ List<double> fastest_springs(const Model& model, const List<JointState>& joint_s
       }
     };
     const SoftLaw spring = length_spring(joint);
-    if (!spring.is_none() && (joint.motor.max_force > 0.0) == with_limit)
-      add_along(spring.K, spring.C);
+    const bool is_limited = joint.motor.max_force > 0.0 || joint.distance.one_sided;
+    if (!spring.is_none() && is_limited == with_limit) add_along(spring.K, spring.C);
     bool has_angle = false;
     for (int i = 0; i < coordinates(joint.kind); ++i) {
       const CoordinateLaw& of = joint.coordinates[i];

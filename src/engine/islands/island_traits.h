@@ -11,7 +11,7 @@ namespace constraint_sim::engine {
 /// Bounds of the frequencies at which springs move each body [rad/s].
 struct FastestSprings {
   List<double> springs;  ///< springs and dampers without a force limit
-  List<double> limited;  ///< springs and servos with a force limit
+  List<double> limited;  ///< springs and servos with a force limit, and springs that only pull
 
   FastestSprings(const Model& model, const List<JointState>& joint_states,
                  const List<JointEnds>& ends);

@@ -69,6 +69,7 @@ void count_joint(const Joint& joint, const JointState& state, Counts* counts) {
   ++counts->joints[static_cast<std::size_t>(joint.kind)];
   for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
     count_law(joint.coordinates[i], counts);
+  counts->limited += joint.coupling.one_sided;
   if (!has_length(joint.kind)) return;
   if (!length_spring(joint).is_none())
     ++counts->springs;

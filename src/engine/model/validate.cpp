@@ -283,6 +283,19 @@ void validate(const CoordinateLaw& law) {
 
 namespace {
 
+// Checks the settings of a spring that only pulls.
+void validate_tension_spring(const DistanceJoint& joint) {
+  if (!joint.is_soft())
+    refuse("one_sided",
+           "only a spring is one-sided, got true without frequency, stiffness and damping");
+  const bool is_lower = joint.min_length > 0.0;
+  if (joint.is_limited())
+    refuse(is_lower ? "min_length" : "max_length",
+           "a one-sided spring has its length and no limits, got " +
+               shortest(is_lower ? joint.min_length : joint.max_length));
+  if (joint.length) check_positive("length", *joint.length);
+}
+
 void validate_distance(const DistanceJoint& joint) {
   if (joint.length) check_zero_or_positive("length", *joint.length);
   check_not_negative("min_length", joint.min_length);
@@ -306,12 +319,15 @@ void validate_distance(const DistanceJoint& joint) {
            "a joint with min_length or max_length is free between them and has no "
            "length of its own, got " +
                shortest(*joint.length));
+  if (joint.one_sided) validate_tension_spring(joint);
 }
 
 // Checks the motor of a distance joint; other kinds have motors on their coordinates.
 void validate_motor(const Joint& joint) {
   const Motor& m = joint.motor;
   validate(m);
+  if (has_length(joint.kind) && joint.distance.one_sided && m.max_force > 0.0)
+    refuse("max_force", "a one-sided spring has no force limit, got " + shortest(m.max_force));
   if (has_length(joint.kind)) return;
   if (m.is_moving() || m.max_force != 0.0)
     refuse("motor", "a " + std::string(name(joint.kind)) + " joint has none, got bias " +
@@ -337,6 +353,14 @@ void validate_coupling(const Joint& joint) {
     check_finite("ratio", joint.coupling.ratio);
     if (std::abs(joint.coupling.ratio) < kLeastMagnitude)
       refuse("ratio", "must not be 0, got " + shortest(joint.coupling.ratio));
+  }
+  if (joint.coupling.one_sided) {
+    if (!couples_lengths(joint.kind))
+      refuse("one_sided",
+             "only a pulley is one-sided, got true for a " + std::string(name(joint.kind)));
+    if (joint.coupling.ratio < 0.0)
+      refuse("ratio", "must be > 0 for a one-sided pulley, whose rope pulls at both ends, got " +
+                          shortest(joint.coupling.ratio));
   }
   if (!has_pitch(joint.kind)) return;
   check_finite("pitch", joint.pitch);

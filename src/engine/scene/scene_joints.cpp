@@ -26,11 +26,12 @@ const YamlElement::Words kLawKeys{"position",  "lower",         "upper",     "li
 /// Returns the keys of a type of constraint beside the keys of all types.
 YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type) {
   if (type == "distance")
-    return {"length",        "min_length", "max_length", "frequency",
-            "damping_ratio", "stiffness",  "damping",    "free"};
-  if (type == "rope") return {"max_length"};
+    return {"length",    "min_length", "max_length", "frequency", "damping_ratio",
+            "stiffness", "damping",    "one_sided",  "free"};
+  if (type == "rope") return {"max_length", "frequency", "damping_ratio", "stiffness", "damping"};
   if (type == "strut") return {"min_length"};
-  if (type == "spring") return {"length", "frequency", "damping_ratio", "stiffness", "damping"};
+  if (type == "spring")
+    return {"length", "frequency", "damping_ratio", "stiffness", "damping", "one_sided"};
   const std::optional<JointKind> kind = joint_kind_named(type);
   if (!kind)
     fail_unknown(item.at("type"), type, "distance, rope, strut, spring" + names_of_further_kinds());
@@ -42,6 +43,7 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
   }
   if (has_frames(*kind) || info(*kind).form == RowsForm::kPoint) keys.push_back("break_torque");
   if (couples_joints(*kind)) keys.insert(keys.end(), {"joints", "ratio"});
+  if (couples_lengths(*kind)) keys.push_back("one_sided");
   if (is_custom(*kind)) keys.insert(keys.end(), {"custom", "parameters"});
   if (has_pitch(*kind)) keys.push_back("pitch");
   if (couples(*kind)) keys.push_back("value");
@@ -87,6 +89,9 @@ DistanceJoint read_distance(const YamlElement& item, const std::string& type, co
   item.read("damping_ratio", &distance.damping_ratio);
   item.read("stiffness", &distance.stiffness);
   item.read("damping", &distance.damping);
+  item.read("one_sided", &distance.one_sided);
+  if (type == "rope" && distance.is_soft())
+    item.attempt([&] { distance = tension_spring(distance); });
   // A strut without a lower limit, or a spring without stiffness, would be a rigid rod.
   if (type == "strut") item.attempt([&] { check_positive("min_length", distance.min_length); });
   if (type == "spring" && !distance.is_soft())
@@ -204,6 +209,7 @@ void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
   joint->coupling.first = find(names[0]);
   joint->coupling.second = find(names[1]);
   item.read("ratio", &joint->coupling.ratio);
+  item.read("one_sided", &joint->coupling.one_sided);
 }
 
 /// Reads the type and parameters of a custom constraint or force.

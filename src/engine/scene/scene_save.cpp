@@ -139,6 +139,7 @@ void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
   if (!distance.is_soft()) return;
   write(out, "stiffness", distance.stiffness);
   write(out, "damping", distance.damping);
+  if (distance.one_sided) write(out, "one_sided", true);
 }
 
 /// Writes the rate of a velocity motor.
@@ -297,6 +298,7 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
       *out << world.joint(id).name;
     *out << YAML::EndSeq;
     write(out, "ratio", joint.coupling.ratio);
+    if (joint.coupling.one_sided) write(out, "one_sided", true);
   } else {
     write(out, "body_a", body_name(joint.body_a));
     write(out, "anchor_a", joint.anchor_a);

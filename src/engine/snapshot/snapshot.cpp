@@ -23,7 +23,7 @@ namespace {
 // Returns the first line of a snapshot. Another format, compiler or Eigen makes other bits.
 const std::string& build() {
   static const std::string kBuild =
-      "constraint_sim snapshot 5, compiled by " __VERSION__ " with Eigen " +
+      "constraint_sim snapshot 6, compiled by " __VERSION__ " with Eigen " +
       std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
       std::to_string(EIGEN_MINOR_VERSION) + "\n";
   return kBuild;
@@ -51,7 +51,7 @@ constexpr long kCount<MethodReason> = static_cast<long>(MethodReason::kOverlap) 
 template <>
 constexpr long kCount<Hold> = static_cast<long>(Hold::kBrake) + 1;
 template <>
-constexpr long kCount<Servo> = static_cast<long>(Servo::kLeast) + 1;
+constexpr long kCount<Servo> = static_cast<long>(Servo::kRetracts) + 1;
 template <>
 constexpr long kCount<ContactState> = static_cast<long>(ContactState::kSlipping) + 1;
 template <>

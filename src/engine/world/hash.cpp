@@ -123,7 +123,9 @@ void add_settings(Fnv1a& hash, const Joint& joint) {
     for (const double number :
          {distance->min_length, distance->max_length, distance->stiffness, distance->damping})
       hash.add(number);
+    if (distance->one_sided) hash.add(std::string("one-sided"));
   }
+  if (joint.coupling.one_sided) hash.add(std::string("one-sided"));
   if (is_custom(joint.kind)) {
     hash.add(joint.custom.type);
     for (const CustomParameter& parameter : joint.custom.parameters) {

@@ -140,8 +140,12 @@ void RowSolver::finish_row(std::size_t i, const Row& row, const Jacobian& J, dou
     effects_[row.body_b] += b * twist(row.J.j3 - J.j3, row.J.j4 - J.j4);
   }
   if (row.stiffness == 0.0) return;
-  const double by_v = row.C + h_ * responses_[i].rate;
-  const double by_all = by_v + h_ * responses_[i].correction_rate;
+  double by_v = row.C + h_ * responses_[i].rate;
+  double by_all = by_v + h_ * responses_[i].correction_rate;
+  if (row.upper == 0.0) {  // a spring that only pulls
+    by_v = std::max(by_v, 0.0);
+    by_all = std::max(by_all, 0.0);
+  }
   Component& part = components_[responses_[i].component];
   part.work += 0.5 * row.stiffness * (C * C - by_all * by_all);
   spring_work_ += 0.5 * row.stiffness * (by_all * by_all - by_v * by_v);

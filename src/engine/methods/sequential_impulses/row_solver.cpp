@@ -22,6 +22,12 @@ double wanted_impulse(const Row& row, double impulse, double target, double J_V,
   return impulse + (target - row.softness * impulse - J_V) * effective_mass;
 }
 
+// Energy of a spring that only pulls, at the value C of its row.
+double tension_energy(const Row& row, double C) {
+  const double stretch = std::max(C, 0.0);
+  return 0.5 * row.stiffness * stretch * stretch;
+}
+
 // Target of J w. A one-sided row demands no more than v leaves open.
 double correction_target(const Row& row, double J_V) {
   if (row.lower == 0.0) return std::min(row.target + row.correction - J_V, row.correction);
@@ -309,7 +315,9 @@ void RowSolver::solve_coupled(Row* row, const Response* r) {
     push(row[1], r[1], impulse, velocities);
   };
   const double J_V = rate(velocities_);
-  const double p = wanted_impulse(row[0], row[0].impulse, row[0].target, J_V, r[0].effective_mass);
+  const double p =
+      std::clamp(wanted_impulse(row[0], row[0].impulse, row[0].target, J_V, r[0].effective_mass),
+                 row[0].lower, row[0].upper);
   const double change = p - row[0].impulse;
   push_both(change, &velocities_);
   row[0].impulse = row[1].impulse = p;
@@ -385,7 +393,10 @@ RowSolver::Outcome RowSolver::account(const List<int>& moved, const List<Row>& r
     const double rate = J_V - drive;
     components_[r.component].work += row.impulse * rate;
     if (row.stiffness > 0.0) {
-      components_[r.component].work += row.stiffness * h_ * rate * (row.C + 0.5 * h_ * rate);
+      double stored = row.stiffness * h_ * rate * (row.C + 0.5 * h_ * rate);
+      if (row.upper == 0.0)
+        stored = tension_energy(row, row.C + h_ * rate) - tension_energy(row, row.C);
+      components_[r.component].work += stored;
       responses_[i].rate = rate;
       responses_[i].correction_rate = velocity_along(row, r, corrections_);
       components_[r.component].has_springs = is_to_finish_ = true;

@@ -312,6 +312,7 @@ void ContactEquations::break_joint(std::size_t j) {
     of.state = {};
     of.law.soft = of.law.servo = {};
     of.law.servo_most = 0.0;
+    of.law.only_pulls = false;
     of.law.goal.reset();
   }
 }

@@ -250,9 +250,9 @@ void ContactEvents::note_last_states() {
             },
             now, equations_.rest(of), [&] { return equations_.zeta(of); });
     was_saturated_.push_back(was_saturated ? 1 : 0);
-    last_states_.push_back(state_of_motion(of.law, now, was_saturated, [&](bool upper_one) {
-      return equations_.limit(of, upper_one);
-    }));
+    last_states_.push_back(
+        state_of_motion(of.law, now, was_saturated, equations_.rest(of),
+                        [&](bool upper_one) { return equations_.limit(of, upper_one); }));
   }
 }
 

@@ -35,7 +35,9 @@ double ContactEquations::potential_energy() const {
     if (of.is_prescribed || (soft.K == 0.0 && soft.F == 0.0 && of.law.servo.K == 0.0)) continue;
     const double q = read(of, nullptr).q;
     energy += 0.5 * soft.K * (q - soft.R) * (q - soft.R) - soft.F * q;
-    energy += elastic_energy(of.law.servo.K, q - rest(of).value, of.law.servo_most);
+    const double stretch = q - rest(of).value;
+    energy += elastic_energy(of.law.servo.K, of.law.only_pulls ? std::max(stretch, 0.0) : stretch,
+                             of.law.servo_most);
   }
   return energy;
 }

@@ -199,10 +199,13 @@ double ContactEquations::free_force(const Coordinate& of, const Reading& now) co
   double force = of.law.soft.force(now.q, now.rate) + constant_force(of.law, of.state);
   switch (of.state.servo) {
     case Servo::kNone:  // undecided
-      if (of.law.servo_most > 0.0) force += clamped_servo_force(of.law, now, rest(of));
+      if (of.law.has_servo()) force += clamped_servo_force(of.law, now, rest(of));
       break;
     case Servo::kFollows:
       force += servo_force(of.law, now, rest(of));
+      break;
+    case Servo::kSlack:
+    case Servo::kRetracts:
       break;
     case Servo::kMost:
     case Servo::kLeast:

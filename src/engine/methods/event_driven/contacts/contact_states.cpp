@@ -253,7 +253,7 @@ double ContactEvents::braking_of(std::size_t c) {
 void ContactEvents::choose_servos() {
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     ContactEquations::Coordinate& of = equations_.coordinates[c];
-    if (of.law.servo_most == 0.0) continue;
+    if (!of.law.has_servo()) continue;
     ContactEquations::Reading now = equations_.read(of, nullptr);
     now.acceleration = coordinate_acceleration_[c];
     of.state.servo = servo_from(of.law, states_before_[c].servo, now, equations_.rest(of));

@@ -85,8 +85,7 @@ void ContactEvents::watch_coordinate(std::size_t c, List<Watched>* list) const {
   if (of.state.hold != Hold::kNone) watch_held(c, list);
   const auto add_rate = [&](const WatchedValue& value) { add(Watched::Kind::kRate, value); };
   watch_rates(of.law, of.state, of.braking, reading, limit, zeta, add_rate);
-  if (of.law.servo_most > 0.0)
-    watch_servo(of.law, of.state, reading, equations_.rest(of), add_rate);
+  if (of.law.has_servo()) watch_servo(of.law, of.state, reading, equations_.rest(of), add_rate);
   if (of.state.hold == Hold::kBrake)
     add_rate(watched_end(of.until - equations_.clock(), of.braking));
 }

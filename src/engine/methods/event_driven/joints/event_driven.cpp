@@ -135,6 +135,24 @@ BodyState EventDriven::body(const Span& span, int body, double t) const {
 EventDriven::Reading EventDriven::read(const Span& span, const OneSidedLaw& law, double t,
                                        const EquationsOfMotion& equations,
                                        const EquationsOfMotion::Motions& rates) const {
+  if (law.is_coupling) {
+    Reading sum;
+    for (const CoupledTerm& term : couplings_[law.joint]) {
+      const auto i = static_cast<std::size_t>(term.coordinate);
+      OneSidedLaw of_term;
+      of_term.joint = term.joint;
+      of_term.coordinate = term.coordinate;
+      of_term.form = info(joints_[term.joint].kind).coordinate[i];
+      of_term.zero = joints_[term.joint].coordinates[i].zero;
+      const Reading now = read(span, of_term, t, equations, rates);
+      sum.q += term.ratio * now.q;
+      sum.rate += term.ratio * now.rate;
+      sum.acceleration += term.ratio * now.acceleration;
+      const bool is_first = &term == couplings_[law.joint].data();
+      (is_first ? sum.J : sum.J_second) = combined(term.ratio, now.J, 0.0, now.J);
+    }
+    return sum;
+  }
   const Joint& joint = joints_[law.joint];
   const auto [end_a, end_b] = ends_[law.joint];
   const BodyState a = body(span, static_cast<int>(end_a), t);
@@ -195,6 +213,11 @@ Prescribed EventDriven::limit(std::size_t c, bool upper_one, double t) const {
   const OneSidedLaw& law = laws_[c];
   const PrescribedMotion& course = courses_[law.joint];
   const JointState& state = joint_states_[law.joint];
+  if (law.is_coupling) {
+    Prescribed at_limit = course.coupling(t);
+    at_limit.value += state.coupling.constant;
+    return at_limit;
+  }
   // The offset of a motor with a goal belongs to its prescribed motion.
   const bool has_offset = course.is_closing() && !law.goal;
   const double offset = has_offset ? state.closing_offset[law.function] : 0.0;
@@ -248,7 +271,7 @@ void EventDriven::begin_course(const Span& span, std::size_t l, double t) {
   const auto [first, count] = laws_of(l);
   for (std::size_t c = first; c < first + count; ++c) {
     const OneSidedLaw& law = laws_[c];
-    if (law.is_distance) continue;
+    if (law.is_rope()) continue;
     CoordinateState& coordinate = told.coordinates[law.coordinate];
     const Hold hold = states_[c].hold;
     double& offset = told.closing_offset[law.function];

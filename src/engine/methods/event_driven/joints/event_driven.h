@@ -74,7 +74,7 @@ class EventDriven {
     EventKind kind;
     double time;        ///< simulated [s]
     std::size_t joint;  ///< index in joints()
-    int coordinate;     ///< -1: a distance joint, or a joint that broke
+    int coordinate;     ///< -1: a distance joint, a coupling, or a joint that broke
     double impulse;     ///< impulse of an impact, ≥ 0 [N s or N m s]
   };
   const List<Told>& told() const { return told_; }
@@ -111,7 +111,7 @@ class EventDriven {
       auto& state = self.states_[c];
       visit(state.hold);
       for (auto* sign : {&state.slip, &state.drive, &state.yield}) visit(*sign);
-      if (self.laws_[c].servo_most > 0.0) visit(state.servo);
+      if (self.laws_[c].has_servo()) visit(state.servo);
       visit(self.held_[c]);
     }
     if constexpr (Visit::kReads)
@@ -124,10 +124,11 @@ class EventDriven {
   }
 
  private:
-  /// Coordinate at the current state; `J`: its gradient.
+  /// Coordinate or coupling at the current state.
   struct Reading {
     double q = 0.0, rate = 0.0, acceleration = 0.0;
-    Jacobian J;
+    Jacobian J;         ///< gradient; of a coupling the gradient of its first term
+    Jacobian J_second;  ///< gradient of the second term of a coupling
   };
   struct Watched : WatchedValue {
     int law = -1;          ///< law of the value; -1: none

@@ -75,7 +75,7 @@ void EventDriven::watch(const Span& span, double t, List<Watched>* list) {
     watch_limits(law, state, reading, limit_of, add);
     if (state.hold != Hold::kNone) watch_force(span, c, reading, t, list);
     watch_rates(law, state, braking_[c], reading, limit_of, zeta_of, add);
-    if (law.servo_most > 0.0) watch_servo(law, state, reading, rest(c, t), add);
+    if (law.has_servo()) watch_servo(law, state, reading, rest(c, t), add);
     if (state.hold == Hold::kBrake) add(watched_end(held_[c] - t, braking_[c]));
   }
   if (!breaking_.empty() && equations.redundant_rows() == 0) watch_breaking(span, t, list);

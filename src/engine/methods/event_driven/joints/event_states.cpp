@@ -28,6 +28,23 @@ constexpr std::size_t kMostVariants = 16;
 
 Index index(std::size_t i) { return static_cast<Index>(i); }
 
+// Adds the impulses on the two bodies of a joint by a unit impulse along J, each body once.
+void add_unit(std::pair<std::size_t, std::size_t> ends, const Jacobian& J,
+              EquationsOfMotion::BodyImpulse* unit) {
+  const auto add = [&](std::size_t body, const Eigen::Vector3d& linear,
+                       const Eigen::Vector3d& angular) {
+    if (body == 0) return;
+    std::size_t i = 0;
+    while (unit->body[i] != 0 && unit->body[i] != static_cast<int>(body)) ++i;
+    if (unit->body[i] == 0) unit->linear[i] = unit->angular[i] = Eigen::Vector3d::Zero();
+    unit->body[i] = static_cast<int>(body);
+    unit->linear[i] += linear;
+    unit->angular[i] += angular;
+  };
+  add(ends.first, J.j1, J.j2);
+  add(ends.second, J.j3, J.j4);
+}
+
 }  // namespace
 
 // ---- complementarity problem
@@ -66,30 +83,34 @@ void EventDriven::find_responses(Rows* rows) {
   rows->is_free.assign(n, 0);
   rows->A.setZero(index(n), index(n));
   const List<int>& bodies = bare_.bodies();
-  const auto rate_of = [&](const OneSidedLaw& law, const Jacobian& J,
+  List<EquationsOfMotion::BodyImpulse> units;
+  for (std::size_t c = 0; c < n; ++c) {
+    const std::size_t l = laws_[c].joint;
+    EquationsOfMotion::BodyImpulse& unit = units.emplace_back();
+    if (!laws_[c].is_coupling) {
+      add_unit(ends_[l], rows->reading[c].J, &unit);
+      continue;
+    }
+    add_unit(ends_[couplings_[l][0].joint], rows->reading[c].J, &unit);
+    add_unit(ends_[couplings_[l][1].joint], rows->reading[c].J_second, &unit);
+  }
+  const auto rate_of = [&](const EquationsOfMotion::BodyImpulse& along,
                            const EquationsOfMotion::Motions& motions) {
     double rate = 0.0;
-    const auto add = [&](std::size_t body, const Eigen::Vector3d& linear,
-                         const Eigen::Vector3d& angular) {
-      const auto found = std::find(bodies.begin(), bodies.end(), static_cast<int>(body));
-      if (found == bodies.end()) return;
+    for (std::size_t k = 0; k < along.body.size() && along.body[k] != 0; ++k) {
+      const auto found = std::find(bodies.begin(), bodies.end(), along.body[k]);
+      if (found == bodies.end()) continue;
       const auto i = static_cast<std::size_t>(found - bodies.begin());
-      rate += linear.dot(motions.linear[i]) + angular.dot(motions.angular[i]);
-    };
-    add(ends_[law.joint].first, J.j1, J.j2);
-    add(ends_[law.joint].second, J.j3, J.j4);
+      rate += along.linear[k].dot(motions.linear[i]) + along.angular[k].dot(motions.angular[i]);
+    }
     return rate;
   };
   for (std::size_t c = 0; c < n; ++c) {
     if (is_broken_[laws_[c].joint]) continue;
-    const Jacobian& J = rows->reading[c].J;
-    const auto [a, b] = ends_[laws_[c].joint];
-    const EquationsOfMotion::BodyImpulse unit{
-        {static_cast<int>(a), static_cast<int>(b)}, {J.j1, J.j3}, {J.j2, J.j4}};
-    rows->response[c] = bare_.held_response(unit, &rows->joint_impulses[c]);
+    rows->response[c] = bare_.held_response(units[c], &rows->joint_impulses[c]);
     for (std::size_t d = 0; d < n; ++d)
-      rows->A(index(d), index(c)) = rate_of(laws_[d], rows->reading[d].J, rows->response[c]);
-    const bool is_free = rows->A(index(c), index(c)) > kHeld * bare_.free_response(unit);
+      rows->A(index(d), index(c)) = rate_of(units[d], rows->response[c]);
+    const bool is_free = rows->A(index(c), index(c)) > kHeld * bare_.free_response(units[c]);
     rows->is_free[c] = is_free ? 1 : 0;
   }
   rows->A = (0.5 * (rows->A + rows->A.transpose())).eval();
@@ -100,7 +121,10 @@ void EventDriven::apply_impulse(Rows* rows, std::size_t c, double impulse) {
   bare_.add_response(rows->response[c], rows->joint_impulses[c], impulse, rows->y.data());
   for (std::size_t d = 0; d < laws_.size(); ++d)
     rows->reading[d].rate += rows->A(index(d), index(c)) * impulse;
-  impulses_[laws_[c].joint][laws_[c].function] += impulse;
+  if (laws_[c].is_coupling)
+    coupled_impulses_[laws_[c].joint] += impulse;
+  else
+    impulses_[laws_[c].joint][laws_[c].function] += impulse;
   rows->hit[c] += impulse;
 }
 
@@ -277,7 +301,7 @@ bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
                          List<OneSidedState>* next) const {
   if (!decide_holds(span, rows, release, next)) return false;
   for (std::size_t c = 0; c < laws_.size(); ++c) {
-    if (laws_[c].servo_most == 0.0 || is_broken_[laws_[c].joint]) continue;
+    if (!laws_[c].has_servo() || is_broken_[laws_[c].joint]) continue;
     Reading now = rows->reading[c];
     now.acceleration = rows->acceleration[index(c)];
     (*next)[c].servo = servo_from(laws_[c], states_[c].servo, now, rest(c, span.left.t));
@@ -318,7 +342,7 @@ bool EventDriven::decide_once(const Span& span, Rows* problem_at, const Release&
   VectorXd force = VectorXd::Zero(index(laws_.size()));
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     if (is_broken_[laws_[c].joint]) continue;
-    if (laws_[c].servo_most > 0.0)
+    if (laws_[c].has_servo())
       force[index(c)] = clamped_servo_force(laws_[c], rows.reading[c], rest(c, span.left.t));
     if (!rows.is_free[c]) continue;
     const auto found = candidate(span, c, rows.reading[c], &(*next)[c]);
@@ -453,11 +477,11 @@ void EventDriven::tell(const Span& span, const Rows& rows, const List<OneSidedSt
         is_new ? was_saturated(span, c, now) : is_saturated(span, c, states_[c], t, now.q);
     OneSidedState before = states_[c];
     if (!has_started_) {
-      before =
-          state_of_motion(law, now, was, [&](bool upper_one) { return limit(c, upper_one, t); });
+      before = state_of_motion(law, now, was, rest(c, t),
+                               [&](bool upper_one) { return limit(c, upper_one, t); });
       if (rows.hit[c] != 0.0) before.hold = Hold::kNone;
     }
-    const int coordinate = law.is_distance ? -1 : law.coordinate;
+    const int coordinate = law.is_rope() ? -1 : law.coordinate;
     const auto add = [&](EventKind kind, double impulse) {
       for (Told& told : told_)  // a rest reported for later does not come
         if (told.joint == law.joint && told.coordinate == coordinate)

@@ -16,6 +16,11 @@ namespace constraint_sim::engine {
 inline constexpr double kTouching = 1e-10;  ///< [m or rad] a gap up to this counts as closed
 inline constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate up to this counts as zero
 
+/// Share of the servo's limit within which a force is at the limit.
+inline constexpr double kServoEdge = 1e-9;
+/// Time [s] within which a force that reaches the limit is at the limit.
+inline constexpr double kServoEdgeTime = 1e-12;
+
 /// Watched value. An event is where `value` falls below zero.
 struct WatchedValue {
   double value = 0.0, rate = 0.0, acceleration = 0.0;

@@ -10,6 +10,7 @@
 #include "engine/math/integrate.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/joints/tension_events.h"
 
 namespace constraint_sim::engine {
 
@@ -18,11 +19,6 @@ namespace constraint_sim::engine {
 // `limit(upper_one)` returns position and motion of a limit, `zeta()` the rate and acceleration
 // that the motor demands; for a motor with a goal its `value` is the prescribed position. A reading
 // has position `q`, `rate` and `acceleration` of a coordinate.
-
-/// Share of the servo's limit within which a force is at the limit.
-inline constexpr double kServoEdge = 1e-9;
-/// Time [s] within which a force that reaches the limit is at the limit.
-inline constexpr double kServoEdgeTime = 1e-12;
 
 /// Share of its acceleration without joints; a coordinate with a smaller acceleration is held by
 /// the joints.
@@ -174,10 +170,11 @@ inline WatchedValue watched_end(double left, double braking) {
 }
 
 /// Adds the margin of a servo to its force limit, or of a saturated servo's demand beyond it, as a
-/// share of the limit.
+/// share of the limit. Of a spring that only pulls, adds watch_tension().
 template <class Reading, class Add>
 void watch_servo(const OneSidedLaw& law, const OneSidedState& state, const Reading& reading,
                  const Prescribed& rest, Add add) {
+  if (law.only_pulls) return watch_tension(law, state, reading, rest, add);
   if (law.servo_most == 0.0) return;
   const double force = servo_force(law, reading, rest) / law.servo_most;
   const double rate = servo_force_rate(law, reading, rest) / law.servo_most;
@@ -200,6 +197,7 @@ void watch_servo(const OneSidedLaw& law, const OneSidedState& state, const Readi
 template <class Reading>
 Servo servo_from(const OneSidedLaw& law, Servo before, const Reading& reading,
                  const Prescribed& rest) {
+  if (law.only_pulls) return tension_from(law, before, reading, rest);
   if (law.servo_most == 0.0) return Servo::kNone;
   const double force = servo_force(law, reading, rest) / law.servo_most;
   const Servo beyond = force > 0.0 ? Servo::kMost : Servo::kLeast;
@@ -269,11 +267,12 @@ bool was_at_force_limit(const OneSidedLaw& law, const Laws& all, LawOf law_of, c
 }
 
 /// State of a law before a step, from the motion at its end and the reported saturation of the
-/// motor.
+/// motor. `rest`: of a servo.
 template <class Reading, class Limit>
 OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool saturated,
-                              Limit limit) {
+                              const Prescribed& rest, Limit limit) {
   OneSidedState state;
+  if (law.only_pulls) state.servo = tension_from(law, Servo::kSlack, now, rest);
   const bool yields = saturated && std::isfinite(law.limit_force);
   for (const bool upper_one : {false, true}) {
     if (!std::isfinite(law.limit(upper_one))) continue;
@@ -315,7 +314,7 @@ void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneS
   for (const bool upper_one : {false, true}) {
     const bool is_hit = upper_one ? hit < 0.0 : hit > 0.0;
     const bool was = is_begin ? next.is_at(upper_one) && !is_hit : before.is_at(upper_one);
-    const bool is_rope = law.is_distance && upper_one;
+    const bool is_rope = law.is_rope() && upper_one;
     if (!was && (is_hit || next.is_at(upper_one)))
       add(is_rope ? EventKind::kRopeTaut : EventKind::kLimitReached, is_hit ? std::abs(hit) : 0.0);
     if ((was || is_hit) && !next.is_at(upper_one))
@@ -327,6 +326,9 @@ void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneS
   };
   compare(was_saturated, is_saturated, EventKind::kSaturated, EventKind::kReleased);
   compare(before.slip != 0, next.slip != 0, EventKind::kSlips, EventKind::kSticks);
+  if (law.only_pulls)
+    compare(before.servo == Servo::kFollows, next.servo == Servo::kFollows, EventKind::kRopeTaut,
+            EventKind::kRopeSlack);
 }
 
 }  // namespace constraint_sim::engine

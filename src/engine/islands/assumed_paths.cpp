@@ -12,6 +12,7 @@
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/step.h"
+#include "engine/islands/swept_hits.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -5,37 +5,16 @@
 
 #include "engine/collision/narrowphase.h"
 #include "engine/islands/motion_bounds.h"
+#include "engine/islands/swept_hits.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kNear = 1e-9;      // gap at which a hit happens, as a share of the thinner body
-constexpr double kInstant = 1e-9;   // duration of a hit, as a share of the time step
-constexpr double kMostTurn = 0.5;   // largest rotation of a body in a part of a step [rad]
-constexpr int kMostAdvances = 100;  // conservative advances towards a hit
-constexpr int kMostLegs = 1000;     // parts of a step
-constexpr int kMostPlaces = 20000;  // poses tried along the paths of a pair
-
-/// Returns the state after a step of impulses of duration t [s] under gravity alone.
-BodyState moved(const BodyState& state, const MassProperties& mass, const Vector3d& gravity,
-                double t) {
-  BodyState later = state;
-  later.position += t * (state.linear_velocity + t * gravity);
-  advance_orientation(mass, t, &later);
-  return later;
-}
-
-/// Returns a bound of the angular speed of a body without torque [rad/s]: |ω| I_max / I_min, and a
-/// tenth of it for the error of a rotation by a step of up to kMostTurn.
-double fastest_turn(const BodyState& state, const MassProperties& mass) {
-  const double w = state.angular_velocity.norm();
-  if (!mass.can_turn() || mass.is_isotropic()) return w;
-  return 1.1 * w * mass.inertia.maxCoeff() / mass.inertia.minCoeff();
-}
+constexpr double kInstant = 1e-9;  // duration of a hit, as a share of the time step
+constexpr int kMostLegs = 1000;    // parts of a step
 
 /// The contact of a pair in a list that is sorted; null where there is none.
 const TouchingPair* find(const List<TouchingPair>& pairs, const std::pair<int, int>& ends) {
@@ -46,37 +25,6 @@ const TouchingPair* find(const List<TouchingPair>& pairs, const std::pair<int, i
                        });
   return found != pairs.end() && found->ends() == ends ? &*found : nullptr;
 }
-
-/// Path of a body within a step, at the share s in [0, 1] of the step. Positions lie on the cubic
-/// with the positions and velocities of both ends; the body turns evenly.
-struct Path {
-  Vector3d x0, x1, m0, m1;
-  Quaterniond q0;
-  Vector3d turn, rest;  // rotation by the mean angular velocity, and from there to the end [rad]
-
-  Path(const BodyState& from, const BodyState& to, double h)
-      : x0(from.position),
-        x1(to.position),
-        m0(h * from.linear_velocity),
-        m1(h * to.linear_velocity),
-        q0(from.orientation),
-        turn(0.5 * h * (from.angular_velocity + to.angular_velocity)) {
-    rest = rotation_vector(to.orientation * (rotation(turn) * q0).conjugate());
-  }
-  BodyState at(double s) const {
-    const double t = 1.0 - s;
-    BodyState state;
-    state.position = t * t * (1.0 + 2.0 * s) * x0 + s * t * t * m0 + s * s * (3.0 - 2.0 * s) * x1 -
-                     s * s * t * m1;
-    state.orientation = rotation(s * rest) * (rotation(s * turn) * q0);
-    return state;
-  }
-  // Bounds of the derivatives by s: of the centre [m] and, as angle(), of the orientation [rad].
-  double way() const {
-    return std::max({m0.norm(), m1.norm(), (3.0 * (x1 - x0) - m0 - m1).norm()});
-  }
-  double angle() const { return turn.norm() + rest.norm(); }
-};
 
 /// A contact of two bodies without points.
 TouchingPair pair_of(const Model& model, const Broadphase::Pair& bodies) {
@@ -116,44 +64,6 @@ bool is_led(const StepContext& step, const IslandLists& lists, const Broadphase:
            !lists.island_parts[step.topology.island_of(body)].members.joints.empty();
   };
   return has_joints(pair.first) || has_joints(pair.second) || is_forced(step, pair);
-}
-
-/// First time at which a pair that is apart touches by its velocities [s]. The plane between two
-/// shapes keeps them apart as long as they do not close the gap along its normal. Empty where the
-/// pair does not touch, and in a step that is to stop.
-std::optional<double> time_of_hit(const StepContext& step, const State& state,
-                                  const Broadphase::Pair& pair, double duration) {
-  const Model& model = step.model;
-  const std::size_t i = to_index(pair.first);
-  const std::size_t j = to_index(pair.second);
-  const Vector3d none = Vector3d::Zero();
-  const Vector3d g_i = model.is_movable(i) ? model.options.gravity : none;
-  const Vector3d g_j = model.is_movable(j) ? model.options.gravity : none;
-  const Vector3d v = state.states[i].linear_velocity - state.states[j].linear_velocity;
-  const double far = (state.states[i].position - state.states[j].position).norm() +
-                     max_point_displacement(step, state.states[i], pair.first, duration) +
-                     max_point_displacement(step, state.states[j], pair.second, duration);
-  const double spin =
-      fastest_turn(state.states[i], model.masses[i]) * reach_of(model.bodies[i], far) +
-      fastest_turn(state.states[j], model.masses[j]) * reach_of(model.bodies[j], far);
-  const double near = kNear * thinner_of(model, pair);
-  double t = 0.0;
-  for (int k = 0; k < kMostAdvances; ++k) {
-    if (is_set(step.stop)) return std::nullopt;
-    const BodyState later_i = moved(state.states[i], model.masses[i], g_i, t);
-    const BodyState later_j = moved(state.states[j], model.masses[j], g_j, t);
-    const PlacedShape shape_i(model.bodies[i], later_i), shape_j(model.bodies[j], later_j);
-    const Separation apart =
-        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state());
-    const double left = duration - t;
-    const double falling = std::max(0.0, -apart.normal.dot(g_i - g_j));
-    const double closing = spin - apart.normal.dot(v + 2.0 * t * (g_i - g_j)) + left * falling;
-    if (apart.gap <= near && closing > 0.0) return t;
-    if (!(closing * left > apart.gap - near)) return std::nullopt;
-    t += std::max(apart.gap, near) / closing;
-    if (t >= duration) return std::nullopt;
-  }
-  return t;  // The pair is apart until t; the next part of the step searches on.
 }
 
 /// Time within which a touching pair overlaps by no more than contact rows can hold, whichever
@@ -223,7 +133,7 @@ double time_without_hit(const StepContext& step, const State& state, const Islan
   double duration = left;
   for (const int body : bodies)
     if (reach_of(model.bodies[body]) > 0.0)
-      duration = std::min(duration, kMostTurn / state.states[body].angular_velocity.norm());
+      duration = std::min(duration, kMostSweptTurn / state.states[body].angular_velocity.norm());
   for (const TouchingPair& pair : state.touching)
     duration = std::min(duration, time_to_watch(step, state, lists, pair));
   for (const Broadphase::Pair& pair : near)
@@ -246,7 +156,7 @@ bool collide_group(const Model& model, const List<Broadphase::Pair>& near, doubl
     const double thinner = thinner_of(model, ends);
     const Manifold manifold = collide(PlacedShape(model.bodies[a], state->states[a]),
                                       PlacedShape(model.bodies[b], state->states[b]),
-                                      std::isfinite(thinner) ? 4.0 * kNear * thinner : 0.0);
+                                      std::isfinite(thinner) ? 4.0 * kNearShare * thinner : 0.0);
     if (manifold.count == 0) continue;
     TouchingPair& pair = state->touching.emplace_back(pair_of(model, ends));
     pair.manifold = manifold;
@@ -260,38 +170,6 @@ bool collide_group(const Model& model, const List<Broadphase::Pair>& near, doubl
 }
 
 }  // namespace
-
-bool passes(const StepContext& step, const State& state, const Rollback& rollback,
-            const Broadphase::Pair& pair) {
-  const Model& model = step.model;
-  const double h = model.options.time_step;
-  const std::size_t i = to_index(pair.first), j = to_index(pair.second);
-  const auto path_of = [&](std::size_t body) {
-    if (model.is_movable(body) && !state.asleep[body])
-      return Path(rollback.states()[body], state.states[body], h);
-    BodyState later = state.states[body];  // kinematic and sleeping bodies have not moved
-    later.position += h * later.linear_velocity;
-    later.orientation = rotation(h * later.angular_velocity) * later.orientation;
-    return Path(state.states[body], later, h);
-  };
-  const Path of_i = path_of(i), of_j = path_of(j);
-  const double far = (of_i.x0 - of_j.x0).norm() + of_i.way() + of_j.way();
-  const double bound = of_i.way() + of_j.way() + of_i.angle() * reach_of(model.bodies[i], far) +
-                       of_j.angle() * reach_of(model.bodies[j], far);
-  const double least = kFastShare * thinner_of(model, pair);
-  double s = 0.0;
-  for (int k = 0; k < kMostPlaces && s < 1.0; ++k) {
-    if (is_set(step.stop)) return false;
-    const BodyState at_i = of_i.at(s), at_j = of_j.at(s);
-    const PlacedShape shape_i(model.bodies[i], at_i), shape_j(model.bodies[j], at_j);
-    const double gap =
-        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state()).gap;
-    if (gap <= 0.0 && s > 0.0) return true;
-    if (gap > (1.0 - s) * bound) return false;
-    s += std::max(gap, least) / bound;
-  }
-  return s < 1.0;  // After kMostPlaces poses a pair counts as passing.
-}
 
 void ContinuousCollision::set_shapes(const Model& model) {
   fast_bodies_.clear();

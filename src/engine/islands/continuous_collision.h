@@ -44,11 +44,6 @@ struct HitReport {
   bool has_left_any = false;  ///< a hit was not found, since there were too many
 };
 
-/// Whether two bodies that have taken their step met within the step, where they were apart; false
-/// once a stop flag is set.
-bool passes(const StepContext& step, const State& state, const Rollback& rollback,
-            const Broadphase::Pair& pair);
-
 /// Bodies that move so far in a step that they could pass through another body, or through
 /// themselves into it: conservative advancement (Mirtich 1996) finds each hit. Bodies that may hit
 /// each other within the step, with everything that joints and contacts connect with them, are one

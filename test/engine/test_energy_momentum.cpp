@@ -525,7 +525,7 @@ class LightLinks {
   }
 
   IntegrationResult advance(Integration way, double h) {
-    const SmoothSpan span{t_, h, gravity_, loads_, courses_, false, false};
+    const Interval span{t_, h, gravity_, loads_, courses_, false, false};
     t_ += h;
     return motion_->advance(way, span, {8, 1e-9}, &states_);
   }
@@ -575,12 +575,12 @@ TEST(EnergyMomentum, KeepsEnergyAndMomentaWhereSubstepsTakeOver) {
   for (const bool is_held : {false, true}) {
     LightLinks links(is_held);
     for (int i = 0; i < 20; ++i)
-      ASSERT_TRUE(links.advance(Integration::kGradients, 1.0 / 30.0).done) << i;
+      ASSERT_TRUE(links.advance(Integration::kEnergyMomentum, 1.0 / 30.0).done) << i;
     LightLinks kept = links;
     const double energy = links.energy();
     const Vector3d P = links.momentum(), L = links.angular_momentum();
     kept.motion().change_way();
-    const IntegrationResult result = kept.advance(Integration::kSubsteps, 1e-9);
+    const IntegrationResult result = kept.advance(Integration::kRungeKutta, 1e-9);
     ASSERT_TRUE(result.done);
     EXPECT_NEAR(kept.energy(), energy, 1e-13 * energy);
     EXPECT_NEAR(result.projected, 0.0, 1e-13 * energy);
@@ -590,7 +590,7 @@ TEST(EnergyMomentum, KeepsEnergyAndMomentaWhereSubstepsTakeOver) {
     }
     // after an external change of bodies the misfit is lost, and reported
     links.motion().forget();
-    const double lost = links.advance(Integration::kSubsteps, 1e-9).projected;
+    const double lost = links.advance(Integration::kRungeKutta, 1e-9).projected;
     EXPECT_GT(lost, 1e-8 * energy);
     EXPECT_NEAR(links.energy(), energy - lost, 1e-13 * energy);
   }

@@ -67,7 +67,7 @@ class LoneIsland {
     for (std::size_t j = 0; j < joints.size(); ++j)
       courses.emplace_back(joints[j], step, joint_states[j]);
     equations_->begin_step(joint_states);
-    const SmoothSpan span{t, h, gravity_, loads, courses, false, false};
+    const Interval span{t, h, gravity_, loads, courses, false, false};
     const IntegrationResult progress = motion_->advance(span, equations_.get(), &states);
     for (std::size_t i = 0; i < states.size(); ++i)
       if (!masses_[i].is_movable()) states[i].position += h * states[i].linear_velocity;

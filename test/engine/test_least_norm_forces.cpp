@@ -170,7 +170,7 @@ class OneIsland {
 
   bool step(double h) {
     motion_->begin_step(joint_states_);
-    const SmoothSpan span{t_, h, gravity_, loads_, courses_, false, false};
+    const Interval span{t_, h, gravity_, loads_, courses_, false, false};
     t_ += h;
     return motion_->advance(span, {8, 1e-10}, &states).done;
   }

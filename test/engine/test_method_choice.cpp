@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uint64_t kNow = 1000;  // [steps]
 constexpr Method kAutomatic = Method::kAuto, kRungeKutta = Method::kRungeKutta,
-                 kGradients = Method::kEnergyMomentum, kImpulses = Method::kSequentialImpulses,
+                 kEnergyMomentum = Method::kEnergyMomentum, kImpulses = Method::kSequentialImpulses,
                  kEvents = Method::kEventDriven;
 
 WorldOptions options_with(Method method) {
@@ -35,9 +35,9 @@ TEST(MethodChoice, NatureOfAnIslandByOptionsJointsAndSprings) {
       {kAutomatic, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
       {kRungeKutta, {true, MethodReason::kSmooth, kFast}, MethodReason::kSmooth},
       {kRungeKutta, {true, MethodReason::kLimit, 0.0}, MethodReason::kLimit},
-      {kGradients, {true, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
-      {kGradients, {false, MethodReason::kSmooth, 0.0}, MethodReason::kSmooth},
-      {kGradients, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
+      {kEnergyMomentum, {true, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
+      {kEnergyMomentum, {false, MethodReason::kSmooth, 0.0}, MethodReason::kSmooth},
+      {kEnergyMomentum, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
       {kEvents, {true, MethodReason::kLimit, kFast}, MethodReason::kLimit},
       {kEvents, {true, MethodReason::kSmooth, kFast}, MethodReason::kSmooth},
       {kImpulses, {true, MethodReason::kLimit, kFast}, MethodReason::kAskedFor},
@@ -50,17 +50,24 @@ TEST(MethodChoice, NatureOfAnIslandByOptionsJointsAndSprings) {
 }
 
 TEST(MethodChoice, EveryReasonHasOneMethod) {
-  const std::pair<MethodReason, Method> cases[] = {
-      {MethodReason::kSmooth, kRungeKutta},      {MethodReason::kStiff, kGradients},
-      {MethodReason::kInconsistent, kGradients}, {MethodReason::kContact, kImpulses},
-      {MethodReason::kLimit, kEvents},           {MethodReason::kForceLimit, kEvents},
-      {MethodReason::kFriction, kEvents},        {MethodReason::kBreaks, kEvents},
-      {MethodReason::kLimitedSpring, kImpulses}, {MethodReason::kManyRows, kImpulses},
-      {MethodReason::kRefused, kImpulses},       {MethodReason::kAskedFor, kGradients},
-      {MethodReason::kFewContacts, kEvents},     {MethodReason::kContactsGivenUp, kImpulses},
-      {MethodReason::kManyContacts, kImpulses},  {MethodReason::kOverlap, kImpulses}};
+  const std::pair<MethodReason, Method> cases[] = {{MethodReason::kSmooth, kRungeKutta},
+                                                   {MethodReason::kStiff, kEnergyMomentum},
+                                                   {MethodReason::kInconsistent, kEnergyMomentum},
+                                                   {MethodReason::kContact, kImpulses},
+                                                   {MethodReason::kLimit, kEvents},
+                                                   {MethodReason::kForceLimit, kEvents},
+                                                   {MethodReason::kFriction, kEvents},
+                                                   {MethodReason::kBreaks, kEvents},
+                                                   {MethodReason::kLimitedSpring, kImpulses},
+                                                   {MethodReason::kManyRows, kImpulses},
+                                                   {MethodReason::kRefused, kImpulses},
+                                                   {MethodReason::kAskedFor, kEnergyMomentum},
+                                                   {MethodReason::kFewContacts, kEvents},
+                                                   {MethodReason::kContactsGivenUp, kImpulses},
+                                                   {MethodReason::kManyContacts, kImpulses},
+                                                   {MethodReason::kOverlap, kImpulses}};
   for (const auto& [why, method] : cases)
-    EXPECT_EQ(method_for(why, options_with(kGradients)), method) << to_string(why);
+    EXPECT_EQ(method_for(why, options_with(kEnergyMomentum)), method) << to_string(why);
   EXPECT_EQ(method_for(MethodReason::kAskedFor, options_with(kImpulses)), kImpulses);
 }
 
@@ -84,19 +91,19 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
       {"a rope, refused", MethodReason::kLimit, false, true, false, false, MethodReason::kRefused,
        kImpulses},
       {"measured stiff", MethodReason::kSmooth, false, false, false, true, MethodReason::kStiff,
-       kGradients},
+       kEnergyMomentum},
       {"a rope, measured stiff", MethodReason::kLimit, false, false, false, true,
        MethodReason::kLimit, kEvents},
       {"stiff springs", MethodReason::kStiff, false, false, false, false, MethodReason::kStiff,
-       kGradients},
+       kEnergyMomentum},
       {"refused", MethodReason::kSmooth, false, true, false, true, MethodReason::kRefused,
        kImpulses},
       {"refused and touched", MethodReason::kSmooth, true, true, false, false,
        MethodReason::kRefused, kImpulses},
       {"inconsistent", MethodReason::kSmooth, false, false, true, false,
-       MethodReason::kInconsistent, kGradients},
+       MethodReason::kInconsistent, kEnergyMomentum},
       {"inconsistent, stiff", MethodReason::kStiff, false, false, true, true,
-       MethodReason::kInconsistent, kGradients},
+       MethodReason::kInconsistent, kEnergyMomentum},
       {"inconsistent, touched", MethodReason::kSmooth, true, false, true, false,
        MethodReason::kContact, kImpulses},
   };

@@ -25,17 +25,18 @@ constexpr double kEventTime = 1e-9, kEventPlace = 1e-8;
 
 class SlackAtTicks : public testing::TestWithParam<Carried> {};
 
-std::vector<Carried> all_ways() {
+std::vector<Carried> all_ways(const std::vector<Method>& methods) {
   std::vector<Carried> all;
   for (const double time_step : {1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000})
-    for (const Method method :
-         {Method::kAuto, Method::kEventDriven, Method::kRungeKutta, Method::kEnergyMomentum})
-      all.push_back({time_step, method});
+    for (const Method method : methods) all.push_back({time_step, method});
   all.push_back({1.0 / 30, Method::kAuto, WorldOptions{}.tolerance});
   return all;
 }
 
-INSTANTIATE_TEST_SUITE_P(SlackRopes, SlackAtTicks, testing::ValuesIn(all_ways()));
+INSTANTIATE_TEST_SUITE_P(SlackRopes, SlackAtTicks,
+                         testing::ValuesIn(all_ways({Method::kAuto, Method::kEventDriven,
+                                                     Method::kRungeKutta,
+                                                     Method::kEnergyMomentum})));
 
 Body point(const std::string& name, double mass, const Vector3d& position) {
   return make_body(name, Point{}, mass, position);
@@ -259,6 +260,7 @@ struct Atwood {
       const Vector3d sheave(2.0 * i, 0.0, 0.0);
       Body body = make_body("mass_" + std::to_string(i), Sphere{0.1}, i == 0 ? first : second,
                             sheave - Vector3d(0.0, 0.0, i == 0 ? 1.0 : 2.0));
+      body.no_collision = i == 1;  // the floor is under the first mass alone
       Joint length = make_joint("length_" + std::to_string(i), kWorldBody, sheave,
                                 made.add_body(body), Vector3d::Zero(), JointKind::kFreeDistance);
       if (i == 0 && is_floor_a_limit) length.coordinates[0].upper = floor;
@@ -437,7 +439,11 @@ TEST_P(SlackAtTicks, ABodyInTheBightOfASlackRopeIsOnARope) {
 
 // A floor stops the body before the rope does, once as an upper limit of a measured length and once
 // as a plane. Two event-driven methods, of joints and of contacts, share no equations of motion.
-TEST_P(SlackAtTicks, ARopeWithStiffnessBesideAContactIsAsBesideALimit) {
+class SlackBesideContacts : public testing::TestWithParam<Carried> {};
+INSTANTIATE_TEST_SUITE_P(SlackRopes, SlackBesideContacts,
+                         testing::ValuesIn(all_ways({Method::kAuto, Method::kEventDriven})));
+
+TEST_P(SlackBesideContacts, ARopeWithStiffnessIsAsBesideALimit) {
   constexpr double kFloor = 1.3;
   Bungee of;
   of.damping = 1.5;
@@ -506,9 +512,9 @@ TEST(SlackPulley, ContradictsOnlyALongerRigidOne) {
   Joint third = second;
   third.name = "third";
   third.coupling.one_sided = true;
-  third.coupling.value = 2.8;
+  third.coupling.value = 2.7;  // 'rigid' is closing an error of 0.1
   EXPECT_EQ(refusal([&] { world.add_joint(third); }),
-            "value: contradicts 'rigid', by which it is 2.9, got 2.8");
+            "value: contradicts 'rigid', by which it is 2.9, got 2.7");
   third.coupling.value = 3.1;
   EXPECT_EQ(refusal([&] { world.add_joint(third); }), "");
 }

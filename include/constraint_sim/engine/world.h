@@ -229,7 +229,7 @@ class World {
 
  private:
   struct Impl;
-  friend struct Insides;  // saves and loads a world
+  friend struct ImplAccess;  // saves and loads a world
   std::unique_ptr<Impl> impl_;
 };
 

@@ -36,7 +36,7 @@ RigidMotion as_one_body(const EquationsOfMotion& equations, const List<BodyState
 
 }  // namespace
 
-void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion* equations,
+void fit_velocities(const Interval& span, double most_moved, EquationsOfMotion* equations,
                     List<BodyState>* states) {
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   if (equations->is_time_dependent() || equations->has_jumped()) return;

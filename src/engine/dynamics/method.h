@@ -10,14 +10,14 @@
 namespace constraint_sim::engine {
 
 // Interface of every method that integrates an island:
-//   IntegrationResult advance(const SmoothSpan&, const IntegratorOptions&, EquationsOfMotion*,
+//   IntegrationResult advance(const Interval&, const IntegratorOptions&, EquationsOfMotion*,
 //   List<BodyState>*)
 // Advances the bodies over the interval and adds up impulses in the equations. Where the
 // integration fails, RungeKutta and InconsistentMotion leave the bodies unchanged; other methods
 // may have moved them.
 
 /// Time interval without jumps, and the loads and prescribed motions in it.
-struct SmoothSpan {
+struct Interval {
   double t;  ///< start, simulated time [s]
   double h;  ///< length [s]
   const Eigen::Vector3d& gravity;
@@ -30,7 +30,7 @@ struct SmoothSpan {
   double since_tick = 0.0;
 
   /// Returns a copy of this interval for an island that was edited since the last step.
-  SmoothSpan after_edit() const {
+  Interval after_edit() const {
     return {t, h, gravity, loads, courses, true, true, stop, since_tick};
   }
 };

@@ -97,7 +97,7 @@ void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends
 
 /// Whether a group is small enough for events. A group with an island that impulses took over has
 /// smaller limits (kBack), so that its method does not change back and forth.
-bool is_few(const GroupSize& size, const GroupLimits& most) {
+bool is_small_enough(const GroupSize& size, const GroupLimits& most) {
   const double share = size.was_handed ? kBack : 1.0;
   return static_cast<double>(size.bodies) <= share * static_cast<double>(most.bodies) &&
          static_cast<double>(size.points) <= share * static_cast<double>(most.points);
@@ -182,8 +182,8 @@ void ContactGroups::find(const StepContext& step, const State& state, const Roll
     const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
     const int leader = reach.leader_of(to_index(island));
     const GroupSize& size = reach.size_of_group(leader);
-    const bool is_few_here = is_few(size, group_limits(step.model.options));
-    if (!(is_few_here || size.is_elastic))
+    const bool is_small = is_small_enough(size, group_limits(step.model.options));
+    if (!(is_small || size.is_elastic))
       left_for_[leader] = MethodReason::kManyContacts;
     else if (size.overlaps && !size.is_settled)
       left_for_[leader] = MethodReason::kOverlap;
@@ -191,7 +191,7 @@ void ContactGroups::find(const StepContext& step, const State& state, const Roll
     if (group_at_[leader] < 0) {
       group_at_[leader] = static_cast<int>(groups_.size());
       ContactGroup& group = add();
-      group.is_few = is_few_here;
+      group.is_small_enough = is_small;
       group.is_elastic = size.is_elastic;
       group.closes = size.overlaps;
     }
@@ -268,7 +268,7 @@ bool ContactGroups::compile(const StepContext& step, const State& state, const R
   if (group->is_elastic && !group->closes &&
       compile_spheres(step.model, state, lists, reach, group))
     return true;
-  if (!group->is_few) return false;
+  if (!group->is_small_enough) return false;
   place_.resize(step.model.bodies.size(), -1);
   group->events.make();
   ContactEquations& equations = group->events->equations();
@@ -355,7 +355,7 @@ double ContactGroups::most_work_of(const WorldOptions& options, const ContactGro
   return std::max(left, kLeastWork);
 }
 
-IntegrationResult ContactGroups::advance(std::size_t group, const SmoothSpan& span,
+IntegrationResult ContactGroups::advance(std::size_t group, const Interval& span,
                                          const IntegratorOptions& accuracy,
                                          const WorldOptions& options, State* state) {
   ContactGroup& of = groups_[group];

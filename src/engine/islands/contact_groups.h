@@ -30,7 +30,7 @@ struct ContactGroup {
   Storage<ContactEvents> events;            ///< advance the group in this step
   std::shared_ptr<ElasticSpheres> spheres;  ///< advance the group instead of `events`
   bool has_failed = false;                  ///< in this step: impulses advance its islands
-  bool is_few = false;                      ///< small enough for `events`
+  bool is_small_enough = false;             ///< small enough for `events`
   bool closes = false;                      ///< has overlaps, which `events` close
   bool is_elastic = false;                  ///< has only spheres that `spheres` can advance
 };
@@ -66,7 +66,7 @@ class ContactGroups {
   const std::vector<BodyId>& bodies() const { return bodies_; }
 
   /// Advances a group.
-  IntegrationResult advance(std::size_t group, const SmoothSpan& span,
+  IntegrationResult advance(std::size_t group, const Interval& span,
                             const IntegratorOptions& accuracy, const WorldOptions& options,
                             State* state);
   void mark_failed(std::size_t group) { groups_[group].has_failed = true; }

@@ -308,14 +308,14 @@ bool ContinuousCollision::divide(const StepContext& step, const IslandLists& lis
       if (is_member_[pair.b]) join(pair.a);
     }
   }
-  for (ImpulseGroup* group : {&group_, &rest_}) {
+  for (ImpulseGroup* group : {&group_, &others_}) {
     group->bodies.clear();
     group->joints.clear();
   }
-  for (const int body : bodies) (is_member_[body] ? group_ : rest_).bodies.push_back(body);
+  for (const int body : bodies) (is_member_[body] ? group_ : others_).bodies.push_back(body);
   for (const int j : joints) {
     const auto [a, b] = step.topology.ends(j);
-    (is_member_[model.is_movable(a) ? a : b] ? group_ : rest_).joints.push_back(j);
+    (is_member_[model.is_movable(a) ? a : b] ? group_ : others_).joints.push_back(j);
   }
   return true;
 }

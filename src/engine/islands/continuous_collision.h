@@ -88,7 +88,7 @@ class ContinuousCollision {
   /// Whether bodies of the group met as this pair.
   bool has_met(const Broadphase::Pair& pair) const;
   /// Everything that impulses advance beside the group.
-  const ImpulseGroup& rest() const { return rest_; }
+  const ImpulseGroup& others() const { return others_; }
   /// Advances the group by a step, from hit to hit. `broadphase` knows the shapes that rest.
   HitReport advance(const StepContext& step, const IslandLists& lists, const AwakeSets& awake,
                     const List<int>& moving_shapes, const List<ActingWrench>& wrenches,
@@ -114,7 +114,7 @@ class ContinuousCollision {
   double fast_square_ = 0.0;  // square of the speed above which bodies are fast [m²/s²]
   List<int> fast_bodies_;
   List<Broadphase::Pair> jointed_pairs_;
-  ImpulseGroup group_, rest_;
+  ImpulseGroup group_, others_;
   List<bool> is_member_;       // by body: whether it belongs to the group
   List<JointSum> joint_sums_;  // results of the group's joints, summed over the parts of the step
   List<TouchingPair> hits_;    // contacts of the group, with the impulses of all its hits

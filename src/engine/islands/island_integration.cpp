@@ -16,83 +16,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Largest loss by projection when substeps take over within a step, as a share of the kinetic
-// energy.
-constexpr double kMostProjected = 1e-9;
-// Limit on attempted substeps of an island in an interval: kMostAttemptsOfAll over the number of
-// awake bodies, within [kLeastAttempts, kMostAttempts]. A step of any number of bodies thus ends.
-constexpr int kMostAttempts = 50000, kLeastAttempts = 100;
-constexpr std::size_t kMostAttemptsOfAll = 300000;
-
 /// Whether a joint belongs to an island that is integrated.
 bool is_integrated(const Model& model, const Topology& topology, const IslandLists& lists,
                    std::size_t j) {
   return lists.islands[topology.island_of_joint(model, j)].method != Method::kSequentialImpulses;
-}
-
-/// Adds the results of an attempt to the report of an island; false where the attempt failed.
-bool note(IslandLists* lists, std::size_t i, const IntegrationResult& progress) {
-  Island& island = lists->islands[i];
-  island.local_error += progress.local_error;
-  island.substeps += static_cast<std::uint32_t>(progress.substeps);
-  island.rejected += static_cast<std::uint32_t>(progress.rejected);
-  island.iterations += static_cast<std::uint32_t>(progress.iterations);
-  if (!progress.done) return false;
-  lists->island_parts[i].projected_energy += progress.projected;
-  lists->island_parts[i].correction_work += progress.corrected;
-  return true;
-}
-
-/// Returns options of the integration. The limit on substeps falls with the number of bodies.
-IntegratorOptions accuracy_within(const IntegrationStep& in, double most_frequency) {
-  const Model& model = in.step.model;
-  ImplicitMode mode =
-      model.options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
-  if (model.options.dissipation) mode = ImplicitMode::kDissipate;
-  IntegratorOptions accuracy{model.options.order, model.options.tolerance, mode, most_frequency};
-  const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, in.awake.bodies.size());
-  accuracy.most_attempts =
-      static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
-  return accuracy;
-}
-
-/// Advances an island with joints in one way, and lets the island learn from it.
-IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integration way,
-                                 const SmoothSpan& span, const IntegratorOptions& accuracy) {
-  const Model& model = in.step.model;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
-  IslandParts& parts = lists->island_parts[i];
-  IslandMotion& motion = lists->motions[parts.motion];
-  IntegrationResult progress = motion.advance(way, span, accuracy, &state->states);
-  switch (way) {
-    case Integration::kSubsteps: {
-      const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
-      if (!learn_from_substeps(cost, state->step_count, model.options, &progress, &parts)) break;
-      parts.needs_method_choice = true;
-      break;
-    }
-    case Integration::kGradients: {
-      const EnergyMomentum& method = motion.gradients();
-      const int spans = method.was_first() ? 2 : 1;
-      learn_from_gradients(progress.iterations / spans, method.frequency(), motion.is_simple(),
-                           state->step_count, model.options, &parts);
-      break;
-    }
-    case Integration::kInconsistent:
-      if (!motion.can_be_met()) learn_from_inconsistency(state->step_count, &parts);
-      break;
-  }
-  return progress;
-}
-
-/// Switches the method of an island within a step.
-void switch_method(IslandLists* lists, std::size_t i, Method method, MethodReason why) {
-  ++lists->island_parts[i].changes;
-  lists->islands[i].method = method;
-  lists->islands[i].why = why;
-  lists->motions[lists->island_parts[i].motion].change_way();
-  lists->island_parts[i].needs_method_choice = true;
 }
 
 void report_switch(const IntegrationStep& in, EventKind kind, std::size_t i) {
@@ -338,9 +265,9 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
       if (is_integrated(model, topology, *lists, to_index(j)))
         courses_[j].begin(model.joints[j], span, state->joint_states[j]);
     const double since = t - in.step.tick.start;
-    const SmoothSpan continued{t,      span.h,       model.options.gravity,
-                               loads_, courses_,     is_disturbed,
-                               k > 0,  in.step.stop, since};
+    const Interval continued{t,      span.h,       model.options.gravity,
+                             loads_, courses_,     is_disturbed,
+                             k > 0,  in.step.stop, since};
     workers_.run(threads, smooth.size(), [&](std::size_t s) {
       const std::size_t i = to_index(smooth[s]);
       IslandParts& parts = lists->island_parts[i];
@@ -472,7 +399,7 @@ void IslandIntegration::find_loads(const Model& model, const State& state, doubl
 }
 
 bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t i,
-                                         const SmoothSpan& span) {
+                                         const Interval& span) {
   const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
@@ -482,10 +409,10 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
     for (const AppliedWrench& load : loads_)
       if (load.body == body) torque += load.torque;
     if (!FreeRotation::turns(torque, state->states[body])) continue;
-    if (!note(lists, i,
-              rotations_[body].advance(span.h, torque, model.masses[body],
-                                       accuracy_within(in, kInfinity), span.stop,
-                                       &state->states[body])))
+    if (!add_result(lists, i,
+                    rotations_[body].advance(span.h, torque, model.masses[body],
+                                             accuracy_within(in, kInfinity), span.stop,
+                                             &state->states[body])))
       return false;
   }
   if (parts.motion >= 0) return integrate_joints(in, i, span);
@@ -498,72 +425,12 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
   return true;
 }
 
-// Tries the method of the island first. Where that fails, the other method; and where the joints
-// cannot all be met, the motion that comes nearest to meeting them.
-bool IslandIntegration::integrate_joints(const IntegrationStep& in, std::size_t i,
-                                         const SmoothSpan& span) {
-  const Model& model = in.step.model;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
-  IslandParts& parts = lists->island_parts[i];
-  Island& island = lists->islands[i];
-  if (island.method == Method::kEventDriven) {
-    const EventDriven::Surroundings around{joint_step(model.options, span.t, span.h),
-                                           state->joint_states, in.rollback.joint_states(),
-                                           model.masses};
-    return note(lists, i,
-                lists->motions[parts.motion].advance(span, accuracy_within(in, kInfinity), around,
-                                                     &state->states));
-  }
-  bool is_met = island.why != MethodReason::kInconsistent;
-  const auto by = [&](Integration way, const IntegratorOptions& accuracy) {
-    const IntegrationResult progress = advance_joints(in, i, way, span, accuracy);
-    is_met = !progress.is_inconsistent;
-    return note(lists, i, progress);
-  };
-  if (is_met && island.method == Method::kRungeKutta) {
-    const bool chooses = model.options.method == Method::kAuto;
-    const double limit =
-        chooses ? stiffness_limit(model.options) / model.options.time_step : kInfinity;
-    if (by(Integration::kSubsteps, accuracy_within(in, limit))) return true;
-    const MethodReason why =
-        chooses && parts.is_stiff ? MethodReason::kStiff : MethodReason::kRefused;
-    if (is_met) switch_method(lists, i, Method::kEnergyMomentum, why);
-  }
-  // A jerk that no step of ordinary length gets across: substeps begin with velocities that fit the
-  // joints, and the energy that this takes is bounded. Steps as short as needed take no such
-  // velocities. Only where these fail, too, an unbounded energy is taken, and reported.
-  const IntegratorOptions ordinary = accuracy_within(in, kInfinity);
-  IntegratorOptions substeps = ordinary, longer = ordinary;
-  // tolerance 0 asks runge_kutta for one substep a step, and no method that it stands in for
-  if (substeps.tolerance == 0.0 && model.options.method != Method::kRungeKutta)
-    substeps.tolerance = WorldOptions{}.tolerance;
-  IntegratorOptions bounded = substeps;
-  bounded.most_projected = longer.most_projected = kMostProjected;
-  longer.most_halvings *= 2;
-  const MethodReason why = island.why;
-  for (const auto& [way, accuracy] :
-       {std::pair{Integration::kGradients, ordinary}, std::pair{Integration::kSubsteps, bounded},
-        std::pair{Integration::kGradients, longer}, std::pair{Integration::kSubsteps, substeps}}) {
-    if (!is_met) break;
-    const Method method =
-        way == Integration::kSubsteps ? Method::kRungeKutta : Method::kEnergyMomentum;
-    if (method != island.method) switch_method(lists, i, method, why);
-    if (by(way, accuracy)) return true;
-  }
-  // soon after a contact impulses have left errors that cannot be met, and close them again
-  if (is_met || state->step_count < parts.touched_until) return false;
-  if (island.why != MethodReason::kInconsistent)
-    switch_method(lists, i, Method::kEnergyMomentum, MethodReason::kInconsistent);
-  return by(Integration::kInconsistent, ordinary);
-}
-
-void IslandIntegration::advance_groups(const IntegrationStep& in, const SmoothSpan& part,
+void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval& part,
                                        ContactGroups* groups) {
   const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
-  SmoothSpan span = part;
+  Interval span = part;
   if (interval_ends_.size() == 2)
     span.h = model.options.time_step;  // the whole step, however late it is
   for (std::size_t g = 0; g < groups->groups().size(); ++g) {
@@ -571,7 +438,7 @@ void IslandIntegration::advance_groups(const IntegrationStep& in, const SmoothSp
     if (group.has_failed) continue;
     const IntegrationResult progress =
         groups->advance(g, span, accuracy_within(in, kInfinity), model.options, state);
-    const bool is_done = note(lists, to_index(group.islands.front()), progress);
+    const bool is_done = add_result(lists, to_index(group.islands.front()), progress);
     if (group.islands.size() > 1)  // they exchange energy
       for (const int i : group.islands) lists->island_parts[i].energy.has_changed = true;
     if (is_done) continue;

@@ -8,6 +8,7 @@
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/contact_reach.h"
 #include "engine/islands/continuous_collision.h"
+#include "engine/islands/island_attempts.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/method_partition.h"
 #include "engine/islands/rollback.h"
@@ -24,16 +25,6 @@ namespace constraint_sim::engine {
 /// Measures a joint whose bodies were moved, or that was edited. The joint closes its error from
 /// the time `t` [s] on.
 void open_joint(const Model& model, std::size_t j, double t, State* state);
-
-/// Everything that the integration of islands reads and writes in a step beside its own fields.
-struct IntegrationStep {
-  const StepContext& step;
-  const AwakeSets& awake;
-  const Rollback& rollback;
-  State* state;
-  IslandLists* lists;
-  StepOutput* output;
-};
 
 /// Work on integrated islands in a step [J].
 struct IntegrationWork {
@@ -109,9 +100,8 @@ class IslandIntegration {
   void list_time_varying_joints(const Model& model, const State& state, const IslandLists& lists);
   void split_step(const IntegrationStep& in);
   void find_loads(const Model& model, const State& state, double from, double to);
-  bool integrate_island(const IntegrationStep& in, std::size_t i, const SmoothSpan& span);
-  bool integrate_joints(const IntegrationStep& in, std::size_t i, const SmoothSpan& span);
-  void advance_groups(const IntegrationStep& in, const SmoothSpan& part, ContactGroups* groups);
+  bool integrate_island(const IntegrationStep& in, std::size_t i, const Interval& span);
+  void advance_groups(const IntegrationStep& in, const Interval& part, ContactGroups* groups);
   void reject(const IntegrationStep& in, std::size_t i, MethodReason why);
   bool report_islands(const IntegrationStep& in, const ContactGroups& groups,
                       IntegrationWork* work);

@@ -11,25 +11,26 @@ IslandMotion& IslandMotion::operator=(const IslandMotion& other) = default;
 IslandMotion& IslandMotion::operator=(IslandMotion&& other) noexcept = default;
 IslandMotion::~IslandMotion() = default;
 
-IntegrationResult IslandMotion::advance(Integration way, const SmoothSpan& span,
+IntegrationResult IslandMotion::advance(Integration way, const Interval& span,
                                         const IntegratorOptions& accuracy,
                                         List<BodyState>* states) {
-  const bool goes_on = way == Integration::kGradients && gradients_ && gradients_->has_started();
+  const bool goes_on =
+      way == Integration::kEnergyMomentum && gradients_ && gradients_->has_started();
   if (follows_gradients_ && !goes_on && !span.is_edited)
     fit_velocities(span, accuracy.most_projected, &substeps_.equations(), states);
   const IntegrationResult result = advance_by(way, span, accuracy, states);
-  if (result.done) follows_gradients_ = way == Integration::kGradients;
+  if (result.done) follows_gradients_ = way == Integration::kEnergyMomentum;
   return result;
 }
 
-IntegrationResult IslandMotion::advance_by(Integration way, const SmoothSpan& span,
+IntegrationResult IslandMotion::advance_by(Integration way, const Interval& span,
                                            const IntegratorOptions& accuracy,
                                            List<BodyState>* states) {
   EquationsOfMotion& equations = substeps_.equations();
   switch (way) {
-    case Integration::kSubsteps:
+    case Integration::kRungeKutta:
       return substeps_.advance(span, accuracy, states);
-    case Integration::kGradients:
+    case Integration::kEnergyMomentum:
       if (!gradients_) gradients_.emplace(equations);
       return gradients_->advance(span, accuracy, &equations, states);
     case Integration::kInconsistent:

@@ -16,8 +16,8 @@ namespace constraint_sim::engine {
 
 /// A method that advances an island with joints over an interval.
 enum class Integration {
-  kSubsteps,      ///< runge_kutta
-  kGradients,     ///< energy_momentum
+  kRungeKutta,
+  kEnergyMomentum,
   kInconsistent,  ///< energy_momentum where the joints cannot all be met
 };
 
@@ -51,10 +51,10 @@ class IslandMotion {
       substeps_.begin_step(joints);
   }
   /// Advances the bodies, as engine/dynamics/method.h says.
-  IntegrationResult advance(Integration way, const SmoothSpan& span,
+  IntegrationResult advance(Integration way, const Interval& span,
                             const IntegratorOptions& accuracy, List<BodyState>* states);
   /// Advances an island with one-sided rows from event to event, the only method of such islands.
-  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
                             const EventDriven::Surroundings& around, List<BodyState>* states) {
     return events_->advance(span, accuracy, around, &substeps_, states);
   }
@@ -104,7 +104,7 @@ class IslandMotion {
   }
 
  private:
-  IntegrationResult advance_by(Integration way, const SmoothSpan& span,
+  IntegrationResult advance_by(Integration way, const Interval& span,
                                const IntegratorOptions& accuracy, List<BodyState>* states);
 
   RungeKutta substeps_;  // owns the equations

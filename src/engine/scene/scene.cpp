@@ -53,7 +53,7 @@ void read_clock(const YamlElement& item, World* world) {
   if (const auto value = item.find("step")) step = value->count();
   if (step < since) item.at("step").fail("must not be below since, got " + std::to_string(step));
   item.attempt([&] { world->set_time(time, since); });
-  auto& impl = Insides::of(*world);
+  auto& impl = ImplAccess::of(*world);
   impl.step_count = step;
   item.attempt([&] { check_next_tick("step", world->time(), world->options().time_step); });
 }
@@ -279,7 +279,7 @@ bool read_asleep(const YamlElement& item, const Body& body) {
 
 void continue_from_saved(const YamlElement& scene, const std::vector<BodyId>& asleep,
                          World* world) {
-  auto& impl = Insides::of(*world);
+  auto& impl = ImplAccess::of(*world);
   impl.continue_asleep(asleep);
   for (const YamlElement& item : items_of(scene, "contacts")) {
     const TouchingPair pair = read_contact(item, *world);
@@ -315,7 +315,7 @@ World load_scene(const std::string& text, const std::string& source, const World
     bool broken = false;
     item.read("broken", &broken);
     const auto state = item.find("state");
-    auto& impl = Insides::of(world);
+    auto& impl = ImplAccess::of(world);
     // Saved joints are added without a check for contradictions, so that they continue even where
     // they contradict each other.
     const JointId id = item.attempt(
@@ -333,7 +333,7 @@ World load_scene(const std::string& text, const std::string& source, const World
   for (const YamlElement& item : items_of(scene, "bodies")) {
     const auto correction = item.find("correction");
     if (!correction) continue;
-    auto& impl = Insides::of(world);
+    auto& impl = ImplAccess::of(world);
     const std::size_t i = impl.index(world.find_body(item.at("name").word()));
     const Twist value = correction->numbers(6);
     item.attempt([&] { impl.continue_correction(i, value); });

@@ -48,7 +48,7 @@ void write(YAML::Emitter* out, const char* key, const Eigen::Ref<const Eigen::Ve
 
 /// Writes time and step, unless the world is at its start.
 void write_clock(YAML::Emitter* out, const World& world) {
-  const auto& impl = Insides::of(world);
+  const auto& impl = ImplAccess::of(world);
   if (impl.step_count == 0 && impl.base_time == 0.0) return;
   *out << YAML::Key << "clock" << YAML::Value << YAML::Flow << YAML::BeginMap;
   write(out, "time", impl.base_time);
@@ -97,7 +97,7 @@ struct ShapeWriter {
 void write_body(YAML::Emitter* out, const World& world, BodyId id) {
   const Body& body = world.body(id);
   const BodyState& state = world.state(id);
-  const auto& impl = Insides::of(world);
+  const auto& impl = ImplAccess::of(world);
   *out << YAML::BeginMap;
   write(out, "name", body.name);
   write(out, "type", type_name(body.type));
@@ -240,7 +240,7 @@ void write_expiry(YAML::Emitter* out, const Joint& joint, const JointState& stat
 /// Writes the state that a joint continues from, unless adding the joint gives the same state.
 void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
-  const auto& impl = Insides::of(world);
+  const auto& impl = ImplAccess::of(world);
   const JointId id = world.find_joint(joint.name);
   if (impl.is_as_added(id)) return;
   *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
@@ -363,7 +363,7 @@ void write_contact(YAML::Emitter* out, const World& world, const TouchingPair& p
 }
 
 void write_contacts(YAML::Emitter* out, const World& world) {
-  const auto& impl = Insides::of(world);
+  const auto& impl = ImplAccess::of(world);
   const auto is_gone = [&](const TouchingPair& pair) { return !impl.is_known(pair); };
   List<TouchingPair> pairs = impl.touching;
   pairs.insert(pairs.end(), impl.resting.begin(), impl.resting.end());
@@ -380,7 +380,7 @@ void write_contacts(YAML::Emitter* out, const World& world) {
 }
 
 void write_islands(YAML::Emitter* out, const World& world) {
-  const auto memories = Insides::of(world).next_memories();
+  const auto memories = ImplAccess::of(world).next_memories();
   if (memories.empty()) return;
   *out << YAML::Key << "islands" << YAML::Value << YAML::BeginSeq;
   for (const auto& [first_body, memory] : memories) {

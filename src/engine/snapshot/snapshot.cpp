@@ -448,9 +448,9 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
 }
 
 std::string write_snapshot(const World& world) {
-  using Impl = std::decay_t<decltype(Insides::of(world))>;
+  using Impl = std::decay_t<decltype(ImplAccess::of(world))>;
   std::optional<Impl> copy;
-  const Impl& impl = Insides::of(world).compiled(&copy);
+  const Impl& impl = ImplAccess::of(world).compiled(&copy);
   Visitor<WrittenBytes> writer(WrittenBytes{build()});
   visit_world(impl, writer);
   const std::uint64_t hash = impl.hash();
@@ -475,7 +475,7 @@ World read_world(const std::string& bytes, bool checks_sums) {
   Visitor<ReadBytes> reader(ReadBytes{bytes, start});
   std::uint64_t hash = 0;
   try {
-    visit_world(Insides::of(world), reader);
+    visit_world(ImplAccess::of(world), reader);
     reader(hash);
   } catch (const SnapshotError&) {
     throw;

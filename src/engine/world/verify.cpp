@@ -78,7 +78,7 @@ struct VerifiedRun {
     world.set_clock(nullptr);
     world.set_stop_flag(stop);
   }
-  const auto& insides() const { return Insides::of(world); }
+  const auto& insides() const { return ImplAccess::of(world); }
 
   void step(const std::function<void(World&)>& before_tick, int steps) {
     if (!end.empty()) return;

@@ -98,8 +98,8 @@ const StepReport& World::step() {
   try {
     const StepContext step = world.begin_step();
     do {
-      world.find_pairs(step);     // 1. broadphase: fast and approximate
-      world.find_contacts(step);  // 2. narrowphase: accurate but slow
+      world.run_broadphase(step);   // 1. broadphase: fast and approximate
+      world.run_narrowphase(step);  // 2. narrowphase: accurate but slow
       if (world.any_corrections)
         world.State::take_out_corrections(
             world.sleep.awake().bodies);  // velocities that closed errors in the last step
@@ -110,7 +110,7 @@ const StepReport& World::step() {
     world.advance_kinematic_bodies();
     world.finish_step(step);
   } catch (const StepFailed& failed) {
-    world.keep_state_before(failed.why);
+    world.restore_state_before(failed.why);
   } catch (const CustomFailure& failed) {
     world.fail_by(failed);
   } catch (...) {
@@ -126,7 +126,7 @@ const StepReport& World::step() {
 // Ends a step in which the code of a plugin threw, on any thread.
 void World::Impl::fail_by(const CustomFailure& failed) {
   if (rollback.is_saved())
-    keep_state_before(Failure::kCustom);
+    restore_state_before(Failure::kCustom);
   else
     abandon_step();
   report.failure = Failure::kCustom;
@@ -236,14 +236,14 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
     add_impulses(hits.impulses, &report);
     report.hits += hits.hits;
     if (hits.has_left_any) report.hits_left_body = body_ids[continuous.first_body()];
-    if (continuous.rest().is_empty()) return;
+    if (continuous.others().is_empty()) return;
   }
   add_impulses(sequential_impulses.advance(*this, impulse_step(step), this), &report);
 }
 
 void World::Impl::finish_impulses(const StepContext& step) {
   if (integration.partition().impulse_bodies.empty()) return;
-  if (!continuous.is_divided() || !continuous.rest().is_empty())
+  if (!continuous.is_divided() || !continuous.others().is_empty())
     report.correction_work += sequential_impulses.finish(*this, impulse_step(step), this);
   if (continuous.is_divided()) report.contacts += continuous.return_contacts(this);
   for (const int j : integration.partition().impulse_joints)
@@ -261,8 +261,8 @@ void World::Impl::leave_out_estimates() {
 ImpulseStep World::Impl::impulse_step(const StepContext& step) const {
   const bool is_divided = continuous.is_divided();
   return {joint_step(options, step.tick.start, options.time_step),
-          is_divided ? continuous.rest().bodies : integration.partition().impulse_bodies,
-          is_divided ? continuous.rest().joints : integration.partition().impulse_joints,
+          is_divided ? continuous.others().bodies : integration.partition().impulse_bodies,
+          is_divided ? continuous.others().joints : integration.partition().impulse_joints,
           topology.joint_ends(),
           topology.is_in_loop(),
           acting_wrenches,
@@ -278,7 +278,7 @@ void World::Impl::advance_kinematic_bodies() {
 
 void World::Impl::finish_step(const StepContext& step) {
   if (is_set(stop)) {
-    keep_state_before(Failure::kNone);
+    restore_state_before(Failure::kNone);
     report.failed = false;
     report.stopped = true;
     return;
@@ -313,7 +313,7 @@ void World::Impl::finish_step(const StepContext& step) {
   report.time = step.tick.end;
 }
 
-void World::Impl::keep_state_before(Failure why) {
+void World::Impl::restore_state_before(Failure why) {
   restore_state();
   for (IslandMotion& motion : motions) motion.forget();
   restart_all();
@@ -326,19 +326,19 @@ void World::Impl::keep_state_before(Failure why) {
 }
 
 void World::Impl::note_if_broken(std::size_t j) {
-  if (joint_states[j].broken) give_up(j);
+  if (joint_states[j].broken) mark_broken(j);
 }
 
 // Marks a joint that broke in this step, and the couplings on it, as broken: impulses are cleared,
 // errors are left open, and the islands are compiled anew. Couplings are read after their joints.
-void World::Impl::give_up(std::size_t j) {
+void World::Impl::mark_broken(std::size_t j) {
   forget_impulses(&joint_states[j]);
   joint_states[j].closing = false;
-  tell_broken(j);
+  report_broken(j);
   for (const std::size_t coupling : couplings_of(j)) {
     joint_states[coupling].broken = true;
     joint_states[coupling].closing = false;
-    tell_broken(coupling);
+    report_broken(coupling);
   }
   edits.note_topology();
   edits.note_islands_of(*this, joints[j]);
@@ -346,7 +346,7 @@ void World::Impl::give_up(std::size_t j) {
 }
 
 // Reports that a joint broke, at the end of the step, unless event_driven reported an earlier time.
-void World::Impl::tell_broken(std::size_t j) {
+void World::Impl::report_broken(std::size_t j) {
   const bool is_told = std::any_of(events.begin(), events.end(), [&](const Event& event) {
     return event.kind == EventKind::kBroken && event.joint == joint_ids[j];
   });

@@ -72,7 +72,7 @@ void World::Impl::list_resting(const RestingSets& resting_sets) {
 
 // Stage 1: pairs of shapes that may touch within the step. With event-driven contacts, bounds are
 // widened until no group grows any more (ContactReach).
-void World::Impl::find_pairs(const StepContext& step) {
+void World::Impl::run_broadphase(const StepContext& step) {
   reach.forget_pairs();
   const List<int>& shapes = pipeline.moving_shapes();
   if (shapes.empty()) return;
@@ -93,7 +93,7 @@ void World::Impl::find_pairs(const StepContext& step) {
 
 // Stage 2: contacts where shapes touch now, hits of fast bodies, and event-driven groups. Repeats
 // both stages while a touched body wakes up.
-void World::Impl::find_contacts(const StepContext& step) {
+void World::Impl::run_narrowphase(const StepContext& step) {
   if (pipeline.pairs().empty() && touching.empty() && pipeline.touching_before().empty() &&
       groups.is_empty())
     return;
@@ -103,7 +103,7 @@ void World::Impl::find_contacts(const StepContext& step) {
     pipeline.take_back(&touching);
     spread_waking();
     save_state();
-    find_pairs(step);
+    run_broadphase(step);
     pipeline.collide(step, this, &report);
     find_hits(step);
   }
@@ -189,7 +189,7 @@ void World::Impl::read_smooth_joints(JointStep step) {
     if (island_parts[i].motion < 0 || groups.contains(to_index(i))) continue;
     IslandMotion& motion = motions[island_parts[i].motion];
     if (const EventDriven* by_events = motion.finish_events(states)) {
-      tell_events(*by_events);
+      report_events(*by_events);
       for (std::size_t l = 0; l < by_events->joints().size(); ++l) {
         by_events->write(l, &joint_states[by_events->joints()[l]], &positions);
         step.counted = positions.data();
@@ -248,7 +248,7 @@ void World::Impl::report_contact_groups(JointStep step) {
   std::sort(touching.begin(), touching.end(), TouchingPair::in_order);
 }
 
-void World::Impl::tell_events(const EventDriven& from) {
+void World::Impl::report_events(const EventDriven& from) {
   for (const EventDriven::Told& told : from.told()) {
     const std::size_t j = to_index(from.joints()[told.joint]);
     events.push_back({told.kind, told.time, joints[j].body_a, joints[j].body_b, joint_ids[j],

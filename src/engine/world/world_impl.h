@@ -119,8 +119,8 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void save_state();
   void restore_state();
   void rebuild_topology();
-  void find_pairs(const StepContext& step);
-  void find_contacts(const StepContext& step);
+  void run_broadphase(const StepContext& step);
+  void run_narrowphase(const StepContext& step);
   void find_hits(const StepContext& step);
   void choose_methods(const StepContext& step);
   void integrate(const StepContext& step);
@@ -141,12 +141,12 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
                          double coupled_impulse);
   void note_if_broken(std::size_t j);
-  void tell_broken(std::size_t j);
-  void tell_events(const EventDriven& from);
-  void give_up(std::size_t j);
+  void report_broken(std::size_t j);
+  void report_events(const EventDriven& from);
+  void mark_broken(std::size_t j);
   void note_coupling(std::size_t j, double h, double impulse);
   void drop_spent_wrenches(double now);
-  void keep_state_before(Failure why);
+  void restore_state_before(Failure why);
 
   // ---- queries
   void list_unresolved(std::size_t island, List<std::size_t>* found) const;
@@ -154,7 +154,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
 };
 
 /// Access for code that saves and loads worlds.
-struct Insides {
+struct ImplAccess {
   static World::Impl& of(World& world) { return *world.impl_; }
   static const World::Impl& of(const World& world) { return *world.impl_; }
 };

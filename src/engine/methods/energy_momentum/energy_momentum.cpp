@@ -41,7 +41,7 @@ constexpr double kInner = 1.0 - 4.0 * kOuter;
 
 }  // namespace
 
-bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
+bool EnergyMomentum::start(const Interval& span, EquationsOfMotion* equations,
                            List<BodyState>* states, IntegrationResult* progress) {
   for (auto& unknowns : found_) unknowns.assign(step_equations_.size(), 0.0);
   change_.assign(step_equations_.size(), 0.0);
@@ -68,7 +68,7 @@ int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance)
   return static_cast<int>(std::clamp(std::ceil(h * spin / longest), 1.0, kMostStepParts));
 }
 
-IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+IntegrationResult EnergyMomentum::advance(const Interval& span, const IntegratorOptions& accuracy,
                                           EquationsOfMotion* equations, List<BodyState>* states) {
   const ImplicitMode mode = accuracy.mode;
   IntegrationResult progress;

@@ -24,7 +24,7 @@ class EnergyMomentum {
 
   /// Advances the island as method.h describes. The tolerance is for the rotation of bodies;
   /// intervals have to be short enough for other motion.
-  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
                             EquationsOfMotion* equations, List<BodyState>* states);
   /// Whether the last interval began without history, as after an edit or a jump. Such an interval
   /// is made of two halves.
@@ -69,7 +69,7 @@ class EnergyMomentum {
  private:
   static constexpr std::size_t kStages = 5;
 
-  bool start(const SmoothSpan& span, EquationsOfMotion* equations, List<BodyState>* states,
+  bool start(const Interval& span, EquationsOfMotion* equations, List<BodyState>* states,
              IntegrationResult* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
             IntegrationResult* progress);

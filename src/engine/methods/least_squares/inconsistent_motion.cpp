@@ -173,7 +173,7 @@ Vector3d InconsistentMotion::ball_offset(std::size_t joint,
 
 // ---- an interval
 
-IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* equations,
+IntegrationResult InconsistentMotion::advance(const Interval& span, EquationsOfMotion* equations,
                                               List<BodyState>* states) {
   IntegrationResult progress;
   equations_ = equations;

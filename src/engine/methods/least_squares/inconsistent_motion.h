@@ -35,7 +35,7 @@ class InconsistentMotion {
 
   /// Advances the island as method.h describes, without a tolerance: errors of unmet rows are
   /// larger.
-  IntegrationResult advance(const SmoothSpan& span, EquationsOfMotion* equations,
+  IntegrationResult advance(const Interval& span, EquationsOfMotion* equations,
                             List<BodyState>* states);
   /// Whether all rows and their rates could be met at the end of the last interval.
   bool can_be_met() const { return can_be_met_; }

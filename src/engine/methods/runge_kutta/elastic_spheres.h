@@ -39,7 +39,7 @@ class ElasticSpheres {
   bool begin(const List<BodyState>& states, double most);
   /// Advances the spheres as method.h describes. Gives up after too many hits, as of spheres that
   /// come to rest, or where a sphere is too fast.
-  IntegrationResult advance(const SmoothSpan& span, List<BodyState>* states);
+  IntegrationResult advance(const Interval& span, List<BodyState>* states);
 
   const List<Hit>& hits() const { return hits_; }
   const List<Sphere>& spheres() const { return spheres_; }

@@ -108,7 +108,7 @@ auto RungeKutta::with_system(Act act) {
   return act(chain);
 }
 
-IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOptions& accuracy,
                                     const List<BodyState>& states) {
   if (span.is_disturbed) has_started_ = false;
   const StageMemory memory(numbers_.data(), equations_.size());
@@ -124,7 +124,7 @@ IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOpti
   return {};
 }
 
-IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::advance(const Interval& span, const IntegratorOptions& accuracy,
                                       List<BodyState>* states) {
   equations_.keep_impulses();
   const IntegrationResult result = integrate_span(span, accuracy, states);
@@ -132,7 +132,7 @@ IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOp
   return result;
 }
 
-IntegrationResult RungeKutta::integrate_span(const SmoothSpan& span,
+IntegrationResult RungeKutta::integrate_span(const Interval& span,
                                              const IntegratorOptions& accuracy,
                                              List<BodyState>* states) {
   const IntegrationResult begun = begin(span, accuracy, *states);
@@ -158,7 +158,7 @@ IntegrationResult RungeKutta::integrate_span(const SmoothSpan& span,
 
 // ---- substep by substep
 
-bool RungeKutta::advance_substep(const SmoothSpan& span, const IntegratorOptions& accuracy,
+bool RungeKutta::advance_substep(const Interval& span, const IntegratorOptions& accuracy,
                                  SubstepSpan* left, IntegrationResult* progress) {
   const StageMemory memory(numbers_.data(), equations_.size());
   if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
@@ -188,7 +188,7 @@ void RungeKutta::return_to_start() {
   equations_.restore_first_stage();
 }
 
-bool RungeKutta::repeat_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, double t,
+bool RungeKutta::repeat_substep(const Interval& span, const IntegratorOptions& accuracy, double t,
                                 double h) {
   return_to_start();
   IntegratorOptions whatever = accuracy;
@@ -208,7 +208,7 @@ bool RungeKutta::is_far_too_stiff(const IntegratorOptions& accuracy) {
   return std::isfinite(most) && equations_.frequency() > most;
 }
 
-IntegrationResult RungeKutta::start(const SmoothSpan& span, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::start(const Interval& span, const IntegratorOptions& accuracy,
                                     const StageMemory& memory) {
   IntegrationResult progress;
   const double before = equations_.kinetic_energy(memory.state());
@@ -225,7 +225,7 @@ IntegrationResult RungeKutta::start(const SmoothSpan& span, const IntegratorOpti
   return progress;
 }
 
-IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory, const Interval& span,
                                                   const IntegratorOptions& accuracy) {
   return with_system([&](auto& system) {
     return integrate(system, memory, span.t, span.h, accuracy, span.stop, step_);

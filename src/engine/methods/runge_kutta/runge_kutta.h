@@ -23,22 +23,21 @@ class RungeKutta {
   void begin_step(const List<JointState>& joints) { equations_.begin_step(joints); }
   /// Advances the island as method.h describes, with its own equations. Impulses and angles of a
   /// failed attempt do not count.
-  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
                             List<BodyState>* states);
   /// First part of advance(), for methods that look at every substep.
-  IntegrationResult begin(const SmoothSpan& span, const IntegratorOptions& accuracy,
+  IntegrationResult begin(const Interval& span, const IntegratorOptions& accuracy,
                           const List<BodyState>& states);
   /// Makes one substep of the rest of the interval and adds to `progress`. Returns false where it
   /// gives up.
-  bool advance_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, SubstepSpan* left,
+  bool advance_substep(const Interval& span, const IntegratorOptions& accuracy, SubstepSpan* left,
                        IntegrationResult* progress);
   /// Saves the start of a substep.
   void keep_start();
   /// Returns to the saved start.
   void return_to_start();
   /// Repeats a substep with length h from the saved start at time t. Returns false where it fails.
-  bool repeat_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, double t,
-                      double h);
+  bool repeat_substep(const Interval& span, const IntegratorOptions& accuracy, double t, double h);
   /// State and derivative, laid out as in EquationsOfMotion.
   const double* state() const { return numbers_.data(); }
   const double* derivative() const {
@@ -68,15 +67,15 @@ class RungeKutta {
   }
 
  private:
-  IntegrationResult start(const SmoothSpan& span, const IntegratorOptions& accuracy,
+  IntegrationResult start(const Interval& span, const IntegratorOptions& accuracy,
                           const StageMemory& memory);
 
-  IntegrationResult integrate_span(const SmoothSpan& span, const IntegratorOptions& accuracy,
+  IntegrationResult integrate_span(const Interval& span, const IntegratorOptions& accuracy,
                                    List<BodyState>* states);
   bool is_far_too_stiff(const IntegratorOptions& accuracy);
   template <class Act>
   auto with_system(Act act);
-  IntegrationResult integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+  IntegrationResult integrate_equations(const StageMemory& memory, const Interval& span,
                                         const IntegratorOptions& accuracy);
 
   EquationsOfMotion equations_;

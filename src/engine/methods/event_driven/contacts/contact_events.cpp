@@ -283,7 +283,7 @@ void ContactEvents::write(std::size_t c, JointState* state) const {
     state->travel += of.given_way;
 }
 
-IntegrationResult ContactEvents::advance(const SmoothSpan& all, const IntegratorOptions& accuracy,
+IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOptions& accuracy,
                                          const JointStep& joint_step,
                                          const List<JointState>& joint_states, double most_work,
                                          List<BodyState>* states) {

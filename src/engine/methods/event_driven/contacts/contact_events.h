@@ -64,7 +64,7 @@ class ContactEvents {
   /// without a solution; the states are then those of any time in the interval. `joint_step`,
   /// `joint_states`: step that contains the interval, and states of all joints. `most_work`: limit
   /// for the step, as work().
-  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
                             const JointStep& joint_step, const List<JointState>& joint_states,
                             double most_work, List<BodyState>* states);
 
@@ -197,7 +197,7 @@ class ContactEvents {
     List<ContactEquations::Contact> contacts;  ///< contacts at the end of the interval
   };
   struct Span {
-    const SmoothSpan& all;
+    const Interval& all;
     const IntegratorOptions& accuracy;
     SubstepSpan left;
     IntegrationResult progress;
@@ -208,8 +208,8 @@ class ContactEvents {
   bool close_found(bool met);
   bool close_overlaps(Span* span, List<BodyState>* states);
   // ---- intervals without motion (contact_stillness.cpp)
-  bool is_as_when_still(const SmoothSpan& span) const;
-  void note_beginning(const SmoothSpan& span);
+  bool is_as_when_still(const Interval& span) const;
+  void note_beginning(const Interval& span);
   void note_stillness();
   void go_on_as_when_still(List<BodyState>* states);
 
@@ -284,8 +284,8 @@ class ContactEvents {
   bool is_within_bounds();
   void hold_coordinates(bool is_begin);
   void tell(const Span& span, const List<Acts>& before, const Of<double>& hit, bool is_begin);
-  void tell_pair(double t, std::size_t pair, const List<Acts>& before, const Of<double>& hit,
-                 bool is_begin);
+  void report_pair(double t, std::size_t pair, const List<Acts>& before, const Of<double>& hit,
+                   bool is_begin);
   void add_told(const Told& told, double rests_in);
   bool is_saturated(std::size_t coordinate, const OneSidedState& state) const;
 

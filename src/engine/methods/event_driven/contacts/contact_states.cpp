@@ -427,11 +427,11 @@ void ContactEvents::tell(const Span& span, const List<Acts>& before, const Of<do
                    rests ? rests_in_.coordinates[c] : 0.0);
         });
   }
-  for (std::size_t p = 0; p < pairs_.size(); ++p) tell_pair(t, p, before, hit, is_begin);
+  for (std::size_t p = 0; p < pairs_.size(); ++p) report_pair(t, p, before, hit, is_begin);
 }
 
-void ContactEvents::tell_pair(double t, std::size_t p, const List<Acts>& before,
-                              const Of<double>& hit, bool is_begin) {
+void ContactEvents::report_pair(double t, std::size_t p, const List<Acts>& before,
+                                const Of<double>& hit, bool is_begin) {
   Pair& pair = pairs_[p];
   bool was = pair.held, is = false, stuck = pair.stuck, sticks = false;
   double impulse = 0.0, rests_in = 0.0;

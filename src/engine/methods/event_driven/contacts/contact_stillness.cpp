@@ -54,7 +54,7 @@ bool are_all_same(const Container& l, const Container& r) {
 
 // Whether the interval starts like the last one without motion. False with joints, whose forces
 // depend on more than bodies and pairs.
-bool ContactEvents::is_as_when_still(const SmoothSpan& span) const {
+bool ContactEvents::is_as_when_still(const Interval& span) const {
   if (!still_.is_known || done_.spans || !equations_.joints.empty() || equations_.has_movers() ||
       span.h != still_.h || !have_same_bits(span.gravity, still_.gravity) ||
       !are_all_same(equations_.bodies, still_.bodies) || !are_all_same(pairs_, still_.pairs))
@@ -66,7 +66,7 @@ bool ContactEvents::is_as_when_still(const SmoothSpan& span) const {
   return true;
 }
 
-void ContactEvents::note_beginning(const SmoothSpan& span) {
+void ContactEvents::note_beginning(const Interval& span) {
   still_.is_known = false;
   still_.gravity = span.gravity;
   still_.h = span.h;

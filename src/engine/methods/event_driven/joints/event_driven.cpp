@@ -368,13 +368,13 @@ void EventDriven::write(std::size_t l, JointState* state,
   }
 }
 
-SmoothSpan EventDriven::rest_of(const Span& span) const {
+Interval EventDriven::rest_of(const Span& span) const {
   return {span.left.t,    span.left.left, span.all.gravity,
           span.all.loads, courses_,       true,
           true,           span.all.stop,  span.all.since_tick + (span.left.t - span.all.t)};
 }
 
-IntegrationResult EventDriven::advance(const SmoothSpan& all, const IntegratorOptions& accuracy,
+IntegrationResult EventDriven::advance(const Interval& all, const IntegratorOptions& accuracy,
                                        const Surroundings& around, RungeKutta* motion,
                                        List<BodyState>* states) {
   Span span{all, accuracy, around, motion, states, SubstepSpan(all.t, all.h), {}};
@@ -438,7 +438,7 @@ bool EventDriven::begin_span(Span* span) {
     return is_done;
   }
   span->begins = false;
-  SmoothSpan now = rest_of(*span);
+  Interval now = rest_of(*span);
   now.is_disturbed = now.is_edited = false;
   const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);
   span->progress.projected += begun.projected;

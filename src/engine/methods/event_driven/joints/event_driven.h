@@ -61,7 +61,7 @@ class EventDriven {
   void begin_step(const List<JointState>& joint_states, RungeKutta* motion);
   /// Advances the island as method.h describes; `motion` has the equations of the rows that act
   /// now.
-  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
                             const Surroundings& around, RungeKutta* motion,
                             List<BodyState>* states);
   /// Forgets the states of rows, after bodies were moved from outside.
@@ -205,7 +205,7 @@ class EventDriven {
   bool locate(Span* span, const SubstepSpan& start, double h, std::optional<Crossing>* event);
   void break_joint(Span* span, std::size_t joint);
   bool finish_event(Span* span, std::size_t which);
-  SmoothSpan rest_of(const Span& span) const;
+  Interval rest_of(const Span& span) const;
 
   // ---- at events (event_states.cpp)
   bool settle(Span* span, const Release& release, bool is_changed, bool* had_impacts);

@@ -9,7 +9,7 @@ namespace constraint_sim::engine {
 
 /// State of EventDriven::advance().
 struct EventDriven::Span {
-  const SmoothSpan& all;
+  const Interval& all;
   const IntegratorOptions& accuracy;
   const Surroundings& around;
   RungeKutta* motion;

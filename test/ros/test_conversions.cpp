@@ -564,8 +564,8 @@ TEST(ConstraintMessages, FieldsThatDoNotActAreNamed) {
       "coordinates[0].motor.phase: only a motor of mode RATE=1 has this, got 1.000000");
   EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.coordinates.emplace_back().upper = 1.0; }),
             "coordinates[0].upper: needs has_limits, got 1.000000");
-  EXPECT_EQ(error("rope", [](Constraint& msg) { msg.coordinates.emplace_back().damping = 1.0; }),
-            "coordinates[0].damping: constraints of type 'rope' have none, got 1.000000");
+  EXPECT_EQ(error("strut", [](Constraint& msg) { msg.coordinates.emplace_back().damping = 1.0; }),
+            "coordinates[0].damping: constraints of type 'strut' have none, got 1.000000");
   EXPECT_EQ(error("hinge", [](Constraint& msg) { msg.coupling.pitch = 1.0; }),
             "coupling.pitch: constraints of type 'hinge' have none, got 1.000000");
   EXPECT_EQ(error("screw", [](Constraint& msg) { msg.coupling.value = 1.0; }),

@@ -409,33 +409,6 @@ TEST(RepeatedSteps, LeaveOtherIslandsAlone) {
   EXPECT_EQ(began, 1);
 }
 
-// Two balls that a rod holds in contact and that turn about each other by up to half a turn in a
-// step: the normal turns with them, and nothing was missed.
-TEST(RepeatedSteps, AreNotForBodiesThatTurnTogether) {
-  for (const double turn : {0.5, 1.0, 2.0, 3.0}) {  // [rad] in a step
-    for (const Method method : {Method::kAuto, Method::kRungeKutta}) {
-      WorldOptions options = options_by(method, 1.0 / 60.0);
-      World world(options);
-      std::array<BodyId, 2> ids;
-      for (const int i : {0, 1}) {
-        const Vector3d place((i == 0 ? 0.1 : -0.1), 0.0, 0.0);
-        Body ball = make_body("ball_" + std::to_string(i), Sphere{0.1}, 1.0, place);
-        ball.state.angular_velocity.z() = turn * 60.0;
-        ball.state.linear_velocity = ball.state.angular_velocity.cross(place);
-        ids[static_cast<std::size_t>(i)] = world.add_body(ball);
-      }
-      Joint rod = make_joint("rod", ids[0], Vector3d::Zero(), ids[1], Vector3d::Zero());
-      rod.collide_connected = true;
-      world.add_joint(rod);
-      for (int i = 0; i < 60; ++i) {
-        ASSERT_FALSE(world.step().failed);
-        ASSERT_FALSE(world.report().hits_left_body)
-            << turn << " " << name(method) << ", step " << i;
-      }
-    }
-  }
-}
-
 // Where impulses would need more parts of a step than they take, the body is named.
 TEST(RepeatedSteps, NameBodiesThatMayStillPassThrough) {
   WorldOptions options = options_by(Method::kSequentialImpulses, 1.0 / 30.0);

@@ -1,7 +1,8 @@
-// Ropes with stiffness, which only pull, and pulleys whose rope may go slack. Oracles: closed forms
-// of every free fall and every pull between events. Events are located to 1e-9 s and positions to
-// 1e-8 m at any tick, with a tolerance of 1e-10 m/s and the default, as in test_events.cpp.
-// Sequential impulses are of first order; the bounds of their errors are stated beside each test.
+// Ropes with stiffness, which only pull, and pulleys whose rope may go slack. Oracles: closed
+// forms of every free fall and every pull between events. Events are located to 1e-9 s and
+// positions to 1e-8 m at any tick, with a tolerance of 1e-10 m/s and the default, as in
+// test_events.cpp. Sequential impulses are of first order; the bounds of their errors are stated
+// beside each test.
 
 #include <array>
 #include <cmath>

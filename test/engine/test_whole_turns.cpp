@@ -127,8 +127,8 @@ std::pair<JointId, std::size_t> add_turning_body(World* world, JointKind kind) {
 
 // A torque reverses in the middle of the step: the body turns by 40 rad, and is at rest at both
 // ends of the step. runge_kutta follows the rotation to its tolerance. Steps of energy_momentum
-// rotate a body by 2 atan(θ/2) instead of θ, which its local error reports, but by the right number
-// of turns.
+// rotate a body by 2 atan(θ/2) instead of θ, which its local error reports, but the number of
+// turns is right.
 TEST(WholeTurns, AreKeptWhereTorquesChangeWithinAStep) {
   for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum}) {
     for (const JointKind kind :

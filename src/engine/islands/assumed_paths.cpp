@@ -80,15 +80,10 @@ bool is_touching_pair(const List<TouchingPair>& touching, const Broadphase::Pair
   return found != touching.end() && found->ends() == pair;
 }
 
-/// Whether two shapes ended the step on other sides of each other than they began it. Both bodies
-/// see that, and not only one that turned.
+/// Whether two shapes ended the step on other sides of each other than they began it.
 bool has_changed_sides(const MovedBodies& in, const Broadphase::Pair& pair) {
   const Separation start = separation_at_start(in, pair), end = separation_at_end(in, pair);
-  const auto sees_it = [&](int body) {
-    const Vector3d before = start_of(in, body).orientation.conjugate() * start.normal;
-    return before.dot(in.state.states[body].orientation.conjugate() * end.normal) < 0.0;
-  };
-  return sees_it(pair.first) && sees_it(pair.second);
+  return start.normal.dot(end.normal) < 0.0;
 }
 
 /// Whether the overlap of a pair in contact by impulses grew within the step by as much as fast

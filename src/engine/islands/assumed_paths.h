@@ -31,11 +31,11 @@ struct MovedBodies {
   bool has_left_hits;  ///< whether a group of fast bodies left out hits
 };
 
-/// Paths of bodies that springs, motors, wrenches and joints accelerate within a step. The pairs
-/// that may meet follow from the velocities at the start of a step and from gravity. After the
-/// motion the path of each such body is compared with the reach that was assumed. Where a path was
-/// longer and leads to a shape that was not looked at, the step is repeated from its start with the
-/// longer path, at most kMostRepeats times. Most steps compare and repeat nothing.
+/// Paths of bodies that springs, motors, wrenches and joints accelerate within a step. Velocities
+/// at the start of a step and gravity tell which pairs may meet. After the motion the path of each
+/// such body is compared with the path that they allow. Where it was longer and leads to a shape
+/// not looked at, the step is repeated from its start with the longer path, at most kMostRepeats
+/// times. Most steps compare and repeat nothing.
 class AssumedPaths {
  public:
   /// Largest number of repeats of a step.

@@ -65,7 +65,8 @@ class YamlTree::Builder : public YAML::EventHandler {
     node->is_quoted = tag == "!";
     const bool is_before_bracket = !value.empty() && value.back() == kColon;
     if (is_before_bracket && !node->is_quoted) fail(mark, "expected a space between ':' and ']'");
-    std::replace(node->scalar.begin(), node->scalar.end(), kColon, ':');
+    for (std::size_t i = 0; i + 1 < value.size(); ++i)
+      if (value[i] == kColon && value[i + 1] == ']') node->scalar[i] = ':';
     node->kind = YamlNode::Kind::kScalar;
   }
 

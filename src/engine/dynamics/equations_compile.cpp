@@ -44,14 +44,10 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
                                      const Ends& ends, const List<MassProperties>& masses,
                                      const List<CoupledTerms>& couplings, const List<int>& idle,
                                      const List<char>& open)
-    : IslandModel(std::move(joints), all_joints, ends, masses, couplings, idle, open) {
-  const auto even = [](std::size_t n) { return n + n % 2; };
-  v_at_ = even(3 * bodies_.size());
-  q_at_ = 2 * v_at_;
-  L_at_ = q_at_ + 4 * rotating_;
-  size_ = even(L_at_ + 3 * rotating_);
+    : IslandModel(std::move(joints), all_joints, ends, masses, couplings, idle, open),
+      inputs_(*this) {
   direction_.assign(parts(), Vector3d::Zero());
-  for (std::size_t l = first_ball_; l < first_general_; ++l)
+  for (std::size_t l = first_.ball; l < first_.general; ++l)
     for (std::size_t k = 0; k < 3; ++k)
       direction_[first_row(l) + k] = Vector3d::Unit(static_cast<Eigen::Index>(k));
   for (auto* list : {&is_redundant_, &is_needed_, &is_verified_}) list->assign(rows_.size(), 0);
@@ -69,24 +65,16 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
 
   const std::size_t points = inverse_mass_.size();
   for (auto* list :
-       {&position_, &velocity_, &acceleration_, &constraint_force_, &applied_acceleration_})
+       {&position_, &velocity_, &acceleration_, &constraint_force_})
     list->assign(points, Vector3d::Zero());
   orientation_.resize(rotating_);
   inverse_inertia_.resize(rotating_);
-  for (auto* list : {&angular_velocity_, &angular_acceleration_, &torque_, &constraint_torque_,
-                     &applied_torque_})
+  for (auto* list : {&angular_velocity_, &angular_acceleration_, &torque_, &constraint_torque_})
     list->assign(rotating_, Vector3d::Zero());
   for (auto* list : {&d_, &arm_a_, &arm_b_}) list->assign(links_.size(), Vector3d::Zero());
-  vectors_.resize(first_spring_ - first_general_);
-  motions_.resize(first_spring_ - first_general_);
-  for (std::size_t l = first_general_; l < first_spring_; ++l)
-    frames_.emplace_back(links_[l].anchor_b, links_[l].frame_b);
-  fixed_axes_.assign(fixed_points_.size(), Matrix3d::Identity());
-  length_.resize(links_.size());
-  is_changing_.assign(links_.size(), false);
-  courses_.reserve(links_.size());
-  for (auto* list : {&value_, &rate_, &value_target_, &rate_target_, &acceleration_target_,
-                     &solution_, &residual_, &stress_})
+  vectors_.resize(first_.spring - first_.general);
+  motions_.resize(first_.spring - first_.general);
+  for (auto* list : {&value_, &rate_, &solution_, &residual_, &stress_})
     list->assign(rows_.size(), 0.0);
   J_angular_.assign(angular_blocks_.size(), Vector3d::Zero());
   M_inv_Jt_ = J_angular_;
@@ -150,7 +138,7 @@ void EquationsOfMotion::couple_rows() {
     };
     if (has_no_force(i) || has_no_force(j)) return true;
     if (is_general(i) || is_general(j)) return false;
-    return i >= first_ball_ && j >= first_ball_ && direction_[i] != direction_[j];
+    return i >= first_.ball && j >= first_.ball && direction_[i] != direction_[j];
   };
   linear_couplings_.clear();
   for (std::size_t i = 0; i < parts(); ++i) {

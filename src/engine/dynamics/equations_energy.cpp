@@ -23,9 +23,9 @@ constexpr double kEnergyRounding = 1e-14;  // share of the sum of energies
 double EquationsOfMotion::potential_energy() const {
   double energy = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
-    energy -= applied_acceleration_[i].dot(position_[i]) / inverse_mass_[i];
-  for (std::size_t l = first_spring_; l < links_.size(); ++l) {
-    const double stretch = d_[l].norm() - length_[l].value;
+    energy -= inputs_.acceleration()[i].dot(position_[i]) / inverse_mass_[i];
+  for (std::size_t l = first_.spring; l < links_.size(); ++l) {
+    const double stretch = d_[l].norm() - inputs_.length()[l].value;
     energy += 0.5 * links_[l].stiffness * stretch * stretch;
   }
   return energy;
@@ -35,9 +35,9 @@ double EquationsOfMotion::potential_energy() const {
 double EquationsOfMotion::size_of_forces() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
-    sum += applied_acceleration_[i].norm() / inverse_mass_[i];
-  for (std::size_t l = first_spring_; l < links_.size(); ++l)
-    sum += links_[l].stiffness * std::abs(d_[l].norm() - length_[l].value);
+    sum += inputs_.acceleration()[i].norm() / inverse_mass_[i];
+  for (std::size_t l = first_.spring; l < links_.size(); ++l)
+    sum += links_[l].stiffness * std::abs(d_[l].norm() - inputs_.length()[l].value);
   return sum;
 }
 
@@ -45,12 +45,12 @@ double EquationsOfMotion::size_of_forces() const {
 // dampers do work; torques and laws of coordinates have no potential here; a free island has
 // momenta to conserve.
 bool EquationsOfMotion::is_conservative() const {
-  if (is_time_dependent() || has_custom_forces_ || inverse_mass_.size() == bodies_.size() ||
+  if (inputs_.is_time_dependent() || has_custom_forces_ || inverse_mass_.size() == bodies_.size() ||
       !softs_.empty())
     return false;
   const auto is_zero = [](const Vector3d& torque) { return torque.isZero(0.0); };
-  if (!std::all_of(applied_torque_.begin(), applied_torque_.end(), is_zero)) return false;
-  return std::all_of(links_.begin() + static_cast<std::ptrdiff_t>(first_spring_), links_.end(),
+  if (!std::all_of(inputs_.torque().begin(), inputs_.torque().end(), is_zero)) return false;
+  return std::all_of(links_.begin() + static_cast<std::ptrdiff_t>(first_.spring), links_.end(),
                      [](const Link& link) { return link.damping == 0.0; });
 }
 
@@ -60,7 +60,7 @@ bool EquationsOfMotion::is_conservative() const {
 void EquationsOfMotion::note_energy(double t, const double* y) {
   knows_energy_ = is_conservative();
   if (!knows_energy_) return;
-  update_prescribed(t);
+  inputs_.update(*this, t);
   update_kinematics(t, y);
   energy_ = potential_energy() + kinetic_energy(y);
 }
@@ -78,8 +78,8 @@ bool EquationsOfMotion::keep_energy(double* y) {
   const auto scale = [&](double* numbers, std::size_t n) {
     Eigen::VectorXd::Map(numbers, static_cast<Eigen::Index>(n)) *= share;
   };
-  scale(y + v_at_, 3 * bodies_.size());
-  scale(y + L_at_, 3 * rotating_);
+  scale(y + layout().v_at, 3 * bodies_.size());
+  scale(y + layout().L_at, 3 * rotating_);
   set_velocities(y);
   return true;
 }

@@ -35,63 +35,24 @@ EquationsOfMotion& EquationsOfMotion::operator=(const EquationsOfMotion& other) 
 EquationsOfMotion& EquationsOfMotion::operator=(EquationsOfMotion&& other) noexcept = default;
 EquationsOfMotion::~EquationsOfMotion() = default;
 
-// Updates lengths, offsets and their rates of links with a prescribed motion to time t.
-void EquationsOfMotion::update_prescribed(double t) {
-  if (t == asked_at_) return;  // last stage and projection share t
-  asked_at_ = t;
-  for (const auto& [l, course] : courses_) {
-    if (is_rod(l)) {
-      Prescribed& length = length_[l];
-      length = course.length(t);
-      rate_target_[l] = length.value * length.rate;
-      acceleration_target_[l] = length.rate * length.rate + length.value * length.acceleration;
-      continue;
-    }
-    if (l >= first_spring_) {
-      length_[l] = course.length(t);
-      continue;
-    }
-    length_[l] = course.share_to_close(t);
-    if (couples(links_[l].kind)) update_prescribed_coupling(l, course, t);
-    if (course.moves_frame()) set_frame(l, course.frame(t, links_[l].anchor_b, links_[l].frame_b));
-    for (std::size_t k = 0; k < rows_of(l); ++k) {
-      const Prescribed target = course.target(links_[l].function[k], t);
-      value_target_[first_row(l) + k] = target.value;
-      rate_target_[first_row(l) + k] = target.rate;
-      acceleration_target_[first_row(l) + k] = target.acceleration;
-    }
-  }
-}
-
-void EquationsOfMotion::set_frame(std::size_t l, const MovingFrame& frame) {
-  frames_[l - first_general_] = frame;
-  const std::size_t b = links_[l].b;
-  if (b < bodies_.size()) return;
-  FixedPoint& point = fixed_points_[b - bodies_.size()];
-  point.anchor = frame.anchor;
-  point.anchor_rate = frame.anchor_rate;
-  point.anchor_acceleration = frame.anchor_acceleration;
-  fixed_points_move_ = fixed_points_move_ || frame.moves;
-}
-
 // Updates everything that depends on time but not on the state.
 void EquationsOfMotion::move_with_time(double t) {
-  update_prescribed(t);
-  if (fixed_points_move_) update_fixed_points(t);
+  inputs_.update(*this, t);
+  if (inputs_.fixed_points_move()) inputs_.place_fixed_points(*this, t, &position_, &velocity_);
 }
 
 void EquationsOfMotion::update_kinematics(double t, const double* y) {
   placed_at_ = t;
   update_bodies(y);
-  if (fixed_points_move_) update_fixed_points(t);
+  if (inputs_.fixed_points_move()) inputs_.place_fixed_points(*this, t, &position_, &velocity_);
   update_separations();
   if (rotating_ > 0) update_arms();
-  if (first_general_ < first_spring_) update_general();
+  if (first_.general < first_.spring) update_general();
 }
 
 void EquationsOfMotion::update_bodies(const double* y) {
   copy(y, 3 * bodies_.size(), position_.front().data());
-  const double* q = y + q_at_;
+  const double* q = y + layout().q_at;
   for (std::size_t i = 0; i < rotating_; ++i) {
     const Matrix3d R = rotation_matrix(q + 4 * i);
     orientation_[i] = R;
@@ -99,34 +60,12 @@ void EquationsOfMotion::update_bodies(const double* y) {
   }
 }
 
-void EquationsOfMotion::update_fixed_points(double t) {
-  for (std::size_t i = 0; i < fixed_points_.size(); ++i) {
-    const FixedPoint& point = fixed_points_[i];
-    const std::size_t p = bodies_.size() + i;
-    const double since = t - tick_start_;
-    const Vector3d& w = point.start.angular_velocity;
-    const Quaterniond turned = rotation(since * w) * point.start.orientation;
-    const Vector3d arm = turned * point.anchor;
-    const Vector3d around = w.cross(arm);
-    position_[p] = point.start.position + since * point.start.linear_velocity + arm;
-    velocity_[p] = point.start.linear_velocity + around;
-    applied_acceleration_[p] = w.cross(around);
-    if (!point.anchor_rate.isZero(0.0) || !point.anchor_acceleration.isZero(0.0)) {
-      const Vector3d rate = turned * point.anchor_rate;
-      velocity_[p] += rate;
-      applied_acceleration_[p] += 2.0 * w.cross(rate) + turned * point.anchor_acceleration;
-    }
-    if (point.has_axes)
-      fixed_axes_[i] = (rotation(since * w) * point.start.orientation).toRotationMatrix();
-  }
-}
-
 // Sets d of rods and other links from centre to centre; update_arms() adds the arms of rotating
 // bodies.
 void EquationsOfMotion::update_separations() {
-  for (std::size_t l = 0; l < first_ball_; ++l)
+  for (std::size_t l = 0; l < first_.ball; ++l)
     direction_[l] = position_[links_[l].b] - position_[links_[l].a];
-  for (std::size_t l = first_ball_; l < links_.size(); ++l)
+  for (std::size_t l = first_.ball; l < links_.size(); ++l)
     d_[l] = position_[links_[l].b] - position_[links_[l].a];
 }
 
@@ -137,9 +76,9 @@ void EquationsOfMotion::update_arms() {
     if (rotates(link.a)) d -= arm_a_[l] = orientation_[link.a] * link.anchor_a;
     if (rotates(link.b)) d += arm_b_[l] = orientation_[link.b] * anchor_b;
   };
-  for (std::size_t l = first_general_; l < first_spring_; ++l) place_arm(l, frame_b(l).anchor);
-  for (std::size_t l = first_spring_; l < links_.size(); ++l) place_arm(l, links_[l].anchor_b);
-  for (std::size_t l = first_armed_; l < first_general_; ++l) {
+  for (std::size_t l = first_.general; l < first_.spring; ++l) place_arm(l, inputs_.frame_b(l).anchor);
+  for (std::size_t l = first_.spring; l < links_.size(); ++l) place_arm(l, links_[l].anchor_b);
+  for (std::size_t l = first_.armed; l < first_.general; ++l) {
     if (!links_[l].has_arms) continue;
     place_arm(l, links_[l].anchor_b);
     const std::size_t begin = is_rod(l) ? l : first_row(l);
@@ -173,8 +112,8 @@ void EquationsOfMotion::factor(double least) {
 }
 
 void EquationsOfMotion::set_velocities(const double* y) {
-  copy(y + v_at_, 3 * bodies_.size(), velocity_.front().data());
-  const double* L = y + L_at_;
+  copy(y + layout().v_at, 3 * bodies_.size(), velocity_.front().data());
+  const double* L = y + layout().L_at;
   for (std::size_t i = 0; i < rotating_; ++i) {
     const ConstVector momentum(L + 3 * i);
     angular_velocity_[i].noalias() = inverse_inertia_[i] * momentum;
@@ -205,15 +144,15 @@ Vector3d EquationsOfMotion::gamma_d(std::size_t l) const {
 
 // Adds the forces of springs to loads, in acceleration_ and torque_.
 void EquationsOfMotion::pull_springs(double* forces) {
-  std::copy(applied_acceleration_.begin(), applied_acceleration_.end(), acceleration_.begin());
-  for (std::size_t l = first_spring_; l < links_.size(); ++l) {
+  std::copy(inputs_.acceleration().begin(), inputs_.acceleration().end(), acceleration_.begin());
+  for (std::size_t l = first_.spring; l < links_.size(); ++l) {
     const Link& link = links_[l];
     const double distance = d_[l].norm();
     const Vector3d n = distance > 0.0 ? Vector3d(d_[l] / distance) : Vector3d(Vector3d::UnitX());
-    const double stretch = distance - length_[l].value;
-    const double rate = n.dot(d_dot(l)) - length_[l].rate;
+    const double stretch = distance - inputs_.length()[l].value;
+    const double rate = n.dot(d_dot(l)) - inputs_.length()[l].rate;
     const double force = -link.stiffness * stretch - link.damping * rate;
-    forces[rows_.size() + l - first_spring_] = force;
+    forces[rows_.size() + l - first_.spring] = force;
     const Vector3d f = force * n;
     acceleration_[link.a] -= inverse_mass_[link.a] * f;
     acceleration_[link.b] += inverse_mass_[link.b] * f;
@@ -224,12 +163,12 @@ void EquationsOfMotion::pull_springs(double* forces) {
 
 // Adds the forces along soft coordinates to loads, in acceleration_ and torque_.
 void EquationsOfMotion::pull_softs(double* forces) {
-  if (first_spring_ == links_.size())
-    std::copy(applied_acceleration_.begin(), applied_acceleration_.end(), acceleration_.begin());
+  if (first_.spring == links_.size())
+    std::copy(inputs_.acceleration().begin(), inputs_.acceleration().end(), acceleration_.begin());
   for (std::size_t s = 0; s < softs_.size(); ++s) {
     const SoftCoordinate& soft = softs_[s];
     const Link& link = links_[soft.link];
-    const JointVectors& vectors = vectors_[soft.link - first_general_];
+    const JointVectors& vectors = vectors_[soft.link - first_.general];
     const double rate = rate_of(soft.link, soft.form);
     const double force = forces[soft_force(s)] = soft.law.force(reading_of(soft, rate), rate);
     const Jacobian J = jacobian(soft.form, vectors);
@@ -256,27 +195,27 @@ void EquationsOfMotion::note_positions() {
   }
   const auto spin = [this](std::size_t point) -> Vector3d {
     if (rotates(point)) return angular_velocity_[point];
-    return point < bodies_.size() ? Vector3d(Vector3d::Zero()) : fixed_angular_velocity(point);
+    return point < bodies_.size() ? Vector3d(Vector3d::Zero()) : inputs_.fixed_angular_velocity(point);
   };
   angles_.integrate(placed_at_, spin, [this](const TurnedAngles::Angle& angle) {
-    const JointVectors& vectors = vectors_[angle.joint - first_general_];
+    const JointVectors& vectors = vectors_[angle.joint - first_.general];
     return (angle.is_about_b ? vectors.axes_B : vectors.axes_A).col(2);
   });
 }
 
 // Computes the right-hand side C̈_target − γ − G a_free.
 void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) const {
-  for (std::size_t l = 0; l < first_armed_; ++l) {
+  for (std::size_t l = 0; l < first_.armed; ++l) {
     const Row& row = rows_[l];
     const Vector3d d_dot = velocity_[row.b] - velocity_[row.a];
     b[row.unknown] = -d_dot.squaredNorm() - direction_[l].dot(free[row.b] - free[row.a]);
   }
-  for (std::size_t l = first_armed_; l < first_ball_; ++l) {
+  for (std::size_t l = first_.armed; l < first_.ball; ++l) {
     const Row& row = rows_[l];
     const Vector3d a = free[row.b] - free[row.a] + gamma_d(l);
     b[row.unknown] = -d_dot(l).squaredNorm() - direction_[l].dot(a);
   }
-  for (std::size_t l = first_ball_; l < first_general_; ++l) {
+  for (std::size_t l = first_.ball; l < first_.general; ++l) {
     const Link& link = links_[l];
     Vector3d a = free[link.b] - free[link.a];
     if (link.has_arms) a += gamma_d(l);
@@ -285,7 +224,7 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
   }
   for (const GeneralRow& row : general_rows_) {
     const Row& of = rows_[row.row];
-    const std::size_t g = row.link - first_general_;
+    const std::size_t g = row.link - first_.general;
     b[of.unknown] = -gamma(row.form, vectors_[g], motions_[g]) -
                     direction_[row.row].dot(free[of.b] - free[of.a]);
   }
@@ -293,15 +232,15 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
   for (std::size_t p = 0; p < angular_blocks_.size(); ++p)
     b[angular_blocks_[p].unknown] -=
         J_angular_[p].dot(angular_acceleration_[angular_blocks_[p].body]);
-  if (courses_.empty()) return;
-  for (std::size_t i = 0; i < rows_.size(); ++i) b[rows_[i].unknown] += acceleration_target_[i];
+  if (inputs_.motions().empty()) return;
+  for (std::size_t i = 0; i < rows_.size(); ++i) b[rows_[i].unknown] += inputs_.acceleration_target()[i];
 }
 
 void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* dydt) {
   double* const lambda = stage_forces_.data() + stage * impulses_.size();
-  std::copy(applied_torque_.begin(), applied_torque_.end(), torque_.begin());
-  const Vector3d* free = applied_acceleration_.data();  // accelerations of bodies without the rows
-  if (first_spring_ < links_.size()) {
+  std::copy(inputs_.torque().begin(), inputs_.torque().end(), torque_.begin());
+  const Vector3d* free = inputs_.acceleration().data();  // accelerations of bodies without the rows
+  if (first_.spring < links_.size()) {
     pull_springs(lambda);
     free = acceleration_.data();
   }
@@ -321,23 +260,23 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   multipliers_to_forces(lambda);
 
   const std::size_t bodies = bodies_.size();
-  copy(y + v_at_, 3 * bodies, dydt);
+  copy(y + layout().v_at, 3 * bodies, dydt);
   for (std::size_t i = 0; i < bodies; ++i)
-    Vector(dydt + v_at_ + 3 * i) = free[i] + inverse_mass_[i] * constraint_force_[i];
-  const double* q = y + q_at_;
+    Vector(dydt + layout().v_at + 3 * i) = free[i] + inverse_mass_[i] * constraint_force_[i];
+  const double* q = y + layout().q_at;
   for (std::size_t i = 0; i < rotating_; ++i) {
-    write_quaternion_rate(angular_velocity_[i], q + 4 * i, dydt + q_at_ + 4 * i);
-    Vector(dydt + L_at_ + 3 * i) = torque_[i] + constraint_torque_[i];
+    write_quaternion_rate(angular_velocity_[i], q + 4 * i, dydt + layout().q_at + 4 * i);
+    Vector(dydt + layout().L_at + 3 * i) = torque_[i] + constraint_torque_[i];
   }
 }
 
 // Converts λ of rods to forces [N].
 void EquationsOfMotion::multipliers_to_forces(double* lambda) const {
-  for (std::size_t l = 0; l < first_ball_; ++l) lambda[rows_[l].unknown] *= length_[l].value;
+  for (std::size_t l = 0; l < first_.ball; ++l) lambda[rows_[l].unknown] *= inputs_.length()[l].value;
 }
 
 void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y, double* dydt) {
-  update_prescribed(t);
+  inputs_.update(*this, t);
   update_kinematics(t, y);
   factor(kLeastPivotOfForces);
   set_velocities(y);
@@ -352,9 +291,9 @@ double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
   const auto consider = [&](double square) { largest = larger(largest, square); };
   for (std::size_t i = 0; i < bodies; ++i) {
     consider(ConstVector(dy + 3 * i).squaredNorm());
-    consider(h * h * ConstVector(dy + v_at_ + 3 * i).squaredNorm());
+    consider(h * h * ConstVector(dy + layout().v_at + 3 * i).squaredNorm());
   }
-  const double* dq = dy + q_at_;
+  const double* dq = dy + layout().q_at;
   for (std::size_t i = 0; i < rotating_; ++i) {
     const double turned = 2.0 * radius_of_gyration_[i];
     const double norm = Eigen::Map<const Eigen::Vector4d>(dq + 4 * i).squaredNorm();

@@ -12,6 +12,7 @@
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/dynamics/interval_inputs.h"
 #include "engine/dynamics/island_model.h"
 #include "engine/dynamics/kernels/body_tree.h"
 #include "engine/dynamics/kernels/chain_pair.h"
@@ -26,13 +27,6 @@
 namespace constraint_sim::engine {
 
 struct KernelView;
-
-/// Force and torque on a body in world axes, constant over an interval.
-struct AppliedWrench {
-  int body = 0;
-  Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
-  Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< About the centre of mass [N m]
-};
 
 /// Equations of motion of the bodies and joints of one island, as a System of integrate.h, in
 /// index-1 form: the forces λ of the rigid rows give C̈ its target.
@@ -62,9 +56,7 @@ class EquationsOfMotion : public IslandModel {
 
   /// Whether the joints form a tree of rotating bodies and no joint frame moves in this interval.
   bool is_tree() const {
-    return !tree_.nodes.empty() &&
-           std::none_of(frames_.begin(), frames_.end(),
-                        [](const MovingFrame& frame) { return frame.moves; });
+    return !tree_.nodes.empty() && !inputs_.frames_move();
   }
   static constexpr char kMomentary = 1, kRedundant = 2;
 
@@ -76,8 +68,6 @@ class EquationsOfMotion : public IslandModel {
     coupled_[coupled].terms[term].position = position;
     coupled_[coupled].terms[term].rate = 0.0;
   }
-  /// Frame on B of general joint l, as of the last move_with_time() or evaluation.
-  const MovingFrame& frame_b(std::size_t l) const { return frames_[l - first_general_]; }
   /// Sets the position of a soft coordinate [m or rad]. Later angles are unwrapped to the nearest
   /// turn.
   void set_position(std::size_t soft, double position) {
@@ -92,35 +82,17 @@ class EquationsOfMotion : public IslandModel {
     const auto turn_of = [&](std::size_t point) -> Eigen::Vector3d {
       if (rotates(point)) return turn(point);
       if (point < bodies_.size()) return Eigen::Vector3d::Zero();
-      return h * fixed_angular_velocity(point);
+      return h * inputs_.fixed_angular_velocity(point);
     };
     angles_.add_turns(t, turn_of, [&](const TurnedAngles::Angle& angle) {
       return axis(angle.joint, angle.is_about_b ? 1 : 0);
     });
   }
-  /// Acceleration by gravity and loads [m/s²] and torque by loads [N m], without the joints.
-  const Eigen::Vector3d& applied_acceleration(std::size_t body) const {
-    return applied_acceleration_[body];
-  }
-  const Eigen::Vector3d& applied_torque(std::size_t turning) const {
-    return applied_torque_[turning];
-  }
-  /// Moves fixed points, lengths and offsets to time t [s]; call before the accessors below.
+  const IntervalInputs& inputs() const { return inputs_; }
+  /// Moves fixed points, lengths and offsets to time t [s].
   void move_with_time(double t);
   const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
   const Eigen::Vector3d& velocity(std::size_t fixed_point) const { return velocity_[fixed_point]; }
-  const Prescribed& length(std::size_t l) const { return length_[l]; }
-  /// Target values of the rows of a general joint, with the positions of driven coordinates; zero
-  /// for other joints.
-  RowVector offset(std::size_t l) const;
-  /// Rates that motors alone demand of rigid rows at t, and the velocity of a fixed point's body at
-  /// t; both without the terms that close position errors.
-  RowVector driven_rate(std::size_t l, double t) const;
-  Eigen::Vector3d body_velocity(std::size_t fixed_point, double t) const;
-  /// Axes of a fixed point that a general joint is attached to.
-  const Eigen::Matrix3d& fixed_axes(std::size_t fixed_point) const {
-    return fixed_axes_[fixed_point - bodies_.size()];
-  }
   /// Marks rows without a force at the given pose: kRedundant for redundant rows, kMomentary for
   /// rows whose pivot falls below the share `least` of its diagonal entry. Returns false where
   /// redundant rows are so far off that the last step has to be repeated with a shorter one.
@@ -158,30 +130,26 @@ class EquationsOfMotion : public IslandModel {
   /// Adds custom forces to the loads, evaluated at `states` and held constant. Called after begin()
   /// by methods that evaluate no custom forces.
   void add_custom_loads(double t, const List<BodyState>& states);
-  /// Sets loads and prescribed motions from time t [s] on; `courses` has one entry per joint of the
+  /// Sets loads and prescribed motions from time t [s] on; `motions` has one entry per joint of the
   /// world. `since_tick`: time since the start of the tick [s], at which `states` holds the
   /// kinematic bodies.
   void begin(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
-             const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses,
+             const List<AppliedWrench>& loads, const List<PrescribedMotion>& motions,
              double since_tick = 0.0);
   /// Continues the previous interval with equations that were just compiled and whose memory
   /// visit_memory() has read.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
-                     const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses) {
+                     const List<AppliedWrench>& loads, const List<PrescribedMotion>& motions) {
     const double scale = fixed_scale_;  // scale with coupled coordinates at the interval's start
     const bool knows_energy = knows_energy_;
-    begin(t, states, gravity, loads, courses);
+    begin(t, states, gravity, loads, motions);
     fixed_scale_ = scale;
     knows_energy_ = knows_energy;
   }
-  /// Whether lengths, offsets or fixed points change during the interval.
-  bool is_time_dependent() const { return is_time_dependent_; }
-  /// Whether the last begin() found a prescribed motion that ended, started or changed its rate.
-  bool has_jumped() const { return has_jumped_; }
   /// Whether redundant rows are chosen, and rods with prescribed lengths have their rates in y at
   /// t; start() is needed otherwise.
   bool satisfies_velocity_constraints(double t, const double* y) {
-    return has_chosen_ && (courses_.empty() || rates_are_met(t, y));
+    return has_chosen_ && (inputs_.motions().empty() || rates_are_met(t, y));
   }
   /// Projects y onto the constraints and evaluates the first derivative. Returns false where the
   /// projection fails.
@@ -204,7 +172,7 @@ class EquationsOfMotion : public IslandModel {
     }
     for (auto* rows : {&self.is_needed_, &self.is_verified_}) visit(*rows);
     for (auto* rows : {&self.imbalance_, &self.redundant_off_}) visit(*rows);
-    visit(self.is_changing_);
+    IntervalInputs::visit_memory(self.inputs_, visit);
     visit(self.scale_);
     visit(self.pivot_at_choice_);
     for (auto* number : {&self.too_far_, &self.left_out_for_, &self.choose_after_, &self.left_out_})
@@ -282,7 +250,7 @@ class EquationsOfMotion : public IslandModel {
 
   // ---- System
 
-  std::size_t size() const { return size_; }
+  std::size_t size() const { return layout().size; }
   void derivative(std::size_t stage, double t, const double* y, double* dydt);
   bool project(double t, double* y);
   template <class Pair>
@@ -301,29 +269,23 @@ class EquationsOfMotion : public IslandModel {
   // ---- for kernels, which implement System for islands of one common shape
 
   KernelView kernel_view();
-  /// Whether lengths, coordinates or frames have prescribed motions ("courses" in code).
-  bool has_courses() const { return !courses_.empty(); }
-  /// Angular velocity of the body of a fixed point [rad/s].
-  const Eigen::Vector3d& fixed_angular_velocity(std::size_t fixed_point) const {
-    return fixed_points_[fixed_point - bodies_.size()].start.angular_velocity;
-  }
   /// Position of a soft or coupled coordinate that moves at `rate` [m or rad]. Angles are unwrapped
   /// to the turn nearest to the integral of the rate since the last noted position.
   template <class Coordinate>
   double reading_of(const Coordinate& of, double rate) const {
-    const double there = value(of.form, vectors_[of.link - first_general_]);
+    const double there = value(of.form, vectors_[of.link - first_.general]);
     return reading(of.form, there, of.zero,
                    integrated(of.position, placed_at_ - angles_.time(), of.rate, rate));
   }
   /// C of a row minus its target; whole turns of an angle do not count.
   double value_of(const GeneralRow& row) const {
     const double off =
-        value(row.form, vectors_[row.link - first_general_]) - value_target_[row.row];
+        value(row.form, vectors_[row.link - first_.general]) - inputs_.value_target()[row.row];
     return row.form.is_angle ? unwound(off, 0.0) : off;
   }
   /// Index of the force of a soft coordinate among the unknowns.
   std::size_t soft_force(std::size_t soft) const {
-    return rows_.size() + links_.size() - first_spring_ + soft;
+    return rows_.size() + links_.size() - first_.spring + soft;
   }
   /// A kernel leaves the factorization to the equations where a pivot falls below this share of its
   /// diagonal entry.
@@ -334,7 +296,7 @@ class EquationsOfMotion : public IslandModel {
   /// converge.
   template <class FindValues, class Correct>
   bool project_by(double t, double* y, FindValues find_values, Correct correct) {
-    if (is_time_dependent()) move_with_time(t);
+    if (inputs_.is_time_dependent()) move_with_time(t);
     double error = find_values();
     const double rounding = kEpsilon * std::max(scale_, error);
     while (!(error <= rounding)) {
@@ -378,10 +340,8 @@ class EquationsOfMotion : public IslandModel {
   void couple_rows();
 
   // ---- stages of one evaluation, in order
-  void update_prescribed(double t);
   void update_kinematics(double t, const double* y);
   void update_bodies(const double* y);
-  void update_fixed_points(double t);
   void update_separations();
   void update_arms();
   void update_general();
@@ -396,15 +356,13 @@ class EquationsOfMotion : public IslandModel {
   void pull_custom();
   void note_positions();
   double rate_of(std::size_t link, const ScalarForm& form) const {
-    return rate(form, vectors_[link - first_general_], motions_[link - first_general_]);
+    return rate(form, vectors_[link - first_.general], motions_[link - first_.general]);
   }
   double value_of(const CoupledRow& row) const;
-  void update_prescribed_coupling(std::size_t l, const PrescribedMotion& course, double t);
   void add_coupled_right_hand_side(const Eigen::Vector3d* free, double* b) const;
   void find_right_hand_side(const Eigen::Vector3d* free, double* b) const;
   void multipliers_to_forces(double* lambda) const;
 
-  bool rates_jump(const List<PrescribedMotion>& courses) const;
   double largest_coordinate(const double* y) const;
   Eigen::Vector3d d_dot(std::size_t l) const;
   Eigen::Vector3d gamma_d(std::size_t l) const;
@@ -429,7 +387,7 @@ class EquationsOfMotion : public IslandModel {
   double self_stress_imbalance(std::size_t row);
   double redundant_self_stress() const;
   void set_redundant(const List<char>& redundant);
-  double offset_of(std::size_t l, const PrescribedMotion& course, bool with_motors) const;
+  double offset_of(std::size_t l, const PrescribedMotion& motion, bool with_motors) const;
   double closing_arm(std::size_t l) const;
   double opening(bool with_motors) const;
   double closing_curvature() const;
@@ -448,13 +406,6 @@ class EquationsOfMotion : public IslandModel {
   void note_left_out();
   void move_general();
   JointMotion motion_of(std::size_t link) const;
-  void set_frame(std::size_t link, const MovingFrame& frame);
-  double row_length(std::size_t row) const {
-    if (row < first_ball_) return length_[row].value;
-    if (row >= first_coupled_row()) return 1.0 / coupled_[row - first_coupled_row()].metres;
-    const std::size_t first = first_general_row();
-    return row < first ? 1.0 : 1.0 / general_rows_[row - first].metres;
-  }
   double largest_speed() const;
 
   // ---- the linear system
@@ -463,8 +414,6 @@ class EquationsOfMotion : public IslandModel {
   void find_residual(const double* b, const double* lambda, double* residual);
   void apply_jacobian_transpose(const double* lambda);
 
-  // Offsets in a state vector; x is at 0. Even, so that no SIMD pair mixes two kinds of numbers.
-  std::size_t v_at_ = 0, q_at_ = 0, L_at_ = 0, size_ = 0;
   List<Pull> pulls_;  // grouped by body
   List<std::size_t> pulls_end_;
   List<LinearCoupling> linear_couplings_;
@@ -475,21 +424,11 @@ class EquationsOfMotion : public IslandModel {
   List<ChainPair> pairs_;        // pairs of a chain of bodies, from its ends to the middle
   BodyTree tree_;                // nodes of a tree of bodies
 
-  // ---- inputs of the interval
-  double tick_start_ = 0.0;
-  // Time of the last update_prescribed() [s].
-  double asked_at_ = std::numeric_limits<double>::quiet_NaN();
-  bool fixed_points_move_ = false;
-  bool is_time_dependent_ = false;  // fixed points move, or there are prescribed motions
-  bool has_jumped_ = false;
+  IntervalInputs inputs_;
   double placed_at_ = 0.0;    // time of the last update_kinematics() [s]
   double fixed_scale_ = 0.0;  // largest coordinate of fixed points, or length [m]
   // Largest coordinate or length, bodies included; rounding is relative to scale_ [m].
   double scale_ = 0.0;
-  List<Eigen::Vector3d> applied_acceleration_;              // per point, by gravity and loads
-  List<Eigen::Vector3d> applied_torque_;                    // per rotating body, by loads
-  List<std::pair<std::size_t, PrescribedMotion>> courses_;  // by link, where time-dependent
-  List<bool> is_changing_;                                  // per link
 
   // ---- positions, motions and rows as of the last evaluation
   List<Eigen::Vector3d> position_, velocity_, acceleration_, constraint_force_;  // per point
@@ -498,15 +437,10 @@ class EquationsOfMotion : public IslandModel {
       constraint_torque_;                           // per rotating body
   List<Eigen::Vector3d> d_;                         // per link; of ball joints and springs
   List<Eigen::Vector3d> arm_a_, arm_b_;             // per link
-  List<Prescribed> length_;                         // per link
   List<JointVectors> vectors_;                      // per general joint
-  List<MovingFrame> frames_;                        // per general joint, on B
   List<JointMotion> motions_;                       // per general joint, as of set_velocities()
-  List<Eigen::Matrix3d> fixed_axes_;                // per fixed point that has axes
   List<Eigen::Vector3d> direction_;                 // per part: d of rods, an axis of ball joints
   List<double> value_, rate_;                       // per row
-  List<double> value_target_;                       // per row; of general joints
-  List<double> rate_target_, acceleration_target_;  // per row
   List<Eigen::Vector3d> J_angular_, M_inv_Jt_;      // per angular block: J_ang, I⁻¹ J_angᵀ
 
   // Angles that neither springs nor couplings read. Their time is also that of positions in softs_

@@ -32,16 +32,16 @@ double EquationsOfMotion::find_values() {
     else
       worst = larger(worst, error);
   };
-  for (std::size_t l = 0; l < first_ball_; ++l) {
-    const double length = length_[l].value;
+  for (std::size_t l = 0; l < first_.ball; ++l) {
+    const double length = inputs_.length()[l].value;
     value_[l] = 0.5 * (direction_[l].squaredNorm() - length * length);
     consider(l, std::abs(value_[l] / length));
   }
-  for (std::size_t l = first_ball_; l < first_general_; ++l)
+  for (std::size_t l = first_.ball; l < first_.general; ++l)
     Vector(value_.data() + first_row(l)) = d_[l];
   for (const GeneralRow& row : general_rows_) value_[row.row] = value_of(row);
   const std::size_t first_general = first_general_row();
-  for (std::size_t i = first_ball_; i < first_general; ++i) consider(i, std::abs(value_[i]));
+  for (std::size_t i = first_.ball; i < first_general; ++i) consider(i, std::abs(value_[i]));
   for (const CoupledRow& coupled : coupled_) {
     value_[coupled.row] = value_of(coupled);
     consider(coupled.row, coupled.metres * std::abs(value_[coupled.row]));
@@ -53,12 +53,12 @@ double EquationsOfMotion::find_values() {
 
 // Computes Ċ of all rows.
 void EquationsOfMotion::find_rates() {
-  for (std::size_t l = 0; l < first_ball_; ++l) rate_[l] = direction_[l].dot(d_dot(l));
-  for (std::size_t l = first_ball_; l < first_general_; ++l)
+  for (std::size_t l = 0; l < first_.ball; ++l) rate_[l] = direction_[l].dot(d_dot(l));
+  for (std::size_t l = first_.ball; l < first_.general; ++l)
     Vector(rate_.data() + first_row(l)) = d_dot(l);
   for (const GeneralRow& row : general_rows_)
     rate_[row.row] =
-        rate(row.form, vectors_[row.link - first_general_], motions_[row.link - first_general_]);
+        rate(row.form, vectors_[row.link - first_.general], motions_[row.link - first_.general]);
   for (const CoupledRow& coupled : coupled_) {
     rate_[coupled.row] = 0.0;
     for (const CoupledRow::Term& term : coupled.terms)
@@ -83,10 +83,10 @@ double EquationsOfMotion::largest_speed() const {
 // other.
 bool EquationsOfMotion::prescribed_rates_are_met() {
   find_rates();
-  if (!is_time_dependent()) return true;
+  if (!inputs_.is_time_dependent()) return true;
   const double most = kLeftOutRatesAgree * largest_speed();
   for (std::size_t i = 0; i < rows_.size(); ++i)
-    if (!is_redundant_[i] && std::abs(rate_[i] - rate_target_[i]) > most * row_length(i))
+    if (!is_redundant_[i] && std::abs(rate_[i] - inputs_.rate_target()[i]) > most * inputs_.row_length(*this, i))
       return false;
   return true;
 }
@@ -102,9 +102,9 @@ bool EquationsOfMotion::project(double t, double* y) {
 // converge. Leaves kinematics evaluated at y.
 bool EquationsOfMotion::fit_positions(double t, double* y) {
   const std::size_t bodies = bodies_.size();
-  double* const q = y + q_at_;
+  double* const q = y + layout().q_at;
   time_ = t;
-  update_prescribed(t);
+  inputs_.update(*this, t);
   double before = kInfinity;
   double rounding = 0.0;
   bool factors_are_near = true;
@@ -149,16 +149,16 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     const double projected = projected_energy_;
     find_rates();
     for (std::size_t i = 0; i < rows_.size(); ++i)
-      solution_[rows_[i].unknown] = rate_target_[i] - rate_[i];
+      solution_[rows_[i].unknown] = inputs_.rate_target()[i] - rate_[i];
     solve(solution_.data());
     apply_jacobian_transpose(solution_.data());
-    double* const v = y + v_at_;
-    double* const L = y + L_at_;
+    double* const v = y + layout().v_at;
+    double* const L = y + layout().L_at;
     for (std::size_t k = 0; k < bodies; ++k)
       Vector(v + 3 * k) += inverse_mass_[k] * constraint_force_[k];
     for (std::size_t k = 0; k < rotating_; ++k) Vector(L + 3 * k) += constraint_torque_[k];
     for (std::size_t i = 0; i < rows_.size(); ++i)
-      projected_energy_ += 0.5 * solution_[rows_[i].unknown] * (rate_target_[i] - rate_[i]);
+      projected_energy_ += 0.5 * solution_[rows_[i].unknown] * (inputs_.rate_target()[i] - rate_[i]);
     multipliers_to_forces(solution_.data());
     for (std::size_t i = 0; i < rows_.size(); ++i) impulses_[i] += solution_[i];
     set_velocities(y);

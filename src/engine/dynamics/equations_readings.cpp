@@ -23,7 +23,7 @@ using Vector = Eigen::Map<Vector3d>;
 RowVector EquationsOfMotion::of_rows(std::size_t l, const double* of_unknowns) const {
   RowVector rows = RowVector::Zero();
   if (!is_by_offset(l)) {
-    rows[0] = of_unknowns[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_];
+    rows[0] = of_unknowns[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_.spring];
     return rows;
   }
   const std::size_t first = first_row(l);
@@ -65,43 +65,19 @@ RowVector EquationsOfMotion::impulse(std::size_t l) const { return by_joint(l, i
 
 // ---- access for methods with their own time stepping
 
-RowVector EquationsOfMotion::offset(std::size_t of) const {
-  if (is_general(of)) {
-    RowVector targets = RowVector::Zero();
-    for (std::size_t k = 0; k < rows_of(of); ++k)
-      targets[static_cast<Eigen::Index>(k)] = value_target_[first_row(of) + k];
-    return targets;
-  }
-  return RowVector::Zero();
-}
-
-RowVector EquationsOfMotion::driven_rate(std::size_t of, double t) const {
-  RowVector rates = RowVector::Zero();
-  for (const auto& [l, course] : courses_)
-    for (std::size_t k = 0; l == of && k < rows_of(l); ++k)
-      rates[static_cast<Eigen::Index>(k)] = course.driven_rate(links_[l].function[k], t);
-  return rates;
-}
-
-Vector3d EquationsOfMotion::body_velocity(std::size_t fixed_point, double t) const {
-  const BodyState& body = fixed_points_[fixed_point - bodies_.size()].start;
-  const Vector3d centre = body.position + (t - tick_start_) * body.linear_velocity;
-  return body.linear_velocity + body.angular_velocity.cross(position_[fixed_point] - centre);
-}
-
 void EquationsOfMotion::read_pose(const List<Vector3d>& positions,
                                   const List<Quaterniond>& orientations) {
   pose_.resize(size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) Vector(pose_.data() + 3 * i) = positions[i];
   for (std::size_t i = 0; i < rotating_; ++i)
-    Eigen::Map<Eigen::Vector4d>(pose_.data() + q_at_ + 4 * i) = orientations[i].coeffs();
+    Eigen::Map<Eigen::Vector4d>(pose_.data() + layout().q_at + 4 * i) = orientations[i].coeffs();
 }
 
 bool EquationsOfMotion::find_dependent(double t, const List<Vector3d>& positions,
                                        const List<Quaterniond>& orientations, double least,
                                        List<char>* rows) {
   read_pose(positions, orientations);
-  update_prescribed(t);
+  inputs_.update(*this, t);
   update_kinematics(t, pose_.data());
   factor(least);
   factors_are_there_ = false;
@@ -125,7 +101,7 @@ void EquationsOfMotion::add_impulse(std::size_t l, const RowVector& impulse) {
     for (std::size_t k = 0; k < rows_of(l); ++k)
       impulses_[rows_[first_row(l) + k].unknown] += impulse[static_cast<Eigen::Index>(k)];
   } else {
-    impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_] += impulse[0];
+    impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_.spring] += impulse[0];
   }
 }
 
@@ -181,8 +157,8 @@ double EquationsOfMotion::frequency() {
       for (std::size_t k = 0; k < 3; ++k)
         force = math::hypot(force, forces[rows_[first_row(l) + k].unknown]);
     } else {
-      force = std::abs(forces[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_]);
-      const double distance = is_rod(l) ? length_[l].value : d_[l].norm();
+      force = std::abs(forces[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_.spring]);
+      const double distance = is_rod(l) ? inputs_.length()[l].value : d_[l].norm();
       across = force / std::max(distance, 1e-9 * scale_);
     }
     for (const auto& [point, anchor] :
@@ -194,7 +170,7 @@ double EquationsOfMotion::frequency() {
   }
   for (std::size_t s = 0; s < softs_.size(); ++s) {
     const Link& link = links_[softs_[s].link];
-    const Jacobian J = jacobian(softs_[s].form, vectors_[softs_[s].link - first_general_]);
+    const Jacobian J = jacobian(softs_[s].form, vectors_[softs_[s].link - first_.general]);
     const double force = std::abs(forces[soft_force(s)]);
     for (const auto& [point, torque] : {std::pair(link.a, J.j2), {link.b, J.j4}})
       if (rotates(point)) squares_[point] += force * torque.norm() / inertia_[point].minCoeff();
@@ -211,9 +187,9 @@ double EquationsOfMotion::frequency() {
 }
 
 double EquationsOfMotion::kinetic_energy(const double* y) const {
-  const double* const v = y + v_at_;
-  const double* const q = y + q_at_;
-  const double* const L = y + L_at_;
+  const double* const v = y + layout().v_at;
+  const double* const q = y + layout().q_at;
+  const double* const L = y + layout().L_at;
   double energy = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
     energy += 0.5 / inverse_mass_[i] * ConstVector(v + 3 * i).squaredNorm();

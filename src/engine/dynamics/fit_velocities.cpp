@@ -39,7 +39,7 @@ RigidMotion as_one_body(const EquationsOfMotion& equations, const List<BodyState
 void fit_velocities(const Interval& span, double most_moved, EquationsOfMotion* equations,
                     List<BodyState>* states) {
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
-  if (equations->is_time_dependent() || equations->has_jumped()) return;
+  if (equations->inputs().is_time_dependent() || equations->inputs().has_jumped()) return;
   List<double> numbers(2 * equations->size());
   double* const y = numbers.data();
   equations->gather_state(*states, y);

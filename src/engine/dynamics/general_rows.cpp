@@ -14,20 +14,20 @@ using Eigen::Vector3d;
 
 // Computes the vectors of general joints, and the Jacobians of their rows.
 void EquationsOfMotion::update_general() {
-  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+  for (std::size_t l = first_.general; l < first_.spring; ++l) {
     const Link& link = links_[l];
-    JointVectors& vectors = vectors_[l - first_general_];
+    JointVectors& vectors = vectors_[l - first_.general];
     vectors.custom = link.custom;
     vectors.r_A = arm_a_[l];
     vectors.r_B = arm_b_[l];
     vectors.d = d_[l];
     const auto axes = [&](std::size_t point, const Matrix3d& frame) -> Matrix3d {
       if (rotates(point)) return orientation_[point] * frame;
-      return point < bodies_.size() ? frame : Matrix3d(fixed_axes(point) * frame);
+      return point < bodies_.size() ? frame : Matrix3d(inputs_.fixed_axes(point) * frame);
     };
     if (!info(link.kind).has_frames) continue;
     vectors.axes_A = axes(link.a, link.frame_a);
-    vectors.axes_B = axes(link.b, frame_b(l).axes);
+    vectors.axes_B = axes(link.b, inputs_.frame_b(l).axes);
   }
   update_general_rows();
   if (!coupled_.empty()) update_coupled();
@@ -37,7 +37,7 @@ void EquationsOfMotion::update_general() {
 void EquationsOfMotion::update_general_rows() {
   for (const GeneralRow& general : general_rows_) {
     const Row& row = rows_[general.row];
-    const JointVectors& vectors = vectors_[general.link - first_general_];
+    const JointVectors& vectors = vectors_[general.link - first_.general];
     const Jacobian J = jacobian(general.form, vectors);
     direction_[general.row] = J.j3;
     if (row.block_a >= 0) J_angular_[row.block_a] = J.j2;
@@ -52,7 +52,7 @@ void EquationsOfMotion::update_coupled() {
   for (const CoupledRow& coupled : coupled_) {
     for (const CoupledRow::Term& term : coupled.terms) {
       const Row& row = part(term.part);
-      const Jacobian J = jacobian(term.form, vectors_[term.link - first_general_]);
+      const Jacobian J = jacobian(term.form, vectors_[term.link - first_.general]);
       direction_[term.part] = term.ratio * J.j3;
       if (row.block_a >= 0) J_angular_[row.block_a] = term.ratio * J.j2;
       if (row.block_b >= 0) J_angular_[row.block_b] = term.ratio * J.j4;
@@ -66,22 +66,12 @@ void EquationsOfMotion::update_coupled() {
 
 // ---- couplings
 
-void EquationsOfMotion::update_prescribed_coupling(std::size_t l, const PrescribedMotion& course,
-                                                   double t) {
-  for (CoupledRow& coupled : coupled_) {
-    if (coupled.link != l) continue;
-    coupled.closing = course.coupling(t);
-    rate_target_[coupled.row] = coupled.closing.rate;
-    acceleration_target_[coupled.row] = coupled.closing.acceleration;
-  }
-}
-
 // The rates are those of the last stage.
 double EquationsOfMotion::value_of(const CoupledRow& coupled) const {
   double sum = 0.0;
   for (const CoupledRow::Term& term : coupled.terms)
     sum += term.ratio * reading_of(term, rate_of(term.link, term.form));
-  return sum - coupled.constant - coupled.closing.value;
+  return sum - coupled.constant - inputs_.coupling_offset(coupled.row - first_coupled_row()).value;
 }
 
 void EquationsOfMotion::add_coupled_right_hand_side(const Vector3d* free, double* b) const {
@@ -89,7 +79,7 @@ void EquationsOfMotion::add_coupled_right_hand_side(const Vector3d* free, double
     double& sum = b[rows_[coupled.row].unknown] = 0.0;
     for (const CoupledRow::Term& term : coupled.terms) {
       const Row& of = part(term.part);
-      const std::size_t g = term.link - first_general_;
+      const std::size_t g = term.link - first_.general;
       sum -= term.ratio * gamma(term.form, vectors_[g], motions_[g]) +
              direction_[term.part].dot(free[of.b] - free[of.a]);
     }
@@ -108,8 +98,8 @@ void EquationsOfMotion::clear_redundant(double* lambda) const {
 }
 
 void EquationsOfMotion::move_general() {
-  for (std::size_t l = first_general_; l < first_spring_; ++l)
-    motions_[l - first_general_] = motion_of(l);
+  for (std::size_t l = first_.general; l < first_.spring; ++l)
+    motions_[l - first_.general] = motion_of(l);
 }
 
 // Rates of the vectors of a general joint.
@@ -118,18 +108,18 @@ JointMotion EquationsOfMotion::motion_of(std::size_t l) const {
   const auto spin = [&](std::size_t point) -> Vector3d {
     if (rotates(point)) return angular_velocity_[point];
     if (point < bodies_.size()) return Vector3d::Zero();
-    return fixed_points_[point - bodies_.size()].start.angular_velocity;
+    return inputs_.fixed_angular_velocity(point);
   };
   JointMotion motion;
   motion.d_dot = d_dot(l);
   motion.d_bias = gamma_d(l);
   motion.w_A = spin(link.a);
   motion.w_B = spin(link.b);
-  if (frame_b(l).moves) {
-    MovingFrame frame = frame_b(l);
+  if (inputs_.frame_b(l).moves) {
+    MovingFrame frame = inputs_.frame_b(l);
     if (!rotates(link.b))  // velocity_ of the fixed point contains the frame's rate
       frame.anchor_rate = frame.anchor_acceleration = Vector3d::Zero();
-    motion.add(frame, rotates(link.b) ? orientation_[link.b] : fixed_axes(link.b));
+    motion.add(frame, rotates(link.b) ? orientation_[link.b] : inputs_.fixed_axes(link.b));
   }
   return motion;
 }

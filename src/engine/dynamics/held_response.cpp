@@ -75,9 +75,9 @@ void EquationsOfMotion::add_response(const Motions& change, const List<double>& 
                                      double share, double* y) {
   knows_energy_ = false;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
-    Vector(y + v_at_ + 3 * i) += share * change.linear[i];
+    Vector(y + layout().v_at + 3 * i) += share * change.linear[i];
   for (std::size_t i = 0; i < rotating_; ++i)
-    Vector(y + L_at_ + 3 * i) += share * inverse_inertia_[i].inverse() * change.angular[i];
+    Vector(y + layout().L_at + 3 * i) += share * inverse_inertia_[i].inverse() * change.angular[i];
   for (std::size_t i = 0; i < rows_.size(); ++i) impulses_[i] += share * impulses[i];
 }
 
@@ -86,14 +86,14 @@ void EquationsOfMotion::find_accelerations(const double* y, const double* dydt,
   rates->linear.resize(bodies_.size());
   rates->angular.assign(bodies_.size(), Vector3d::Zero());
   for (std::size_t i = 0; i < bodies_.size(); ++i)
-    rates->linear[i] = ConstVector(dydt + v_at_ + 3 * i);
+    rates->linear[i] = ConstVector(dydt + layout().v_at + 3 * i);
   for (std::size_t i = 0; i < rotating_; ++i) {
-    const Eigen::Quaterniond q(Eigen::Map<const Eigen::Quaterniond>(y + q_at_ + 4 * i));
+    const Eigen::Quaterniond q(Eigen::Map<const Eigen::Quaterniond>(y + layout().q_at + 4 * i));
     const Vector3d inverse = inertia_[i].cwiseInverse();
-    const ConstVector L(y + L_at_ + 3 * i);
+    const ConstVector L(y + layout().L_at + 3 * i);
     const Vector3d w = apply_inertia(inverse, q, L);
     rates->angular[i] =
-        apply_inertia(inverse, q, ConstVector(dydt + L_at_ + 3 * i) - Vector3d(w.cross(L)));
+        apply_inertia(inverse, q, ConstVector(dydt + layout().L_at + 3 * i) - Vector3d(w.cross(L)));
   }
 }
 
@@ -102,7 +102,7 @@ double EquationsOfMotion::largest_force() const {
   for (std::size_t i = 0; i < impulses_.size(); ++i)
     largest = std::max(largest, std::abs(stage_forces_[i]));
   for (std::size_t i = 0; i < bodies_.size(); ++i)
-    largest = std::max(largest, applied_acceleration_[i].norm() / inverse_mass_[i]);
+    largest = std::max(largest, inputs_.acceleration()[i].norm() / inverse_mass_[i]);
   return largest;
 }
 

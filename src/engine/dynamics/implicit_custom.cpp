@@ -81,7 +81,7 @@ void ImplicitStep::ask_custom_force(const Link& link, const EquationsOfMotion& e
     if (link.ends[e].dofs > 0) continue;
     shape->fixed_velocity[e] =
         rule_ == ImplicitRule::kMidpoint ? Vector3d(shift_[point] / h_) : equations.velocity(point);
-    shape->fixed_spin[e] = equations.fixed_angular_velocity(point);
+    shape->fixed_spin[e] = equations.inputs().fixed_angular_velocity(point);
   }
 }
 

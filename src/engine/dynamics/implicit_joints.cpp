@@ -54,10 +54,10 @@ void ImplicitStep::place_axes(const EquationsOfMotion& equations, const Link& li
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
     const std::size_t l = to_index(static_cast<int>(&link - links_.data()));
-    const Matrix3d& frame = e == 0 ? link.frames[0] : equations.frame_b(l).axes;
+    const Matrix3d& frame = e == 0 ? link.frames[0] : equations.inputs().frame_b(l).axes;
     (*axes)[e] = frame;
     if (end.dofs == 6) (*axes)[e] = J_angular_[end.point].R0 * frame;
-    if (end.dofs == 0) (*axes)[e] = equations.fixed_axes(end.point) * frame;
+    if (end.dofs == 0) (*axes)[e] = equations.inputs().fixed_axes(end.point) * frame;
   }
 }
 
@@ -388,7 +388,7 @@ void ImplicitStep::begin_coupled(const EquationsOfMotion& equations) {
   for (std::size_t c = 0; c < coupled_.size(); ++c) {
     CoupledRow& coupled = coupled_[c];
     const EquationsOfMotion::CoupledRow& from = equations.coupled_rows()[c];
-    coupled.target = from.constant + from.closing.value;
+    coupled.target = from.constant + equations.inputs().coupling_offset(c).value;
     double sum = 0.0;
     for (std::size_t k = 0; k < 2; ++k) {
       CoupledRow::Term& term = coupled.terms[k];

@@ -157,12 +157,12 @@ void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations)
     shape.r0[e].setZero();
     if (end.dofs < 6) continue;
     const bool is_frame = e == 1 && link.kind == Kind::kGeneral;
-    shape.r0[e] = J_angular_[end.point].R0 * (is_frame ? equations.frame_b(l).anchor : end.anchor);
+    shape.r0[e] = J_angular_[end.point].R0 * (is_frame ? equations.inputs().frame_b(l).anchor : end.anchor);
     shape.d0 += end.sign * shape.r0[e];
     extent_ = std::max(extent_, end.anchor.norm());
   }
   // Part of the spring's law at the start; ask_spring() adds the rest.
-  if (link.kind == Kind::kSpring) shape.target = equations.length(l).value;
+  if (link.kind == Kind::kSpring) shape.target = equations.inputs().length()[l].value;
   // Inverse of the displacement by 1 N, or of a rod by λ = 1.
   double compliance = 0.0;
   for (std::size_t e = 0; e < 2; ++e) {
@@ -190,15 +190,15 @@ void ImplicitStep::ask_link(std::size_t l, const EquationsOfMotion& equations) {
     shape.next_axes_B = shape.axes1[1];
     const End& b = link.ends[1];
     shape.next_r_B = shape.r0[1];
-    if (b.dofs == 6) shape.next_r_B = J_angular_[b.point].R0 * equations.frame_b(l).anchor;
+    if (b.dofs == 6) shape.next_r_B = J_angular_[b.point].R0 * equations.inputs().frame_b(l).anchor;
   }
   if (link.has_custom_force) ask_custom_force(link, equations, &shape);
   if (link.kind == Kind::kBall || link.kind == Kind::kGeneral) {
-    shape.offset = equations.offset(l);
+    shape.offset = equations.inputs().offset(equations, l);
     if (link.rows > link.rigid_rows) begin_softs(link, shape, equations);
     return;
   }
-  const Prescribed& length = equations.length(l);
+  const Prescribed& length = equations.inputs().length()[l];
   extent_ = std::max(extent_, length.value);
   if (link.kind == Kind::kRod) {
     shape.target = 0.5 * length.value * length.value;
@@ -232,13 +232,13 @@ void ImplicitStep::ask_spring(const Link& link, const Prescribed& length, Shape*
 
 void ImplicitStep::scale_equations(const EquationsOfMotion& equations) {
   for (std::size_t i = 0; i < bodies_; ++i) {
-    force_[i] = mass_[i] * equations.applied_acceleration(i);
+    force_[i] = mass_[i] * equations.inputs().acceleration()[i];
     const auto first = to_index(first_unknown_[i]);
     const double scale = 1.0 / std::sqrt(mass_[i]);
     std::fill_n(left_.begin() + static_cast<std::ptrdiff_t>(first), 3, scale);
     std::fill_n(right_.begin() + static_cast<std::ptrdiff_t>(first), 3, scale);
     if (i >= rotating_) continue;
-    torque_[i] = equations.applied_torque(i);
+    torque_[i] = equations.inputs().torque()[i];
     const double turning = 1.0 / std::sqrt(inertia_[i].mean());
     std::fill_n(left_.begin() + static_cast<std::ptrdiff_t>(first) + 3, 3, turning);
     std::fill_n(right_.begin() + static_cast<std::ptrdiff_t>(first) + 3, 3, turning);

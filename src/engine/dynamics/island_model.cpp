@@ -34,6 +34,11 @@ IslandModel::IslandModel(List<int> joints, const List<Joint>& all_joints, const 
   if (is_chain_) turn_along_chain();
   add_all_rows();
   add_coupled_rows(all_joints, couplings);
+  const auto even = [](std::size_t n) { return n + n % 2; };
+  layout_.v_at = even(3 * bodies_.size());
+  layout_.q_at = 2 * layout_.v_at;
+  layout_.L_at = layout_.q_at + 4 * rotating_;
+  layout_.size = even(layout_.L_at + 3 * rotating_);
 }
 
 // Lists the bodies; bodies that rotate come first.
@@ -150,18 +155,17 @@ void IslandModel::sort_joints(const List<Joint>& all_joints, const Ends& ends, c
     return static_cast<std::size_t>(std::count_if(joints_.begin(), joints_.end(),
                                                   [&](int j) { return place_in_order(j) < most; }));
   };
-  first_armed_ = count_below(1);
-  first_ball_ = count_below(2);
-  first_general_ = count_below(3);
-  first_spring_ = count_below(4);
+  first_.armed = count_below(1);
+  first_.ball = count_below(2);
+  first_.general = count_below(3);
+  first_.spring = count_below(4);
 }
 
 void IslandModel::add_links(const List<Joint>& all_joints, const Ends& ends,
                             const List<MassProperties>& masses, const Places& places) {
   const auto point_of = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
     if (masses[body].is_movable()) return places.at(body);
-    fixed_points_.push_back({static_cast<int>(body), anchor, has_axes, BodyState{},
-                             Vector3d::Zero(), Vector3d::Zero()});
+    fixed_points_.push_back({static_cast<int>(body), anchor, has_axes});
     inverse_mass_.push_back(0.0);
     return inverse_mass_.size() - 1;
   };
@@ -208,8 +212,8 @@ void IslandModel::add_coordinates(const Joint& joint, Link* link) {
 }
 
 void IslandModel::add_all_rows() {
-  for (std::size_t l = 0; l < first_general_; ++l) add_rows(links_[l], is_rod(l) ? 1 : 3);
-  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+  for (std::size_t l = 0; l < first_.general; ++l) add_rows(links_[l], is_rod(l) ? 1 : 3);
+  for (std::size_t l = first_.general; l < first_.spring; ++l) {
     links_[l].first_row = rows_.size();
     for (std::size_t k = 0; k < rows_of(l); ++k) {
       const ScalarForm of_row = form(l, k);
@@ -246,7 +250,7 @@ void IslandModel::add_coupled_rows(const List<Joint>& all_joints,
     const auto found = std::find(joints_.begin(), joints_.end(), static_cast<int>(joint));
     return static_cast<std::size_t>(found - joints_.begin());
   };
-  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+  for (std::size_t l = first_.general; l < first_.spring; ++l) {
     if (!couples(links_[l].kind)) continue;
     CoupledRow coupled{};
     coupled.link = l;

@@ -22,9 +22,14 @@ namespace constraint_sim::engine {
 /// Sign of ends A and B in a row's rate J_B v_B − J_A v_A.
 inline constexpr std::array<double, 2> kEndSign{-1.0, 1.0};
 
+/// Offsets of v, q and L in a state vector: x and v of all bodies, then q (x, y, z, w) and L of
+/// rotating bodies. Even, so that no SIMD pair mixes two kinds of numbers.
+struct StateLayout {
+  std::size_t v_at = 0, q_at = 0, L_at = 0, size = 0;
+};
+
 /// Compiled structure of one island: which bodies rotate, the joints sorted by their kind of row,
-/// and the rows with the bodies they act on. Only the constructor allocates. EquationsOfMotion adds
-/// state and motion.
+/// and the rows with the bodies they act on. Only the constructor allocates. Constant afterwards.
 class IslandModel {
  public:
   /// Joint indices: rods first, those between centres before all others, then ball joints, general
@@ -101,15 +106,30 @@ class IslandModel {
     double metres;  ///< metres per unit of the row
     std::array<Term, 2> terms;
     double constant = 0.0;
-    Prescribed closing;  ///< prescribed offset of the row
+  };
+
+  /// Row or part that turns a body.
+  struct AngularBlock {
+    std::size_t body, row, unknown;
+  };
+  /// Attachment point of a joint on an immovable body.
+  struct FixedPoint {
+    int body;
+    Eigen::Vector3d anchor;
+    bool has_axes;
+  };
+
+  /// Indices in links() of the first rod that turns a body, ball joint, general joint and spring.
+  struct FirstLinks {
+    std::size_t armed = 0, ball = 0, general = 0, spring = 0;
   };
 
   /// Links in the order of joints().
   const List<Link>& links() const { return links_; }
-  bool is_rod(std::size_t l) const { return l < first_ball_; }
-  bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_general_; }
+  bool is_rod(std::size_t l) const { return l < first_.ball; }
+  bool is_ball(std::size_t l) const { return l >= first_.ball && l < first_.general; }
   /// Whether link l is neither rod, ball joint nor spring.
-  bool is_general(std::size_t l) const { return l >= first_general_ && l < first_spring_; }
+  bool is_general(std::size_t l) const { return l >= first_.general && l < first_.spring; }
   /// Row of a rod, or first row of another joint.
   std::size_t row_of(std::size_t l) const { return is_rod(l) ? l : first_row(l); }
   /// Number of rows of a rigid joint.
@@ -118,8 +138,8 @@ class IslandModel {
   const ScalarForm& form(std::size_t l, std::size_t k) const {
     return info(links_[l].kind).function[links_[l].function[k]];
   }
-  /// Index of the first general joint in links().
-  std::size_t first_general() const { return first_general_; }
+  const FirstLinks& first() const { return first_; }
+  const StateLayout& layout() const { return layout_; }
   /// Rows of general joints, in row order.
   const List<GeneralRow>& general_rows() const { return general_rows_; }
   const GeneralRow& general_row(std::size_t row) const {
@@ -133,34 +153,14 @@ class IslandModel {
   double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
   const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
   double radius_of_gyration(std::size_t turning) const { return radius_of_gyration_[turning]; }
-
- protected:
-  using Ends = List<std::pair<std::size_t, std::size_t>>;  // bodies A and B, per joint of the world
-
-  /// Takes the arguments of the constructor of EquationsOfMotion.
-  IslandModel(List<int> joints, const List<Joint>& all_joints, const Ends& ends,
-              const List<MassProperties>& masses, const List<CoupledTerms>& couplings,
-              const List<int>& idle, const List<char>& open);
-
-  /// Row or part that turns a body.
-  struct AngularBlock {
-    std::size_t body, row, unknown;
-  };
-  /// Attachment point of a joint on an immovable body.
-  struct FixedPoint {
-    int body;
-    Eigen::Vector3d anchor;
-    bool has_axes;
-    BodyState start;  // state of the body at the start of the tick
-    // Velocity and acceleration relative to the body, while the frame of a joint moves.
-    Eigen::Vector3d anchor_rate = Eigen::Vector3d::Zero();
-    Eigen::Vector3d anchor_acceleration = Eigen::Vector3d::Zero();
-  };
-
+  const List<FixedPoint>& fixed_points() const { return fixed_points_; }
+  /// Whether a point is a body whose rotation is part of the state.
   bool rotates(std::size_t point) const { return point < rotating_; }
-  bool is_by_offset(std::size_t l) const { return l >= first_ball_ && l < first_spring_; }
+  /// Whether link l has rows of an offset: a ball joint or a general joint.
+  bool is_by_offset(std::size_t l) const { return l >= first_.ball && l < first_.spring; }
+  /// First row of a link that is no rod.
   std::size_t first_row(std::size_t l) const {
-    return is_ball(l) ? first_ball_ + 3 * (l - first_ball_) : links_[l].first_row;
+    return is_ball(l) ? first_.ball + 3 * (l - first_.ball) : links_[l].first_row;
   }
   std::size_t first_coupled_row() const { return rows_.size() - coupled_.size(); }
   std::size_t first_general_row() const { return first_coupled_row() - general_rows_.size(); }
@@ -173,12 +173,20 @@ class IslandModel {
     return i < rows_.size() ? i : first_coupled_row() + i - rows_.size();
   }
 
+ protected:
+  using Ends = List<std::pair<std::size_t, std::size_t>>;  // bodies A and B, per joint of the world
+
+  /// Takes the arguments of the constructor of EquationsOfMotion.
+  IslandModel(List<int> joints, const List<Joint>& all_joints, const Ends& ends,
+              const List<MassProperties>& masses, const List<CoupledTerms>& couplings,
+              const List<int>& idle, const List<char>& open);
+
   List<int> joints_;
   List<int> bodies_;
   std::size_t rotating_ = 0;
   List<Link> links_;
-  // Indices in links_.
-  std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;
+  FirstLinks first_;
+  StateLayout layout_;
   List<Row> rows_;   // one per rod, three per ball joint, then general rows, then coupled rows
   List<Row> parts_;  // second parts of coupled rows
   List<GeneralRow> general_rows_;

@@ -41,15 +41,15 @@ struct KernelView {
 inline KernelView EquationsOfMotion::kernel_view() {
   KernelView view{};
   view.rows = rows_.data();
-  view.v_at = v_at_;
-  view.q_at = q_at_;
-  view.L_at = L_at_;
-  view.lengths = length_.data();
+  view.v_at = layout().v_at;
+  view.q_at = layout().q_at;
+  view.L_at = layout().L_at;
+  view.lengths = inputs_.length().data();
   view.inverse_mass = inverse_mass_.data();
-  view.applied_acceleration = applied_acceleration_.data();
-  view.applied_torque = applied_torque_.data();
-  view.rate_target = rate_target_.data();
-  view.acceleration_target = acceleration_target_.data();
+  view.applied_acceleration = inputs_.acceleration().data();
+  view.applied_torque = inputs_.torque().data();
+  view.rate_target = inputs_.rate_target().data();
+  view.acceleration_target = inputs_.acceleration_target().data();
   view.scale = scale_;
   view.position = position_.data();
   view.velocity = velocity_.data();

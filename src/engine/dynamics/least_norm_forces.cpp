@@ -146,11 +146,11 @@ JointVectors LeastNormForces::vectors_of(const EquationsOfMotion& equations,
   vectors.d = d;
   if (!info(from.kind).has_frames) return vectors;
   const auto axes = [&](std::size_t e, std::size_t point, const Matrix3d& frame) -> Matrix3d {
-    if (links_[l].unknowns[e] == 0) return equations.fixed_axes(point) * frame;
+    if (links_[l].unknowns[e] == 0) return equations.inputs().fixed_axes(point) * frame;
     return states[equations.bodies()[point]].orientation * frame;
   };
   vectors.axes_A = axes(0, from.a, from.frame_a);
-  vectors.axes_B = axes(1, from.b, equations.frame_b(l).axes);
+  vectors.axes_B = axes(1, from.b, equations.inputs().frame_b(l).axes);
   return vectors;
 }
 
@@ -218,7 +218,7 @@ JointVectors LeastNormForces::place_ends(const EquationsOfMotion& equations,
     const BodyState& state = states[equations.bodies()[point]];
     if (links_[l].unknowns[e] == 6)
       (*arm)[e] = state.orientation * (e == 0                    ? from.anchor_a
-                                       : equations.is_general(l) ? equations.frame_b(l).anchor
+                                       : equations.is_general(l) ? equations.inputs().frame_b(l).anchor
                                                                  : from.anchor_b);
     *d += kEndSign[e] * (state.position + (*arm)[e]);
   }

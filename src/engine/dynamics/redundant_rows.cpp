@@ -60,7 +60,7 @@ void EquationsOfMotion::forget_redundant_rows() {
   set_redundant(List<char>(rows_.size(), 0));
   std::fill(is_needed_.begin(), is_needed_.end(), 0);
   std::fill(imbalance_.begin(), imbalance_.end(), 0.0);
-  std::fill(is_changing_.begin(), is_changing_.end(), false);
+  inputs_.forget();
   ldlt_.keep_none();
   has_chosen_ = is_inconsistent_ = came_back_ = false;
   pivot_at_choice_ = 1.0;
@@ -78,7 +78,7 @@ void EquationsOfMotion::find_branches() {
   const auto ends = [&](std::size_t l) {
     return std::array<std::size_t, 2>{std::min(links_[l].a, ground), std::min(links_[l].b, ground)};
   };
-  for (std::size_t l = 0; l < first_spring_; ++l) {
+  for (std::size_t l = 0; l < first_.spring; ++l) {
     for (const std::size_t end : ends(l)) {
       ++degree[end];
       of_links[end] ^= l;
@@ -105,7 +105,7 @@ void EquationsOfMotion::find_branches() {
 int EquationsOfMotion::choose_rows(double t, const double* y) {
   has_chosen_ = true;
   left_out_for_ = 0;
-  update_prescribed(t);
+  inputs_.update(*this, t);
   update_kinematics(t, y);
   factors_are_there_ = false;
   ldlt_.keep_none();
@@ -238,26 +238,26 @@ void EquationsOfMotion::set_redundant(const List<char>& redundant) {
 // ---- watch over redundant rows
 
 // Opening of a joint when it began to be closed [m], with or without the offsets of its motors.
-double EquationsOfMotion::offset_of(std::size_t l, const PrescribedMotion& course,
+double EquationsOfMotion::offset_of(std::size_t l, const PrescribedMotion& motion,
                                     bool with_motors) const {
-  if (!is_general(l)) return course.offset().norm();
+  if (!is_general(l)) return motion.offset().norm();
   RowVector offset = RowVector::Zero();
-  const auto [shift, turn] = course.opening();
-  const double by_frame = course.moves_frame() ? math::hypot(shift, links_[l].radius * turn) : 0.0;
+  const auto [shift, turn] = motion.opening();
+  const double by_frame = motion.moves_frame() ? math::hypot(shift, links_[l].radius * turn) : 0.0;
   for (std::size_t k = 0; k < rows_of(l); ++k)
     if (with_motors || links_[l].function[k] < info(links_[l].kind).rows)
       offset[static_cast<Eigen::Index>(k)] =
-          course.offset()[links_[l].function[k]] / row_length(first_row(l) + k);
+          motion.offset()[links_[l].function[k]] / inputs_.row_length(*this, first_row(l) + k);
   double by_coupling = 0.0;
   if (couples(links_[l].kind))
     for (const CoupledRow& coupled : coupled_)
-      if (coupled.link == l) by_coupling = coupled.metres * course.coupling_offset();
+      if (coupled.link == l) by_coupling = coupled.metres * motion.coupling_offset();
   return math::hypot(offset.norm(), by_frame, by_coupling);
 }
 
 // Arm that converts the opening of a joint to an angle [m].
 double EquationsOfMotion::closing_arm(std::size_t l) const {
-  if (is_rod(l)) return length_[l].value;
+  if (is_rod(l)) return inputs_.length()[l].value;
   return std::max({arm_a_[l].norm(), arm_b_[l].norm(), links_[l].radius});
 }
 
@@ -265,10 +265,10 @@ double EquationsOfMotion::closing_arm(std::size_t l) const {
 // leave the other rows met, so the dependence among those is known to rounding.
 double EquationsOfMotion::opening(bool with_motors) const {
   double angle = 0.0;
-  for (const auto& [l, course] : courses_) {
-    if (!course.is_closing()) continue;
+  for (const auto& [l, motion] : inputs_.motions()) {
+    if (!motion.is_closing()) continue;
     const double open =
-        std::abs(course.share_to_close(time_).value) * offset_of(l, course, with_motors);
+        std::abs(motion.share_to_close(time_).value) * offset_of(l, motion, with_motors);
     const double arm = closing_arm(l);
     if (arm > 0.0) angle = std::max(angle, open / arm);
   }
@@ -279,18 +279,18 @@ double EquationsOfMotion::opening(bool with_motors) const {
 // be met at the end may contradict each other by part of that on the way.
 double EquationsOfMotion::closing_curvature() const {
   double largest = 0.0;
-  for (const auto& [l, course] : courses_) {
-    if (!course.is_closing()) continue;
+  for (const auto& [l, motion] : inputs_.motions()) {
+    if (!motion.is_closing()) continue;
     const double arm = closing_arm(l);
-    const double open = offset_of(l, course, true);
+    const double open = offset_of(l, motion, true);
     if (arm > 0.0) largest = std::max(largest, std::min(kOpenShare * open * open / arm, open));
   }
   return largest;
 }
 
 bool EquationsOfMotion::is_closing() const {
-  return std::any_of(courses_.begin(), courses_.end(),
-                     [](const auto& course) { return course.second.is_closing(); });
+  return std::any_of(inputs_.motions().begin(), inputs_.motions().end(),
+                     [](const auto& motion) { return motion.second.is_closing(); });
 }
 
 // Sets the tolerances of redundant rows, after find_values() with the kept rows met. Returns false
@@ -300,7 +300,7 @@ bool EquationsOfMotion::limit_redundant_rows() {
   const double closing = closing_curvature();
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     if (!is_redundant_[i]) continue;
-    const double off = std::abs(value_[i]) / row_length(i);
+    const double off = std::abs(value_[i]) / inputs_.row_length(*this, i);
     if (off > kConsistent + closing) is_inconsistent_ = true;
     const double drift = std::min(kDrift * imbalance_[i] * scale_, kMostOff);
     redundant_off_[i] =
@@ -322,7 +322,7 @@ double EquationsOfMotion::redundant_limit(std::size_t row) const {
 bool EquationsOfMotion::redundant_rows_are_off() const {
   if (!(worst_redundant_ > 1.0) || is_closing()) return false;
   for (std::size_t i = 0; i < rows_.size(); ++i)
-    if (is_redundant_[i] && std::abs(value_[i]) / row_length(i) > redundant_limit(i)) return true;
+    if (is_redundant_[i] && std::abs(value_[i]) / inputs_.row_length(*this, i) > redundant_limit(i)) return true;
   return false;
 }
 
@@ -347,7 +347,7 @@ bool EquationsOfMotion::restore_redundant_if_off() {
   }
   List<char> redundant = is_redundant_;
   for (std::size_t i = 0; i < rows_.size(); ++i)
-    if (redundant[i] && std::abs(value_[i]) / row_length(i) > redundant_limit(i)) redundant[i] = 0;
+    if (redundant[i] && std::abs(value_[i]) / inputs_.row_length(*this, i) > redundant_limit(i)) redundant[i] = 0;
   if (redundant == is_redundant_) return false;
   const bool is_far = has_fallen(ldlt_.smallest_pivot(), pivot_at_choice_);
   if (is_far && ++too_far_ <= kMostTooFar) return true;
@@ -369,13 +369,13 @@ bool EquationsOfMotion::redundant_rates_are_met() {
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     if (!is_redundant_[i] || (closes && imbalance_[i] > kExactSelfStress)) continue;
     const double share = std::clamp(kRateDrift * imbalance_[i], kRatesAgree, kMostDrift) + open;
-    if (std::abs(rate_[i] - rate_target_[i]) <= (share * speed + rounding) * row_length(i))
+    if (std::abs(rate_[i] - inputs_.rate_target()[i]) <= (share * speed + rounding) * inputs_.row_length(*this, i))
       continue;
     if (redundant.empty()) redundant = is_redundant_;
     redundant[i] = 0;
   }
   if (redundant.empty()) return true;
-  if (is_time_dependent()) {
+  if (inputs_.is_time_dependent()) {
     is_inconsistent_ = true;
     return false;
   }
@@ -403,7 +403,7 @@ bool EquationsOfMotion::redundant_rows_are_met(double t, const List<Vector3d>& p
                                                const List<Eigen::Quaterniond>& orientations) {
   if (redundant_rows() == 0) return true;
   read_pose(positions, orientations);
-  update_prescribed(t);
+  inputs_.update(*this, t);
   update_kinematics(t, pose_.data());
   find_values();
   return !restore_redundant_if_off();
@@ -444,7 +444,7 @@ void EquationsOfMotion::note_left_out() {
   double worst = 0.0;
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (!is_redundant_[i] && ldlt_.is_left_out(rows_[i].unknown))
-      worst = std::max(worst, std::abs(rate_[i] - rate_target_[i]) / row_length(i));
+      worst = std::max(worst, std::abs(rate_[i] - inputs_.rate_target()[i]) / inputs_.row_length(*this, i));
   momentary_error_ += substep_ * worst;
   if (choose_after_ == 0) choose_after_ = kLeftOutUntilChoice;
   if (++left_out_for_ < choose_after_) return;

@@ -172,7 +172,7 @@ inline void ChainOfBodies::write_forces(double* by_unknown) const {
 // ---- System
 
 void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, double* dydt) {
-  if (equations_.is_time_dependent()) equations_.move_with_time(t);
+  if (equations_.inputs().is_time_dependent()) equations_.move_with_time(t);
   if (!depends_ && accelerate(stage, y, dydt)) return;
   depends_ = true;
   equations_.derivative(stage, t, y, dydt);

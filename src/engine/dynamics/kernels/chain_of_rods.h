@@ -20,7 +20,7 @@ class ChainOfRods {
   std::size_t size() const { return equations_.size(); }
 
   void derivative(std::size_t stage, double t, const double* y, double* dydt) {
-    if (equations_.is_time_dependent()) {
+    if (equations_.inputs().is_time_dependent()) {
       equations_.move_with_time(t);
       find_falls();
     }

@@ -22,7 +22,7 @@ class PointOnRod {
   static constexpr std::size_t size() { return 8; }  // x and v, each padded to an even length
 
   void derivative(std::size_t stage, double t, const double* y, double* dydt) {
-    if (equations_.is_time_dependent()) move_with_time(t);
+    if (equations_.inputs().is_time_dependent()) move_with_time(t);
     const Vector3d d = d_of(y);
     const Vector3d v = ConstVector(y + kV);
     accelerate(stage, d, d.squaredNorm(), v, dydt);
@@ -30,7 +30,7 @@ class PointOnRod {
 
   /// Projects by Newton steps, each along d of the previous iterate.
   bool project(double t, double* y) {
-    if (equations_.is_time_dependent()) move_with_time(t);
+    if (equations_.inputs().is_time_dependent()) move_with_time(t);
     const double length = length_;
     Vector3d d = d_of(y);
     double before = kInfinity;

@@ -39,7 +39,7 @@ TreeOfBodies::TreeOfBodies(EquationsOfMotion& equations)
       tree_(*view_.tree),
       nodes_(tree_.nodes),
       bodies_(equations.bodies().size()),
-      first_general_(equations.first_general()) {}
+      first_general_(equations.first().general) {}
 
 // ---- kinematics
 
@@ -73,7 +73,7 @@ void TreeOfBodies::place_joint(TreeNode* node) {
   vectors.r_B = r_B;
   vectors.d = d;
   const auto axes = [&](std::size_t point, const Matrix3d& frame) -> Matrix3d {
-    return turns(point) ? view_.orientation[point] * frame : equations_.fixed_axes(point) * frame;
+    return turns(point) ? view_.orientation[point] * frame : equations_.inputs().fixed_axes(point) * frame;
   };
   vectors.axes_A = axes(link.a, link.frame_a);
   if (info(link.kind).alignment != Alignment::kFree) vectors.axes_B = axes(link.b, link.frame_b);
@@ -212,7 +212,7 @@ void TreeOfBodies::find_forces(double* by_unknown) {
 // ---- System
 
 void TreeOfBodies::derivative(std::size_t stage, double t, const double* y, double* dydt) {
-  if (equations_.is_time_dependent()) equations_.move_with_time(t);
+  if (equations_.inputs().is_time_dependent()) equations_.move_with_time(t);
   if (!is_lost_) {
     place(t, y);
     is_lost_ = !factor();
@@ -231,7 +231,7 @@ void TreeOfBodies::find_spins(const double* y) {
 }
 
 Vector3d TreeOfBodies::spin(std::size_t point) const {
-  return turns(point) ? view_.angular_velocity[point] : equations_.fixed_angular_velocity(point);
+  return turns(point) ? view_.angular_velocity[point] : equations_.inputs().fixed_angular_velocity(point);
 }
 
 // Velocity of B relative to A at the joint's place on B.
@@ -246,7 +246,7 @@ SpatialVector TreeOfBodies::relative_velocity(const TreeNode& node) const {
 // Motion of B relative to A demanded by rows that hold a coordinate.
 SpatialVector TreeOfBodies::held(const TreeNode& node, const double* of_rows) const {
   SpatialVector sum;
-  if (!equations_.has_courses()) return sum;
+  if (equations_.inputs().motions().empty()) return sum;
   for (std::size_t k = 0; k < node.count; ++k) {
     const Direction& direction = node.directions[k];
     if (direction.row == TreeNode::kNone) continue;

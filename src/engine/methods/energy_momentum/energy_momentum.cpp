@@ -76,7 +76,7 @@ IntegrationResult EnergyMomentum::advance(const Interval& span, const Integrator
   mode_ = mode;
   stop_ = span.stop;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
-  was_first_ = is_new = is_new || equations->has_jumped();
+  was_first_ = is_new = is_new || equations->inputs().has_jumped();
   if (is_new) {
     List<BodyState> before;
     if (std::isfinite(accuracy.most_projected)) before = states_of(*equations, *states);

@@ -277,10 +277,10 @@ double InconsistentMotion::work_of_loads() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < bodies_; ++i)
     sum +=
-        mass_[i] * equations_->applied_acceleration(i).dot(end_.position[i] - start_.position[i]);
+        mass_[i] * equations_->inputs().acceleration()[i].dot(end_.position[i] - start_.position[i]);
   for (std::size_t i = 0; i < rotating_; ++i) {
     const Vector3d turn = rotation_vector(end_.orientation[i] * start_.orientation[i].conjugate());
-    sum += equations_->applied_torque(i).dot(turn);
+    sum += equations_->inputs().torque()[i].dot(turn);
   }
   return sum;
 }
@@ -347,9 +347,9 @@ void InconsistentMotion::restore_angular_momentum(double h) {
   Vector3d missing = before.momentum - now.momentum;
   for (std::size_t i = 0; i < bodies_; ++i) {
     const Vector3d arm = 0.5 * (start_.position[i] - before.centre + end_.position[i] - now.centre);
-    missing += h * mass_[i] * arm.cross(equations_->applied_acceleration(i));
+    missing += h * mass_[i] * arm.cross(equations_->inputs().acceleration()[i]);
   }
-  for (std::size_t i = 0; i < rotating_; ++i) missing += h * equations_->applied_torque(i);
+  for (std::size_t i = 0; i < rotating_; ++i) missing += h * equations_->inputs().torque()[i];
   const Vector3d w = now.inverse_inertia * missing;
   for (std::size_t i = 0; i < bodies_; ++i)
     velocity_.linear[i] += w.cross(end_.position[i] - now.centre);

@@ -112,32 +112,32 @@ void InconsistentMotion::scatter_state(List<BodyState>* states) const {
 // no rate: position corrections follow the target, and do work only on weights and springs.
 void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configuration* configuration) {
   equations->move_with_time(t);
-  target_.is_driven = equations->is_time_dependent();
+  target_.is_driven = equations->inputs().is_time_dependent();
   for (std::size_t p = bodies_; p < points_; ++p) {
     configuration->position[p] = equations->position(p);
-    target_.fixed.linear[p] = equations->body_velocity(p, t);
-    configuration->fixed_axes[p - bodies_] = equations->fixed_axes(p);
+    target_.fixed.linear[p] = equations->inputs().body_velocity(p, t, equations->position(p));
+    configuration->fixed_axes[p - bodies_] = equations->inputs().fixed_axes(p);
   }
   configuration->frames_b.clear();
   for (std::size_t l = 0; l < equations->links().size(); ++l) {
     const std::size_t i = rows_.first_row(l);
-    if (equations->is_general(l) && equations->frame_b(l).moves && configuration->frames_b.empty())
+    if (equations->is_general(l) && equations->inputs().frame_b(l).moves && configuration->frames_b.empty())
       for (std::size_t k = 0; k < equations->links().size(); ++k)
         configuration->frames_b.push_back(
             equations->is_general(k)
-                ? equations->frame_b(k)
+                ? equations->inputs().frame_b(k)
                 : MovingFrame(equations->links()[k].anchor_b, Matrix3d::Identity()));
     if (!equations->is_ball(l) && !equations->is_general(l)) {
-      target_.length[i] = equations->length(l).value;
+      target_.length[i] = equations->inputs().length()[l].value;
       target_.rate[i] =
-          equations->is_rod(l) ? equations->driven_rate(l, t)[0] : equations->length(l).rate;
+          equations->is_rod(l) ? equations->inputs().driven_rate(*equations, l, t)[0] : equations->inputs().length()[l].rate;
       continue;
     }
     const EquationsOfMotion::Link& link = equations->links()[l];
-    RowVector offset = equations->offset(l);
+    RowVector offset = equations->inputs().offset(*equations, l);
     if (info(link.kind).form == RowsForm::kPoint)
       offset.head<3>() += ball_offset(l, *configuration);
-    const RowVector rate = equations->driven_rate(l, t);
+    const RowVector rate = equations->inputs().driven_rate(*equations, l, t);
     for (std::size_t k = 0; k < equations->rows_of(l); ++k) {
       const double metres = rows_.rows()[i + k].metres;
       target_.length[i + k] = metres * offset[static_cast<Eigen::Index>(k)];
@@ -153,7 +153,7 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
        i < rows_.rows().size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
     const EquationsOfMotion::CoupledRow& coupled = equations->coupled_rows()[row.coupled];
-    target_.length[i] = row.metres * (coupled.constant + coupled.closing.value);
+    target_.length[i] = row.metres * (coupled.constant + equations->inputs().coupling_offset(to_index(row.coupled)).value);
     target_.rate[i] = 0.0;
   }
   scale_ = largest(target_.length);
@@ -165,9 +165,9 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
 // Offset of d of a ball joint that is closed by its frame on B, in world axes at the pose of B.
 Vector3d InconsistentMotion::ball_offset(std::size_t joint,
                                          const Configuration& configuration) const {
-  if (!equations_->is_general(joint) || !equations_->frame_b(joint).moves) return Vector3d::Zero();
+  if (!equations_->is_general(joint) || !equations_->inputs().frame_b(joint).moves) return Vector3d::Zero();
   const EquationsOfMotion::Link& link = equations_->links()[joint];
-  const Vector3d shift = equations_->frame_b(joint).anchor - link.anchor_b;
+  const Vector3d shift = equations_->inputs().frame_b(joint).anchor - link.anchor_b;
   return link.b < rotating_ ? -(configuration.orientation[link.b] * shift) : Vector3d(-shift);
 }
 
@@ -313,7 +313,7 @@ double InconsistentMotion::hold_back(double energy_before, double allowed) {
 double InconsistentMotion::most_added(double h) const {
   double energy = kinetic_energy(velocity_);
   for (std::size_t i = 0; i < bodies_; ++i)
-    energy += 0.5 * mass_[i] * (h * equations_->applied_acceleration(i)).squaredNorm();
+    energy += 0.5 * mass_[i] * (h * equations_->inputs().acceleration()[i]).squaredNorm();
   return (target_.is_driven ? kMostAddedDriven : kMostAdded) * energy;
 }
 
@@ -396,11 +396,11 @@ void InconsistentMotion::drift(double h) {
   for (std::size_t i = 0; i < bodies_; ++i) {
     displacement_.linear[i] =
         displacement_.linear[i] / mass_[i] +
-        h * (velocity_before_.linear[i] + 0.5 * h * equations_->applied_acceleration(i));
+        h * (velocity_before_.linear[i] + 0.5 * h * equations_->inputs().acceleration()[i]);
     end_.position[i] = start_.position[i] + displacement_.linear[i];
   }
   for (std::size_t i = 0; i < rotating_; ++i)
-    turn(i, h, displacement_.angular[i] + 0.5 * h * h * equations_->applied_torque(i));
+    turn(i, h, displacement_.angular[i] + 0.5 * h * h * equations_->inputs().torque()[i]);
   rows_.measure(end_, &at_end_);
 }
 
@@ -435,11 +435,11 @@ void InconsistentMotion::explicit_step(double h, IntegrationResult* progress) {
   rows_.find_weights(&weights_);
   for (std::size_t i = 0; i < bodies_; ++i)
     displacement_.linear[i] =
-        h * (velocity_before_.linear[i] + h * equations_->applied_acceleration(i));
+        h * (velocity_before_.linear[i] + h * equations_->inputs().acceleration()[i]);
   for (std::size_t i = 0; i < rotating_; ++i) {
     const Quaterniond& q = start_.orientation[i];
     const Vector3d response =
-        q * (q.conjugate() * equations_->applied_torque(i)).cwiseQuotient(inertia_[i]);
+        q * (q.conjugate() * equations_->inputs().torque()[i]).cwiseQuotient(inertia_[i]);
     displacement_.angular[i] = h * (velocity_before_.angular[i] + h * response);
   }
   std::fill(displacement_.linear.begin() + static_cast<std::ptrdiff_t>(bodies_),

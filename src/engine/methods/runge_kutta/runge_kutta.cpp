@@ -114,11 +114,11 @@ IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOption
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
   if (!has_started_) equations_.gather_state(states, y);
-  const bool begins = !has_started_ || equations_.is_time_dependent();
+  const bool begins = !has_started_ || equations_.inputs().is_time_dependent();
   if (begins)
     equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
   // Jumps count once, not in later intervals.
-  const bool has_jumped = begins && equations_.has_jumped();
+  const bool has_jumped = begins && equations_.inputs().has_jumped();
   if (!has_started_ || has_jumped || !equations_.satisfies_velocity_constraints(span.t, y))
     return start(span, accuracy, memory);
   return {};

@@ -29,7 +29,7 @@ struct SwingingChain {
       state.linear_velocity = {0.0, std::sin(i), std::cos(i)};
       state.angular_velocity = {0.1, std::cos(i), std::sin(i)};
     }
-    equations.gather_state(states, y.data());
+    gather_state(equations, states, y.data());
     equations.begin(0.0, states, gravity, {}, List<PrescribedMotion>(states.size() - 1));
   }
 

@@ -87,7 +87,7 @@ class Motion {
  public:
   explicit Motion(const Chain& chain)
       : equations(chain.equations()), numbers_(StageMemory::kRows * equations.size()) {
-    equations.gather_state(chain.states, y());
+    gather_state(equations, chain.states, y());
     equations.begin(0.0, chain.states, {0.0, 0.0, -kGravity}, chain.loads, chain.courses);
     EXPECT_TRUE(equations.start(0.0, y(), memory().derivatives()));
   }
@@ -155,12 +155,13 @@ TEST(ChainOfBodies, StepsAsTheEquationsDo) {
               1e-12 * state.lpNorm<Eigen::Infinity>());
     EXPECT_NEAR(motion.equations.frequency(), expected.equations.frequency(),
                 1e-11 * expected.equations.frequency());
-    EXPECT_EQ(motion.equations.dependent_rows(), 0);
+    EXPECT_EQ(motion.equations.delassus().dependent(), 0);
     double largest = 0.0, difference = 0.0;
     for (std::size_t l = 0; l < chain.joints.size(); ++l) {
-      const RowVector impulse = expected.equations.impulse(l);
+      const RowVector impulse = expected.equations.forces().impulse(expected.equations, l);
       largest = std::max(largest, impulse.norm());
-      difference = std::max(difference, (motion.equations.impulse(l) - impulse).norm());
+      difference = std::max(
+          difference, (motion.equations.forces().impulse(motion.equations, l) - impulse).norm());
     }
     EXPECT_LE(difference, 1e-11 * largest);
   });
@@ -181,7 +182,7 @@ TEST(ChainOfBodies, LeavesRowsThatDependToTheEquations) {
     motion.advance<ChainOfBodies>(kChainTimeStep);
   }
   EXPECT_EQ(motion.state(), expected.state());
-  EXPECT_EQ(motion.equations.dependent_rows(), 1);
+  EXPECT_EQ(motion.equations.delassus().dependent(), 1);
 }
 
 TEST(ChainOfBodies, KeepsJointsAndEnergy) {

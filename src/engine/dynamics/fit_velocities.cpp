@@ -42,13 +42,13 @@ void fit_velocities(const Interval& span, double most_moved, EquationsOfMotion* 
   if (equations->inputs().is_time_dependent() || equations->inputs().has_jumped()) return;
   List<double> numbers(2 * equations->size());
   double* const y = numbers.data();
-  equations->gather_state(*states, y);
-  const double energy = equations->kinetic_energy(y);
+  gather_state(*equations, *states, y);
+  const double energy = kinetic_energy(*equations, y);
   equations->keep_impulses();
   const bool is_met = equations->start(span.t, y, y + equations->size());
   equations->restore_impulses();  // later steps start again
   if (!is_met) return;
-  const double left = equations->kinetic_energy(y);
+  const double left = kinetic_energy(*equations, y);
   const double moved = energy - left;
   if (!(moved > 0.0) || moved > std::min(most_moved, kMostKept) * energy) return;
 

@@ -79,8 +79,9 @@ void ImplicitStep::ask_custom_force(const Link& link, const EquationsOfMotion& e
     const std::size_t point = link.ends[e].point;
     shape->fixed_velocity[e] = shape->fixed_spin[e] = Vector3d::Zero();
     if (link.ends[e].dofs > 0) continue;
-    shape->fixed_velocity[e] =
-        rule_ == ImplicitRule::kMidpoint ? Vector3d(shift_[point] / h_) : equations.velocity(point);
+    shape->fixed_velocity[e] = rule_ == ImplicitRule::kMidpoint
+                                   ? Vector3d(shift_[point] / h_)
+                                   : equations.kinematics().velocity()[point];
     shape->fixed_spin[e] = equations.inputs().fixed_angular_velocity(point);
   }
 }

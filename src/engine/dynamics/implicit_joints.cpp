@@ -139,7 +139,8 @@ void ImplicitStep::begin_softs(const Link& link, const Shape& shape,
     const SoftLaw& law = from.law;
     SoftRow& soft = softs_[s];
     const double before = soft.start;
-    soft.start = soft.end = reading(from.form, value(from.form, vectors), from.zero, from.position);
+    soft.start = soft.end =
+        reading(from.form, value(from.form, vectors), from.zero, equations.coordinates().soft(s));
     const double rate = law.C / h_;
     double of_q1 = 0.5 * law.K + rate, rest = (rate - 0.5 * law.K) * soft.start;
     if (rule_ == ImplicitRule::kBdf2) {
@@ -388,13 +389,14 @@ void ImplicitStep::begin_coupled(const EquationsOfMotion& equations) {
   for (std::size_t c = 0; c < coupled_.size(); ++c) {
     CoupledRow& coupled = coupled_[c];
     const EquationsOfMotion::CoupledRow& from = equations.coupled_rows()[c];
-    coupled.target = from.constant + equations.inputs().coupling_offset(c).value;
+    coupled.target =
+        equations.coordinates().constant(c) + equations.inputs().coupling_offset(c).value;
     double sum = 0.0;
     for (std::size_t k = 0; k < 2; ++k) {
       CoupledRow::Term& term = coupled.terms[k];
       const JointVectors vectors = start_of(shapes_[term.link]);
-      term.start = term.end =
-          reading(term.form, value(term.form, vectors), from.terms[k].zero, from.terms[k].position);
+      term.start = term.end = reading(term.form, value(term.form, vectors), from.terms[k].zero,
+                                      equations.coordinates().term(c, k));
       const Jacobian J = jacobian(term.form, vectors);
       for (std::size_t e = 0; e < 2; ++e) {
         const End& end = links_[term.link].ends[e];

@@ -123,7 +123,7 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   set_rule(h, rule);
   predict();
   equations->move_with_time(t);
-  for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
+  for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->kinematics().position()[p];
   double coordinate = 0.0, spread = 0.0;
   extent_ = 0.0;
   for (const Vector3d& x : x_) {
@@ -135,7 +135,8 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   if (may_depend_ && !leave_out_dependent(t, equations)) return false;
 
   equations->move_with_time(t + h);
-  for (std::size_t p = bodies_; p < x_.size(); ++p) shift_[p] = equations->position(p) - x_[p];
+  for (std::size_t p = bodies_; p < x_.size(); ++p)
+    shift_[p] = equations->kinematics().position()[p] - x_[p];
   for (std::size_t l = 0; l < links_.size(); ++l) ask_link(l, *equations);
   scale_ = std::max(coordinate, extent_);
   if (scale_ == 0.0) scale_ = 1.0;  // all points coincide
@@ -157,7 +158,8 @@ void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations)
     shape.r0[e].setZero();
     if (end.dofs < 6) continue;
     const bool is_frame = e == 1 && link.kind == Kind::kGeneral;
-    shape.r0[e] = J_angular_[end.point].R0 * (is_frame ? equations.inputs().frame_b(l).anchor : end.anchor);
+    shape.r0[e] =
+        J_angular_[end.point].R0 * (is_frame ? equations.inputs().frame_b(l).anchor : end.anchor);
     shape.d0 += end.sign * shape.r0[e];
     extent_ = std::max(extent_, end.anchor.norm());
   }
@@ -311,21 +313,21 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     RowVector impulse = RowVector::Zero();
     switch (link.kind) {
       case Kind::kRod:
-        equations->add_impulse(l, h_ * lambda * length * RowVector::Unit(0));
+        equations->forces().add(*equations, l, h_ * lambda * length * RowVector::Unit(0));
         stiffness = std::abs(lambda);
         break;
       case Kind::kBall:
         impulse.head<3>() = h_ * shape.force;
-        equations->add_impulse(l, impulse);
+        equations->forces().add(*equations, l, impulse);
         break;
       case Kind::kGeneral:
         for (int k = 0; k < link.rigid_rows; ++k)
           if (!shape.is_left_out[k]) impulse[k] = h_ * unknowns[link.unknown + k];
-        equations->add_impulse(l, impulse);
+        equations->forces().add(*equations, l, impulse);
         for (int k = link.rigid_rows; k < link.rows; ++k) {
           const std::size_t s = link.first_soft + to_index(k - link.rigid_rows);
-          equations->add_soft_impulse(s, h_ * unknowns[link.unknown + k]);
-          equations->set_position(s, softs_[s].end);
+          equations->forces().add_soft(*equations, s, h_ * unknowns[link.unknown + k]);
+          equations->coordinates().set_soft(s, softs_[s].end);
         }
         for (std::size_t e = 0; e < 2; ++e)
           if (link.ends[e].dofs == 6)
@@ -333,7 +335,7 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
                 shape.swing[e] / inertia_[link.ends[e].point].minCoeff();
         continue;
       case Kind::kSpring:
-        equations->add_impulse(l, h_ * lambda * RowVector::Unit(0));
+        equations->forces().add(*equations, l, h_ * lambda * RowVector::Unit(0));
         stiffness = std::abs(lambda) / std::max(shape.d.norm(), 1e-9 * scale_);
         break;
     }
@@ -348,16 +350,18 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
   }
   for (std::size_t c = 0; c < coupled_.size(); ++c) {
     const CoupledRow& coupled = coupled_[c];
-    if (!coupled.is_left_out) equations->add_coupled_impulse(c, h_ * unknowns[coupled.unknown]);
-    for (std::size_t k = 0; k < 2; ++k) equations->set_position(c, k, coupled.terms[k].end);
+    if (!coupled.is_left_out)
+      equations->forces().add_coupled(*equations, c, h_ * unknowns[coupled.unknown]);
+    for (std::size_t k = 0; k < 2; ++k)
+      equations->coordinates().set_term(c, k, coupled.terms[k].end);
   }
   frequency_ = std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
   const auto turn = [&](std::size_t body) {
     return ConstVector(unknowns.data() + to_index(first_unknown_[body]) + 3);
   };
-  equations->add_turns(t_ + h_, h_, turn, [&](std::size_t l, std::size_t end) {
-    return shapes_[l].axes0[end].col(2);
-  });
+  equations->coordinates().add_turns(
+      *equations, equations->inputs(), t_ + h_, h_, turn,
+      [&](std::size_t l, std::size_t end) { return shapes_[l].axes0[end].col(2); });
 
   // Velocity at the end from the change (Δx or w), the change of the previous step, and the
   // velocity at the start.

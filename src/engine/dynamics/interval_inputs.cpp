@@ -85,7 +85,7 @@ void IntervalInputs::begin_general(const IslandModel& island, std::size_t l,
   scale_ = std::max(scale_, link.radius);
   if (couples(link.kind)) update_coupling(island, l, motion, t);
   for (std::size_t k = 0; k < island.rows_of(l); ++k) {
-    const std::size_t row = island.first_row(l) + k;
+    const std::size_t row = island.row_of(l) + k;
     value_target_[row] = motion.target(link.function[k], t).value;
     if (link.function[k] >= info(link.kind).rows)
       scale_ = std::max(scale_, std::abs(value_target_[row]) / row_length(island, row));
@@ -128,9 +128,9 @@ void IntervalInputs::update(const IslandModel& island, double t) {
     if (motion.moves_frame()) set_frame(island, l, motion.frame(t, link.anchor_b, link.frame_b));
     for (std::size_t k = 0; k < island.rows_of(l); ++k) {
       const Prescribed target = motion.target(link.function[k], t);
-      value_target_[island.first_row(l) + k] = target.value;
-      rate_target_[island.first_row(l) + k] = target.rate;
-      acceleration_target_[island.first_row(l) + k] = target.acceleration;
+      value_target_[island.row_of(l) + k] = target.value;
+      rate_target_[island.row_of(l) + k] = target.rate;
+      acceleration_target_[island.row_of(l) + k] = target.acceleration;
     }
   }
 }
@@ -190,7 +190,7 @@ Vector3d IntervalInputs::body_velocity(std::size_t point, double t,
 RowVector IntervalInputs::offset(const IslandModel& island, std::size_t l) const {
   RowVector targets = RowVector::Zero();
   for (std::size_t k = 0; island.is_general(l) && k < island.rows_of(l); ++k)
-    targets[static_cast<Eigen::Index>(k)] = value_target_[island.first_row(l) + k];
+    targets[static_cast<Eigen::Index>(k)] = value_target_[island.row_of(l) + k];
   return targets;
 }
 

@@ -212,15 +212,18 @@ void IslandModel::add_coordinates(const Joint& joint, Link* link) {
 }
 
 void IslandModel::add_all_rows() {
-  for (std::size_t l = 0; l < first_.general; ++l) add_rows(links_[l], is_rod(l) ? 1 : 3);
-  for (std::size_t l = first_.general; l < first_.spring; ++l) {
-    links_[l].first_row = rows_.size();
-    for (std::size_t k = 0; k < rows_of(l); ++k) {
-      const ScalarForm of_row = form(l, k);
-      general_rows_.push_back(
-          {rows_.size() + k, l, of_row, of_row.has_separation() ? 1.0 : links_[l].radius});
+  for (std::size_t l = 0; l < first_.spring; ++l) {
+    Link& link = links_[l];
+    link.first_row = rows_.size();
+    const std::size_t count = is_rod(l) ? 1 : is_ball(l) ? 3 : rows_of(l);
+    for (std::size_t k = 0; k < count; ++k) {
+      if (is_general(l)) {
+        const ScalarForm of_row = form(l, k);
+        general_rows_.push_back(
+            {rows_.size(), l, of_row, of_row.has_separation() ? 1.0 : link.radius});
+      }
+      rows_.push_back(new_row(link, rows_.size()));
     }
-    add_rows(links_[l], static_cast<int>(rows_of(l)));
   }
 }
 
@@ -231,16 +234,12 @@ IslandModel::Row IslandModel::new_row(const Link& link, std::size_t part) {
   row.block_a = row.block_b = -1;
   row.inverse_mass = inverse_mass_[link.a] + inverse_mass_[link.b];
   const auto turn = [&](std::size_t point) {
-    angular_blocks_.push_back({point, part, 0});
+    angular_blocks_.push_back({point, part});
     return static_cast<int>(angular_blocks_.size()) - 1;
   };
   if (rotates(link.a)) row.block_a = turn(link.a);
   if (rotates(link.b)) row.block_b = turn(link.b);
   return row;
-}
-
-void IslandModel::add_rows(const Link& link, int count) {
-  for (int k = 0; k < count; ++k) rows_.push_back(new_row(link, rows_.size()));
 }
 
 // Adds coupled rows with their first parts, then all second parts.

@@ -56,7 +56,7 @@ class IslandModel {
     bool has_arms;  ///< whether either end rotates
     double stiffness = 0.0, damping = 0.0;
     JointKind kind{};
-    std::size_t first_row = 0;  ///< general joints only
+    std::size_t first_row = 0;  ///< rigid joints only
     /// Number of rigid rows, and the index of each among the rows and coordinates of the kind.
     int rows = 1;
     std::array<std::uint8_t, kMaxJointRows> function{0, 1, 2, 3, 4, 5};
@@ -70,7 +70,6 @@ class IslandModel {
   /// rotate.
   struct Row {
     std::size_t a, b;
-    std::size_t unknown = 0;    // index of λ in a solution
     double inverse_mass = 0.0;  // sum over both ends [1/kg]
     int block_a = -1, block_b = -1;
   };
@@ -86,9 +85,7 @@ class IslandModel {
     int function;  ///< index among the rows and coordinates of the kind
     ScalarForm form;
     SoftLaw law;
-    /// Values as in CoordinateState; `position` of an angle only selects the turn.
-    double zero = 0.0, position = 0.0;
-    double rate = 0.0;  ///< rate at `position` [rad/s], to extrapolate angles
+    double zero = 0.0;  ///< position where the form is zero, as in CoordinateLaw [m or rad]
   };
   /// Row Σ ratio q − constant of a joint that couples coordinates of general joints. Acts in two
   /// parts, one per term, each between the two bodies of the term's joint.
@@ -98,19 +95,18 @@ class IslandModel {
       int coordinate;  ///< index of the coordinate in its joint
       ScalarForm form;
       double ratio;
-      double zero = 0.0, position = 0.0, rate = 0.0;  ///< same meaning as in SoftCoordinate
-      std::size_t part = 0;                           ///< number for part()
+      double zero = 0.0;     ///< as in SoftCoordinate
+      std::size_t part = 0;  ///< number for part()
     };
     std::size_t link;  ///< link of the coupling joint
     std::size_t row;
     double metres;  ///< metres per unit of the row
     std::array<Term, 2> terms;
-    double constant = 0.0;
   };
 
   /// Row or part that turns a body.
   struct AngularBlock {
-    std::size_t body, row, unknown;
+    std::size_t body, row;  ///< row: number for part()
   };
   /// Attachment point of a joint on an immovable body.
   struct FixedPoint {
@@ -130,8 +126,8 @@ class IslandModel {
   bool is_ball(std::size_t l) const { return l >= first_.ball && l < first_.general; }
   /// Whether link l is neither rod, ball joint nor spring.
   bool is_general(std::size_t l) const { return l >= first_.general && l < first_.spring; }
-  /// Row of a rod, or first row of another joint.
-  std::size_t row_of(std::size_t l) const { return is_rod(l) ? l : first_row(l); }
+  /// Row of a rod, or first row of another rigid joint.
+  std::size_t row_of(std::size_t l) const { return links_[l].first_row; }
   /// Number of rows of a rigid joint.
   std::size_t rows_of(std::size_t l) const { return static_cast<std::size_t>(links_[l].rows); }
   /// Form of row k of general joint l.
@@ -142,9 +138,6 @@ class IslandModel {
   const StateLayout& layout() const { return layout_; }
   /// Rows of general joints, in row order.
   const List<GeneralRow>& general_rows() const { return general_rows_; }
-  const GeneralRow& general_row(std::size_t row) const {
-    return general_rows_[row - first_general_row()];
-  }
   const List<SoftCoordinate>& soft_coordinates() const { return softs_; }
   const List<CoupledRow>& coupled_rows() const { return coupled_; }
   bool has_custom_forces() const { return has_custom_forces_; }
@@ -153,15 +146,12 @@ class IslandModel {
   double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
   const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
   double radius_of_gyration(std::size_t turning) const { return radius_of_gyration_[turning]; }
+  const List<AngularBlock>& angular_blocks() const { return angular_blocks_; }
   const List<FixedPoint>& fixed_points() const { return fixed_points_; }
   /// Whether a point is a body whose rotation is part of the state.
   bool rotates(std::size_t point) const { return point < rotating_; }
   /// Whether link l has rows of an offset: a ball joint or a general joint.
   bool is_by_offset(std::size_t l) const { return l >= first_.ball && l < first_.spring; }
-  /// First row of a link that is no rod.
-  std::size_t first_row(std::size_t l) const {
-    return is_ball(l) ? first_.ball + 3 * (l - first_.ball) : links_[l].first_row;
-  }
   std::size_t first_coupled_row() const { return rows_.size() - coupled_.size(); }
   std::size_t first_general_row() const { return first_coupled_row() - general_rows_.size(); }
   /// Number of parts: all rows, then the second parts of coupled rows.
@@ -215,7 +205,6 @@ class IslandModel {
                  const List<MassProperties>& masses, const Places& places);
   void add_coordinates(const Joint& joint, Link* link);
   void add_all_rows();
-  void add_rows(const Link& link, int count);
   Row new_row(const Link& link, std::size_t part);
   void add_coupled_rows(const List<Joint>& all_joints, const List<CoupledTerms>& couplings);
 };

@@ -8,6 +8,7 @@ namespace constraint_sim::engine {
 /// implements System for islands of one common shape.
 struct KernelView {
   const IslandModel::Row* rows;
+  const std::size_t* unknown;                       ///< per row
   std::size_t v_at, q_at, L_at;                     ///< offsets in a state vector; x is at 0
   const Prescribed* lengths;                        ///< per link
   const double* inverse_mass;                       ///< per point
@@ -24,7 +25,7 @@ struct KernelView {
   Eigen::Vector3d* separation;           ///< d, per link; of ball joints
   JointVectors* vectors;                 ///< per general joint
   double* placed_at;                     ///< time of the last evaluation [s]
-  TurnedAngles* angles;                  ///< angles of general joints
+  CoordinatePositions* coordinates;
 
   double* solution;                 ///< by unknown
   double *impulses, *stage_forces;  ///< by unknown; stage_forces stage by stage
@@ -35,12 +36,24 @@ struct KernelView {
   Eigen::Vector3d* falls;  ///< per rod of a chain: free acceleration of B minus A
   ChainPair* pairs;
   BodyTree* tree;
-  IslandModel::SoftCoordinate* softs;
 };
+
+inline void Kinematics::lend(KernelView* view) {
+  view->position = position_.data();
+  view->velocity = velocity_.data();
+  view->orientation = orientation_.data();
+  view->angular_velocity = angular_velocity_.data();
+  view->rod_direction = J_linear_.data();
+  view->separation = separation_.data();
+  view->vectors = vectors_.data();
+  view->placed_at = &time_;
+}
 
 inline KernelView EquationsOfMotion::kernel_view() {
   KernelView view{};
+  kinematics_.lend(&view);
   view.rows = rows_.data();
+  view.unknown = delassus_.unknown().data();
   view.v_at = layout().v_at;
   view.q_at = layout().q_at;
   view.L_at = layout().L_at;
@@ -51,24 +64,15 @@ inline KernelView EquationsOfMotion::kernel_view() {
   view.rate_target = inputs_.rate_target().data();
   view.acceleration_target = inputs_.acceleration_target().data();
   view.scale = scale_;
-  view.position = position_.data();
-  view.velocity = velocity_.data();
-  view.orientation = orientation_.data();
-  view.angular_velocity = angular_velocity_.data();
-  view.rod_direction = direction_.data();
-  view.separation = d_.data();
-  view.vectors = vectors_.data();
-  view.placed_at = &placed_at_;
-  view.angles = &angles_;
+  view.coordinates = &coordinates_;
   view.solution = solution_.data();
-  view.impulses = impulses_.data();
-  view.stage_forces = stage_forces_.data();
-  view.unknowns = impulses_.size();
+  view.impulses = forces_.impulses();
+  view.stage_forces = forces_.stage(0);
+  view.unknowns = forces_.unknowns();
   view.tridiagonal = &tridiagonal_;
   view.falls = falls_.data();
   view.pairs = pairs_.data();
   view.tree = &tree_;
-  view.softs = softs_.data();
   return view;
 }
 

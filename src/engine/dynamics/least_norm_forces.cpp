@@ -130,7 +130,7 @@ RowVector LeastNormForces::impulse(const EquationsOfMotion& equations, std::size
     return impulse;
   }
   for (int k = 0; k < links_[l].rows; ++k) impulse[k] = shares_[links_[l].first_row + to_index(k)];
-  return equations.by_function(l, impulse);
+  return equations.forces().by_function(equations, l, impulse);
 }
 
 // Vectors of a general joint at the given states.
@@ -212,14 +212,15 @@ JointVectors LeastNormForces::place_ends(const EquationsOfMotion& equations,
   for (std::size_t e = 0; e < 2; ++e) {
     const std::size_t point = e == 0 ? from.a : from.b;
     if (links_[l].unknowns[e] == 0) {
-      *d += kEndSign[e] * equations.position(point);
+      *d += kEndSign[e] * equations.kinematics().position()[point];
       continue;
     }
     const BodyState& state = states[equations.bodies()[point]];
     if (links_[l].unknowns[e] == 6)
-      (*arm)[e] = state.orientation * (e == 0                    ? from.anchor_a
-                                       : equations.is_general(l) ? equations.inputs().frame_b(l).anchor
-                                                                 : from.anchor_b);
+      (*arm)[e] =
+          state.orientation * (e == 0                    ? from.anchor_a
+                               : equations.is_general(l) ? equations.inputs().frame_b(l).anchor
+                                                         : from.anchor_b);
     *d += kEndSign[e] * (state.position + (*arm)[e]);
   }
   return equations.is_general(l) ? vectors_of(equations, states, l, *arm, *d) : JointVectors();
@@ -290,13 +291,14 @@ void LeastNormForces::factor() {
 void LeastNormForces::gather_state(const EquationsOfMotion& equations) {
   std::size_t i = 0;
   for (std::size_t l = 0; l < equations.links().size(); ++l) {
-    const RowVector impulse = equations.row_impulse(l);
+    const RowVector impulse = equations.forces().row_impulse(equations, l);
     for (int k = 0; k < (l < links_.size() ? links_[l].rows : 1); ++k) impulses_[i++] = impulse[k];
   }
   shares_ = impulses_;
   std::fill_n(shares_.begin(), rows_.size(), 0.0);
   for (std::size_t c = 0; c < coupled_.size(); ++c) {
-    coupled_[c].impulse = equations.coupled_impulse(equations.coupled_rows()[c].link);
+    coupled_[c].impulse =
+        equations.forces().coupled_impulse(equations, equations.coupled_rows()[c].link);
     coupled_[c].share = 0.0;
   }
 }

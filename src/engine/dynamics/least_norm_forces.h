@@ -23,7 +23,7 @@ class LeastNormForces {
   /// Distributes the impulses of `equations` over the rows at the pose where the step ends. Keeps
   /// the impulses where no others of equal sum are found, as at mass ratios above 1e10.
   void share(const EquationsOfMotion& equations, const List<BodyState>& states);
-  /// Impulse of joints()[l], laid out as EquationsOfMotion::impulse().
+  /// Impulse of joints()[l], laid out as JointForces::impulse().
   RowVector impulse(const EquationsOfMotion& equations, std::size_t l) const;
   double coupled_impulse(const EquationsOfMotion& equations, std::size_t l) const;
 

@@ -470,7 +470,7 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
       const IslandMotion& motion = lists->motions[parts.motion];
       const EquationsOfMotion& equations = motion.equations();
       report.rows += static_cast<std::uint32_t>(equations.rows());
-      island.dependent_rows = static_cast<std::uint32_t>(equations.dependent_rows());
+      island.dependent_rows = static_cast<std::uint32_t>(equations.delassus().dependent());
       island.events = motion.events();
     }
     if (groups.contains(to_index(index))) {

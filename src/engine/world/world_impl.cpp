@@ -202,18 +202,20 @@ void World::Impl::read_smooth_joints(JointStep step) {
     const EquationsOfMotion& equations = motion.equations();
     // With inconsistent joints, least_squares has already distributed the forces.
     const bool shares =
-        equations.redundant_rows() > 0 && islands[i].why != MethodReason::kInconsistent;
+        equations.delassus().redundant() > 0 && islands[i].why != MethodReason::kInconsistent;
     const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
     const bool any_coupling = !equations.coupled_rows().empty();
     const bool any_counted = !equations.general_rows().empty();
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
       if (any_counted)
-        step.counted = equations.count_turns(l, &positions) ? positions.data() : nullptr;
-      read_smooth_joint(to_index(equations.joints()[l]), step,
-                        shared ? shared->impulse(equations, l) : equations.impulse(l),
-                        !any_coupling ? 0.0
-                        : shared      ? shared->coupled_impulse(equations, l)
-                                      : equations.coupled_impulse(l));
+        step.counted =
+            equations.coordinates().read(equations, l, &positions) ? positions.data() : nullptr;
+      read_smooth_joint(
+          to_index(equations.joints()[l]), step,
+          shared ? shared->impulse(equations, l) : equations.forces().impulse(equations, l),
+          !any_coupling ? 0.0
+          : shared      ? shared->coupled_impulse(equations, l)
+                        : equations.forces().coupled_impulse(equations, l));
     }
     step.counted = nullptr;
   }

@@ -160,11 +160,11 @@ inline void ChainOfBodies::write_forces(double* by_unknown) const {
   for (std::size_t e = 0; e <= middle_; ++e) {
     const ChainPair& pair = pairs_[e];
     const Lanes3 force = pair.sense * pair.solution;
-    const auto* const a = view_.rows + 3 * pair.joints[0];
-    const auto* const b = view_.rows + 3 * pair.joints[1];
+    const std::size_t* const a = view_.unknown + 3 * pair.joints[0];
+    const std::size_t* const b = view_.unknown + 3 * pair.joints[1];
     for (std::size_t k = 0; k < 3; ++k) {
-      by_unknown[a[k].unknown] = force[static_cast<Eigen::Index>(k)].first();
-      by_unknown[b[k].unknown] = force[static_cast<Eigen::Index>(k)].second();
+      by_unknown[a[k]] = force[static_cast<Eigen::Index>(k)].first();
+      by_unknown[b[k]] = force[static_cast<Eigen::Index>(k)].second();
     }
   }
 }
@@ -309,7 +309,7 @@ bool ChainOfBodies::factor(const double* y, const FindMotion& find_motion) {
       const Lanes33 K = response(pair.inverse_mass, turned, to_end);
       BlockPivot& pivot = pairs_[e - 1].pivot;
       is_regular &=
-          pivot.factor(outer.K + K, EquationsOfMotion::kLeastPivot, outer.entries + K.diagonal());
+          pivot.factor(outer.K + K, DelassusMatrix::kLeastPivot, outer.entries + K.diagonal());
       inner.K -= pivot.couple(-response(pair.inverse_mass, turned, to_middle));
       inner.motion -= pivot.reduce(outer.motion - motion(to_end));
     }
@@ -321,7 +321,7 @@ bool ChainOfBodies::factor(const double* y, const FindMotion& find_motion) {
     outer = inner;
   }
   BlockPivot& pivot = pairs_[middle_].pivot;
-  is_regular &= pivot.factor(outer.K + swapped(outer.K), EquationsOfMotion::kLeastPivot,
+  is_regular &= pivot.factor(outer.K + swapped(outer.K), DelassusMatrix::kLeastPivot,
                              outer.entries + swapped(outer.entries));
   pivot.reduce(outer.motion - swapped(outer.motion));
   return is_regular[0] != 0 && is_regular[1] != 0;

@@ -62,7 +62,7 @@ class ChainOfRods {
     if (!factor_and_solve()) return equations_.restart(y, dydt);
     push(y + v_at_);
     for (std::size_t l = 0; l < rods_; ++l)
-      impulses_[rows_[l].unknown] += solution_[l] * lengths_[l].value;
+      impulses_[unknown_[l]] += solution_[l] * lengths_[l].value;
 
     const double* const target = acceleration_target_;
     Along v = velocities(y);
@@ -91,6 +91,7 @@ class ChainOfRods {
         starts_with_body_(first_ < bodies_),
         ends_with_body_(last_ < bodies_),
         rows_(view.rows),
+        unknown_(view.unknown),
         lengths_(view.lengths),
         position_(view.position),
         velocity_(view.velocity),
@@ -162,7 +163,7 @@ class ChainOfRods {
   }
 
   bool factor_and_solve() {
-    return tridiagonal_.factor_and_solve(EquationsOfMotion::kLeastPivot, solution_);
+    return tridiagonal_.factor_and_solve(DelassusMatrix::kLeastPivot, solution_);
   }
 
   // Writes −C to solution_, and d. Returns the largest error of a rod [m].
@@ -194,8 +195,7 @@ class ChainOfRods {
       Vector(v_dot + 3 * i) = free_[i] + inverse_mass_[i] * pull;
     });
     double* const forces = stage_forces_ + stage * unknowns_;
-    for (std::size_t l = 0; l < rods_; ++l)
-      forces[rows_[l].unknown] = solution_[l] * lengths_[l].value;
+    for (std::size_t l = 0; l < rods_; ++l) forces[unknown_[l]] = solution_[l] * lengths_[l].value;
   }
 
   // Passes Gᵀ of the solution to `take`, body by body.
@@ -217,6 +217,7 @@ class ChainOfRods {
   std::size_t first_, last_;  // points at the ends of the chain
   bool starts_with_body_, ends_with_body_;
   const IslandModel::Row* rows_;
+  const std::size_t* unknown_;  // per row
   const Prescribed* lengths_;
   const Vector3d *position_, *velocity_, *free_;  // per point; free_: acceleration without the rods
   const double* inverse_mass_;                    // per point

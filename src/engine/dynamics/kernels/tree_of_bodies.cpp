@@ -73,7 +73,8 @@ void TreeOfBodies::place_joint(TreeNode* node) {
   vectors.r_B = r_B;
   vectors.d = d;
   const auto axes = [&](std::size_t point, const Matrix3d& frame) -> Matrix3d {
-    return turns(point) ? view_.orientation[point] * frame : equations_.inputs().fixed_axes(point) * frame;
+    return turns(point) ? view_.orientation[point] * frame
+                        : equations_.inputs().fixed_axes(point) * frame;
   };
   vectors.axes_A = axes(link.a, link.frame_a);
   if (info(link.kind).alignment != Alignment::kFree) vectors.axes_B = axes(link.b, link.frame_b);
@@ -231,7 +232,8 @@ void TreeOfBodies::find_spins(const double* y) {
 }
 
 Vector3d TreeOfBodies::spin(std::size_t point) const {
-  return turns(point) ? view_.angular_velocity[point] : equations_.inputs().fixed_angular_velocity(point);
+  return turns(point) ? view_.angular_velocity[point]
+                      : equations_.inputs().fixed_angular_velocity(point);
 }
 
 // Velocity of B relative to A at the joint's place on B.
@@ -283,10 +285,11 @@ void TreeOfBodies::pull(TreeNode* node, const SpatialVector& relative, double* f
   for (std::size_t k = 0; k < node->count; ++k) {
     Direction& direction = node->directions[k];
     if (direction.soft == TreeNode::kNone) continue;
-    const auto& soft = view_.softs[direction.soft];
     const double rate = component(direction, relative);
-    const double force = forces[equations_.soft_force(direction.soft)] =
-        soft.law.force(equations_.reading_of(soft, rate), rate);
+    const double position =
+        view_.coordinates->soft_at(equations_, equations_.kinematics(), direction.soft, rate);
+    const double force = forces[equations_.forces().of_soft(equations_, direction.soft)] =
+        equations_.soft_coordinates()[direction.soft].law.force(position, rate);
     direction.force = node->sense * force;
   }
 }
@@ -325,18 +328,18 @@ Vector3d TreeOfBodies::inertia_times(std::size_t body, const Vector3d& w) const 
   return R * equations_.inertia(body).cwiseProduct(Vector3d(R.transpose() * w));
 }
 
-// Notes positions and rates of coordinates, as EquationsOfMotion::note_positions() does.
+// Notes positions and rates of coordinates, as CoordinatePositions::note() does.
 void TreeOfBodies::note_positions() {
   for (const TreeNode& node : nodes_) {
     for (std::size_t k = 0; k < node.count; ++k) {
       if (node.directions[k].soft == TreeNode::kNone) continue;
-      auto& soft = view_.softs[node.directions[k].soft];
+      const std::size_t soft = node.directions[k].soft;
       const double rate = component(node.directions[k], relative_velocity(node));
-      soft.position = equations_.reading_of(soft, rate);
-      soft.rate = rate;
+      view_.coordinates->note_soft(
+          soft, view_.coordinates->soft_at(equations_, equations_.kinematics(), soft, rate), rate);
     }
   }
-  view_.angles->integrate(
+  view_.coordinates->note_angles(
       *view_.placed_at, [this](std::size_t point) { return spin(point); },
       [this](const TurnedAngles::Angle& angle) {
         const JointVectors& vectors = view_.vectors[angle.joint - first_general_];
@@ -350,9 +353,7 @@ void TreeOfBodies::write_forces(const TreeNode& node, const SpatialVector& on_ch
   if (node.link == TreeNode::kNone) return;
   const SpatialVector on_b = on_child * node.sense;
   const std::size_t first = equations_.row_of(node.link);
-  const auto write = [&](std::size_t row, double force) {
-    by_unknown[view_.rows[row].unknown] = force;
-  };
+  const auto write = [&](std::size_t row, double force) { by_unknown[view_.unknown[row]] = force; };
   if (equations_.is_ball(node.link)) {
     for (std::size_t k = 0; k < 3; ++k) write(first + k, on_b.linear[static_cast<Eigen::Index>(k)]);
     return;
@@ -394,7 +395,7 @@ bool TreeOfBodies::restart(double* y, double* dydt) {
   find_forces(solution);
   for (std::size_t i = 0; i < equations_.rows(); ++i) view_.impulses[i] += solution[i];
   accelerate(0, y, dydt);
-  if (!equations_.soft_coordinates().empty() || !view_.angles->empty()) note_positions();
+  if (!view_.coordinates->empty()) note_positions();
   return true;
 }
 
@@ -416,7 +417,7 @@ double TreeOfBodies::find_values(double t, double* y) {
   for (std::size_t l = 0; l < first_general_; ++l)
     consider(view_.separation[l].cwiseAbs().maxCoeff());
   for (const auto& row : equations_.general_rows())
-    consider(row.metres * std::abs(equations_.value_of(row)));
+    consider(row.metres * std::abs(equations_.kinematics().value_of(equations_.inputs(), row)));
   return worst;
 }
 
@@ -450,7 +451,9 @@ SpatialVector TreeOfBodies::opening(const TreeNode& node) const {
   for (std::size_t k = 0; k < node.count; ++k) {
     const Direction& direction = node.directions[k];
     if (direction.row == TreeNode::kNone) continue;
-    const double off = equations_.value_of(equations_.general_row(direction.row));
+    const double off = equations_.kinematics().value_of(
+        equations_.inputs(),
+        equations_.general_rows()[direction.row - equations_.first_general_row()]);
     (direction.turns ? by.angular : by.linear) -= off * direction.along;
   }
   return by;

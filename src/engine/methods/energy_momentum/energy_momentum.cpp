@@ -47,10 +47,10 @@ bool EnergyMomentum::start(const Interval& span, EquationsOfMotion* equations,
   change_.assign(step_equations_.size(), 0.0);
   numbers_.resize(2 * equations->size());
   double* const y = numbers_.data();
-  equations->gather_state(*states, y);
-  progress->projected = equations->kinetic_energy(y);
+  gather_state(*equations, *states, y);
+  progress->projected = kinetic_energy(*equations, y);
   if (!equations->start(span.t, y, y + equations->size())) return false;
-  progress->projected -= equations->kinetic_energy(y);
+  progress->projected -= kinetic_energy(*equations, y);
   equations->scatter_state(y, states);
   refinement_ = -1;
   spans_since_ = 0;
@@ -86,7 +86,7 @@ IntegrationResult EnergyMomentum::advance(const Interval& span, const Integrator
       progress.is_inconsistent = true;
       return progress;
     }
-    const double left = equations->kinetic_energy(numbers_.data());
+    const double left = kinetic_energy(*equations, numbers_.data());
     if (progress.projected > accuracy.most_projected * (left + progress.projected)) {
       // Too much energy; the midpoint rule can start from velocities that are off the joints.
       for (std::size_t i = 0; i < before.size(); ++i)
@@ -105,7 +105,7 @@ IntegrationResult EnergyMomentum::advance(const Interval& span, const Integrator
     if (refinement_ > accuracy.most_halvings) {
       has_started_ = false;
       progress.done = false;
-      progress.is_inconsistent = equations->is_inconsistent();
+      progress.is_inconsistent = equations->redundant().is_inconsistent();
       return progress;
     }
     step_equations_.gather_state(*states, *equations);
@@ -124,12 +124,12 @@ IntegrationResult EnergyMomentum::advance(const Interval& span, const Integrator
                              : step(t, h, 0, equations, &progress);
       if (is_new && 2 * (k + 1) == parts) step_equations_.write_points(estimate_.middle());
     }
-    const std::size_t redundant = equations->redundant_rows();
+    const std::size_t redundant = equations->delassus().redundant();
     if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
       done = false;
-      if (equations->is_inconsistent()) refinement_ = accuracy.most_halvings;
+      if (equations->redundant().is_inconsistent()) refinement_ = accuracy.most_halvings;
       // Repeat with all rows that are needed.
-      if (equations->redundant_rows() < redundant) --refinement_;
+      if (equations->delassus().redundant() < redundant) --refinement_;
     }
     if (done) {
       step_equations_.write_points(estimate_.end());

@@ -55,11 +55,11 @@ double InconsistentMotion::share_off(std::size_t row, const Vector3d& d) const {
   return distance > offset ? 1.0 - offset / distance : 0.0;
 }
 
-// Position of a coupled coordinate.
-double InconsistentMotion::reading_of(const EquationsOfMotion::CoupledRow::Term& term,
-                                      const Rows& geometry) const {
+// Position of the coordinate of term k of coupled row c.
+double InconsistentMotion::reading_of(std::size_t c, std::size_t k, const Rows& geometry) const {
+  const EquationsOfMotion::CoupledRow::Term& term = equations_->coupled_rows()[c].terms[k];
   return reading(term.form, value(term.form, geometry[term.link].vectors()), term.zero,
-                 term.position);
+                 equations_->coordinates().term(c, k));
 }
 
 // Error of a row of a general joint [m]; whole turns of an angle do not count.
@@ -67,8 +67,9 @@ double InconsistentMotion::general_error(std::size_t i, const Rows& geometry) co
   const RegularizedRows::Row& row = rows_.rows()[i];
   if (row.coupled >= 0) {
     double sum = 0.0;
-    for (const auto& term : equations_->coupled_rows()[static_cast<std::size_t>(row.coupled)].terms)
-      sum += term.ratio * reading_of(term, geometry);
+    const auto c = to_index(row.coupled);
+    for (std::size_t k = 0; k < 2; ++k)
+      sum += equations_->coupled_rows()[c].terms[k].ratio * reading_of(c, k, geometry);
     return row.metres * sum - target_.length[i];
   }
   const double there = value(row.form, geometry[row.joint].vectors());
@@ -234,7 +235,8 @@ double InconsistentMotion::extent(std::size_t i, const Rows& geometry) const {
   const EquationsOfMotion::SoftCoordinate& soft =
       equations_->soft_coordinates()[static_cast<std::size_t>(row.soft)];
   const double there = value(soft.form, geometry[row.joint].vectors());
-  return row.metres * reading(soft.form, there, soft.zero, soft.position);
+  return row.metres *
+         reading(soft.form, there, soft.zero, equations_->coordinates().soft(to_index(row.soft)));
 }
 
 // Energy of springs at end_ [J]; energy of constant forces counts from the rest position.
@@ -276,8 +278,8 @@ double InconsistentMotion::damped_energy(double h) const {
 double InconsistentMotion::work_of_loads() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < bodies_; ++i)
-    sum +=
-        mass_[i] * equations_->inputs().acceleration()[i].dot(end_.position[i] - start_.position[i]);
+    sum += mass_[i] *
+           equations_->inputs().acceleration()[i].dot(end_.position[i] - start_.position[i]);
   for (std::size_t i = 0; i < rotating_; ++i) {
     const Vector3d turn = rotation_vector(end_.orientation[i] * start_.orientation[i].conjugate());
     sum += equations_->inputs().torque()[i].dot(turn);

@@ -114,14 +114,16 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
   equations->move_with_time(t);
   target_.is_driven = equations->inputs().is_time_dependent();
   for (std::size_t p = bodies_; p < points_; ++p) {
-    configuration->position[p] = equations->position(p);
-    target_.fixed.linear[p] = equations->inputs().body_velocity(p, t, equations->position(p));
+    configuration->position[p] = equations->kinematics().position()[p];
+    target_.fixed.linear[p] =
+        equations->inputs().body_velocity(p, t, equations->kinematics().position()[p]);
     configuration->fixed_axes[p - bodies_] = equations->inputs().fixed_axes(p);
   }
   configuration->frames_b.clear();
   for (std::size_t l = 0; l < equations->links().size(); ++l) {
     const std::size_t i = rows_.first_row(l);
-    if (equations->is_general(l) && equations->inputs().frame_b(l).moves && configuration->frames_b.empty())
+    if (equations->is_general(l) && equations->inputs().frame_b(l).moves &&
+        configuration->frames_b.empty())
       for (std::size_t k = 0; k < equations->links().size(); ++k)
         configuration->frames_b.push_back(
             equations->is_general(k)
@@ -129,8 +131,8 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
                 : MovingFrame(equations->links()[k].anchor_b, Matrix3d::Identity()));
     if (!equations->is_ball(l) && !equations->is_general(l)) {
       target_.length[i] = equations->inputs().length()[l].value;
-      target_.rate[i] =
-          equations->is_rod(l) ? equations->inputs().driven_rate(*equations, l, t)[0] : equations->inputs().length()[l].rate;
+      target_.rate[i] = equations->is_rod(l) ? equations->inputs().driven_rate(*equations, l, t)[0]
+                                             : equations->inputs().length()[l].rate;
       continue;
     }
     const EquationsOfMotion::Link& link = equations->links()[l];
@@ -152,8 +154,9 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
   for (std::size_t i = rows_.rows().size() - equations->coupled_rows().size();
        i < rows_.rows().size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
-    const EquationsOfMotion::CoupledRow& coupled = equations->coupled_rows()[row.coupled];
-    target_.length[i] = row.metres * (coupled.constant + equations->inputs().coupling_offset(to_index(row.coupled)).value);
+    const auto c = to_index(row.coupled);
+    target_.length[i] = row.metres * (equations->coordinates().constant(c) +
+                                      equations->inputs().coupling_offset(c).value);
     target_.rate[i] = 0.0;
   }
   scale_ = largest(target_.length);
@@ -165,7 +168,8 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
 // Offset of d of a ball joint that is closed by its frame on B, in world axes at the pose of B.
 Vector3d InconsistentMotion::ball_offset(std::size_t joint,
                                          const Configuration& configuration) const {
-  if (!equations_->is_general(joint) || !equations_->inputs().frame_b(joint).moves) return Vector3d::Zero();
+  if (!equations_->is_general(joint) || !equations_->inputs().frame_b(joint).moves)
+    return Vector3d::Zero();
   const EquationsOfMotion::Link& link = equations_->links()[joint];
   const Vector3d shift = equations_->inputs().frame_b(joint).anchor - link.anchor_b;
   return link.b < rotating_ ? -(configuration.orientation[link.b] * shift) : Vector3d(-shift);
@@ -200,17 +204,17 @@ IntegrationResult InconsistentMotion::advance(const Interval& span, EquationsOfM
     ask(span.t + (k + 1) * h, equations, &end_);
     step(h, energy, &progress);
     ++progress.substeps;
-    equations->add_turns(
-        span.t + (k + 1) * h, h, [&](std::size_t body) { return displacement_.angular[body]; },
+    equations->coordinates().add_turns(
+        *equations, equations->inputs(), span.t + (k + 1) * h, h,
+        [&](std::size_t body) { return displacement_.angular[body]; },
         [&](std::size_t l, std::size_t end) { return at_start_[l].axes[end].col(2); });
     for (std::size_t i = 0; i < rows_.rows().size(); ++i)
       if (rows_.rows()[i].soft >= 0)
-        equations->set_position(to_index(rows_.rows()[i].soft),
-                                extent(i, at_end_) / rows_.rows()[i].metres);
+        equations->coordinates().set_soft(to_index(rows_.rows()[i].soft),
+                                          extent(i, at_end_) / rows_.rows()[i].metres);
     for (std::size_t c = 0; c < equations->coupled_rows().size(); ++c)
       for (std::size_t term = 0; term < 2; ++term)
-        equations->set_position(c, term,
-                                reading_of(equations->coupled_rows()[c].terms[term], at_end_));
+        equations->coordinates().set_term(c, term, reading_of(c, term, at_end_));
   }
   progress.projected = std::max(progress.projected, 0.0);
   find_whether_met();
@@ -221,11 +225,11 @@ IntegrationResult InconsistentMotion::advance(const Interval& span, EquationsOfM
     const RegularizedRows::Row& row = rows_.rows()[i];
     const double impulse = row.metres * impulses_[i];
     if (row.soft >= 0)
-      equations->add_soft_impulse(to_index(row.soft), impulse);
+      equations->forces().add_soft(*equations, to_index(row.soft), impulse);
     else if (row.coupled >= 0)
-      equations->add_coupled_impulse(to_index(row.coupled), impulse);
+      equations->forces().add_coupled(*equations, to_index(row.coupled), impulse);
     else
-      equations->add_impulse(row.joint, impulse * RowVector::Unit(row.index));
+      equations->forces().add(*equations, row.joint, impulse * RowVector::Unit(row.index));
   }
   scatter_state(states);
   return progress;

@@ -86,7 +86,7 @@ class InconsistentMotion {
   void find_correction(double share);
   double displace(Configuration* configuration) const;
   double errors(const Rows& geometry, Numbers* values) const;
-  double reading_of(const EquationsOfMotion::CoupledRow::Term& term, const Rows& geometry) const;
+  double reading_of(std::size_t coupled, std::size_t term, const Rows& geometry) const;
   double general_error(std::size_t row, const Rows& geometry) const;
   static double largest(const Numbers& list);
   Vector3d components(const Numbers& list, std::size_t row) const;

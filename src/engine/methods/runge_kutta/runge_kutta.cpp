@@ -89,7 +89,7 @@ void RungeKutta::restart() {
 
 template <class Act>
 auto RungeKutta::with_system(Act act) {
-  if (equations_.redundant_rows() > 0)  // kernels contain all rows
+  if (equations_.delassus().redundant() > 0)  // kernels contain all rows
     return act(equations_);
   if (equations_.is_point_on_rod()) {
     PointOnRod point(equations_);
@@ -113,7 +113,7 @@ IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOption
   if (span.is_disturbed) has_started_ = false;
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
-  if (!has_started_) equations_.gather_state(states, y);
+  if (!has_started_) gather_state(equations_, states, y);
   const bool begins = !has_started_ || equations_.inputs().is_time_dependent();
   if (begins)
     equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
@@ -138,12 +138,12 @@ IntegrationResult RungeKutta::integrate_span(const Interval& span,
   const IntegrationResult begun = begin(span, accuracy, *states);
   if (!begun.done) return begun;
   const StageMemory memory(numbers_.data(), equations_.size());
-  const double momentary = equations_.momentary_error();
+  const double momentary = equations_.redundant().momentary_error();
   IntegrationResult progress = integrate_equations(memory, span, accuracy);
-  progress.local_error += equations_.momentary_error() - momentary;
+  progress.local_error += equations_.redundant().momentary_error() - momentary;
   progress.projected = begun.projected + equations_.take_projected_energy();
   progress.is_inconsistent =
-      !progress.done && (progress.is_inconsistent || equations_.is_inconsistent());
+      !progress.done && (progress.is_inconsistent || equations_.redundant().is_inconsistent());
   if (std::isfinite(accuracy.most_frequency) &&
       kMostStable * progress.substeps >= accuracy.most_frequency * span.h) {
     progress.frequency = equations_.frequency();
@@ -211,9 +211,9 @@ bool RungeKutta::is_far_too_stiff(const IntegratorOptions& accuracy) {
 IntegrationResult RungeKutta::start(const Interval& span, const IntegratorOptions& accuracy,
                                     const StageMemory& memory) {
   IntegrationResult progress;
-  const double before = equations_.kinetic_energy(memory.state());
+  const double before = kinetic_energy(equations_, memory.state());
   has_started_ = equations_.start(span.t, memory.state(), memory.derivatives());
-  progress.projected = before - equations_.kinetic_energy(memory.state());
+  progress.projected = before - kinetic_energy(equations_, memory.state());
   equations_.take_projected_energy();  // part of `projected`
   progress.is_inconsistent = !has_started_;
   if (std::isfinite(accuracy.most_projected))

@@ -26,7 +26,7 @@ double counted(const EquationsOfMotion& equations, std::size_t joint, int coordi
   const auto found = std::find(joints.begin(), joints.end(), static_cast<int>(joint));
   std::array<double, kMaxCoordinates> positions;
   if (found == joints.end() ||
-      !equations.count_turns(to_index(found - joints.begin()), &positions) ||
+      !equations.coordinates().read(equations, to_index(found - joints.begin()), &positions) ||
       std::isnan(positions[to_index(coordinate)]))
     return noted;
   return positions[to_index(coordinate)];
@@ -134,7 +134,7 @@ BodyState EventDriven::body(const Span& span, int body, double t) const {
 
 EventDriven::Reading EventDriven::read(const Span& span, const OneSidedLaw& law, double t,
                                        const EquationsOfMotion& equations,
-                                       const EquationsOfMotion::Motions& rates) const {
+                                       const Motions& rates) const {
   if (law.is_coupling) {
     Reading sum;
     for (const CoupledTerm& term : couplings_[law.joint]) {
@@ -330,16 +330,17 @@ void EventDriven::begin_step(const List<JointState>& joint_states, RungeKutta* m
 
 void EventDriven::collect(const List<BodyState>& states, RungeKutta* motion) {
   const EquationsOfMotion& equations = motion->equations();
-  const bool shares = equations.redundant_rows() > 0;
+  const bool shares = equations.delassus().redundant() > 0;
   if (shares && !least_forces_) least_forces_.emplace(equations);
   if (shares) least_forces_->share(equations, states);
   const LeastNormForces* const shared = shares ? &*least_forces_ : nullptr;
   for (std::size_t k = 0; k < equations.joints().size(); ++k) {
     const std::size_t l = to_index(equations.joints()[k]);
-    impulses_[l] += shared ? shared->impulse(equations, k) : equations.impulse(k);
+    impulses_[l] +=
+        shared ? shared->impulse(equations, k) : equations.forces().impulse(equations, k);
     if (equations.coupled_rows().empty() || !couples(joints_[l].kind)) continue;
-    coupled_impulses_[l] +=
-        shared ? shared->coupled_impulse(equations, k) : equations.coupled_impulse(k);
+    coupled_impulses_[l] += shared ? shared->coupled_impulse(equations, k)
+                                   : equations.forces().coupled_impulse(equations, k);
   }
   motion->begin_step(joint_states_);
 }

@@ -81,7 +81,7 @@ class EventDriven {
   /// Adds the impulses of the rows that act now.
   void collect(const List<BodyState>& states, RungeKutta* motion);
   const List<int>& joints() const { return members_; }
-  /// Impulse of joints()[l], laid out as EquationsOfMotion::impulse().
+  /// Impulse of joints()[l], laid out as JointForces::impulse().
   const RowVector& impulse(std::size_t l) const { return impulses_[l]; }
   double coupled_impulse(std::size_t l) const { return coupled_impulses_[l]; }
   /// Writes where motors with a force limit hold, whether they are saturated, and whether the joint
@@ -179,7 +179,7 @@ class EventDriven {
   // ---- kinematics
   BodyState body(const Span& span, int body, double t) const;
   Reading read(const Span& span, const OneSidedLaw& law, double t,
-               const EquationsOfMotion& equations, const EquationsOfMotion::Motions& rates) const;
+               const EquationsOfMotion& equations, const Motions& rates) const;
   void note_positions(const Span& span, double t);
   Prescribed limit(std::size_t law, bool upper_one, double t) const;
   Prescribed zeta(const Span& span, std::size_t law, double t, double q) const;
@@ -268,7 +268,7 @@ class EventDriven {
   List<Told> told_;
   int unchanged_ = 0;  // events that changed nothing
   WatchedSubstep<Watched> watched_;
-  EquationsOfMotion::Motions rates_;
+  Motions rates_;
   std::optional<LeastNormForces> least_forces_;  // reported forces of the rows that act now
 };
 

@@ -40,13 +40,13 @@ void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& re
     if (!std::isfinite(bound)) return;
     const auto margin = [&](double force) { return side * (bound - force + soft); };
     watched.side = side;
-    watched.value = margin(equations.force(link)[law.function]);
+    watched.value = margin(equations.forces().force(equations, link, 0)[law.function]);
     watched.early = 0.0;
     // Stages show a force that leaves its bounds within the substep and returns.
     const bool is_alone = law.soft.is_none() && law.servo_most == 0.0;
     for (std::size_t i = 1; is_alone && watched.early == 0.0 && i < kStagesWatched; ++i)
       if (span.accuracy.order == 8 &&
-          margin(equations.stage_force(link, i)[law.function]) < -watched.tolerance)
+          margin(equations.forces().force(equations, link, i)[law.function]) < -watched.tolerance)
         watched.early = DormandPrince8::kC[i];
     list->push_back(watched);
   };
@@ -58,7 +58,7 @@ void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& re
 void EventDriven::watch(const Span& span, double t, List<Watched>* list) {
   list->clear();
   const EquationsOfMotion& equations = span.motion->equations();
-  equations.find_accelerations(span.motion->state(), span.motion->derivative(), &rates_);
+  find_accelerations(equations, span.motion->state(), span.motion->derivative(), &rates_);
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     const OneSidedLaw& law = laws_[c];
     const OneSidedState& state = states_[c];
@@ -78,7 +78,7 @@ void EventDriven::watch(const Span& span, double t, List<Watched>* list) {
     if (law.has_servo()) watch_servo(law, state, reading, rest(c, t), add);
     if (state.hold == Hold::kBrake) add(watched_end(held_[c] - t, braking_[c]));
   }
-  if (!breaking_.empty() && equations.redundant_rows() == 0) watch_breaking(span, t, list);
+  if (!breaking_.empty() && equations.delassus().redundant() == 0) watch_breaking(span, t, list);
 }
 
 void EventDriven::watch_breaking(const Span& span, double t, List<Watched>* list) const {
@@ -87,8 +87,8 @@ void EventDriven::watch_breaking(const Span& span, double t, List<Watched>* list
     const auto found = std::find(equations.joints().begin(), equations.joints().end(),
                                  static_cast<int>(breaking.joint));
     if (found == equations.joints().end()) continue;
-    const RowVector force =
-        equations.force(static_cast<std::size_t>(found - equations.joints().begin()));
+    const RowVector force = equations.forces().force(
+        equations, static_cast<std::size_t>(found - equations.joints().begin()), 0);
     const Joint& joint = joints_[breaking.joint];
     Watched watched;
     watched.breaks = static_cast<int>(breaking.joint);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/dynamics/held_response.h"
 #include "engine/math/box_lcp.h"
 #include "engine/math/dense.h"
 #include "engine/math/list.h"
@@ -29,8 +30,7 @@ constexpr std::size_t kMostVariants = 16;
 Index index(std::size_t i) { return static_cast<Index>(i); }
 
 // Adds the impulses on the two bodies of a joint by a unit impulse along J, each body once.
-void add_unit(std::pair<std::size_t, std::size_t> ends, const Jacobian& J,
-              EquationsOfMotion::BodyImpulse* unit) {
+void add_unit(std::pair<std::size_t, std::size_t> ends, const Jacobian& J, BodyImpulse* unit) {
   const auto add = [&](std::size_t body, const Eigen::Vector3d& linear,
                        const Eigen::Vector3d& angular) {
     if (body == 0) return;
@@ -54,13 +54,13 @@ bool EventDriven::load_rows(Span* span, Rows* rows) {
   rows->dydt.resize(bare_.size());
   bare_.forget_redundant_rows();
   bare_.begin_step(joint_states_);
-  bare_.gather_state(*span->states, rows->y.data());
+  gather_state(bare_, *span->states, rows->y.data());
   const double t = span->left.t;
   bare_.begin(t, *span->states, span->all.gravity, span->all.loads, bare_courses_,
               span->all.since_tick + (t - span->all.t));
-  const double before = bare_.kinetic_energy(rows->y.data());
+  const double before = kinetic_energy(bare_, rows->y.data());
   if (!bare_.start(t, rows->y.data(), rows->dydt.data())) return false;
-  span->progress.projected += before - bare_.kinetic_energy(rows->y.data());
+  span->progress.projected += before - kinetic_energy(bare_, rows->y.data());
   bare_.scatter_state(rows->y.data(), span->states);
   read_rows(*span, rows);
   find_responses(rows);
@@ -69,8 +69,8 @@ bool EventDriven::load_rows(Span* span, Rows* rows) {
 }
 
 void EventDriven::read_rows(const Span& span, Rows* rows) const {
-  EquationsOfMotion::Motions rates;
-  bare_.find_accelerations(rows->y.data(), rows->dydt.data(), &rates);
+  Motions rates;
+  find_accelerations(bare_, rows->y.data(), rows->dydt.data(), &rates);
   rows->reading.clear();
   for (const OneSidedLaw& law : laws_)
     rows->reading.push_back(read(span, law, span.left.t, bare_, rates));
@@ -83,10 +83,10 @@ void EventDriven::find_responses(Rows* rows) {
   rows->is_free.assign(n, 0);
   rows->A.setZero(index(n), index(n));
   const List<int>& bodies = bare_.bodies();
-  List<EquationsOfMotion::BodyImpulse> units;
+  List<BodyImpulse> units;
   for (std::size_t c = 0; c < n; ++c) {
     const std::size_t l = laws_[c].joint;
-    EquationsOfMotion::BodyImpulse& unit = units.emplace_back();
+    BodyImpulse& unit = units.emplace_back();
     if (!laws_[c].is_coupling) {
       add_unit(ends_[l], rows->reading[c].J, &unit);
       continue;
@@ -94,8 +94,7 @@ void EventDriven::find_responses(Rows* rows) {
     add_unit(ends_[couplings_[l][0].joint], rows->reading[c].J, &unit);
     add_unit(ends_[couplings_[l][1].joint], rows->reading[c].J_second, &unit);
   }
-  const auto rate_of = [&](const EquationsOfMotion::BodyImpulse& along,
-                           const EquationsOfMotion::Motions& motions) {
+  const auto rate_of = [&](const BodyImpulse& along, const Motions& motions) {
     double rate = 0.0;
     for (std::size_t k = 0; k < along.body.size() && along.body[k] != 0; ++k) {
       const auto found = std::find(bodies.begin(), bodies.end(), along.body[k]);
@@ -107,10 +106,12 @@ void EventDriven::find_responses(Rows* rows) {
   };
   for (std::size_t c = 0; c < n; ++c) {
     if (is_broken_[laws_[c].joint]) continue;
-    rows->response[c] = bare_.held_response(units[c], &rows->joint_impulses[c]);
+    rows->response[c] = held_response(bare_, bare_.inputs(), bare_.kinematics(), units[c],
+                                      &bare_.delassus(), &rows->joint_impulses[c]);
     for (std::size_t d = 0; d < n; ++d)
       rows->A(index(d), index(c)) = rate_of(units[d], rows->response[c]);
-    const bool is_free = rows->A(index(c), index(c)) > kHeld * bare_.free_response(units[c]);
+    const bool is_free =
+        rows->A(index(c), index(c)) > kHeld * free_response(bare_, bare_.kinematics(), units[c]);
     rows->is_free[c] = is_free ? 1 : 0;
   }
   rows->A = (0.5 * (rows->A + rows->A.transpose())).eval();
@@ -166,9 +167,9 @@ bool EventDriven::have_impacts(Span* span, Rows* rows, bool* any) {
 bool EventDriven::go_on_after_impacts(Span* span, Rows* rows) {
   for (std::size_t k = 0; k < bare_.joints().size(); ++k) {
     const auto l = static_cast<std::size_t>(bare_.joints()[k]);
-    impulses_[l] += bare_.impulse(k);
+    impulses_[l] += bare_.forces().impulse(bare_, k);
     if (!bare_.coupled_rows().empty() && couples(joints_[l].kind))
-      coupled_impulses_[l] += bare_.coupled_impulse(k);
+      coupled_impulses_[l] += bare_.forces().coupled_impulse(bare_, k);
   }
   bare_.scatter_state(rows->y.data(), span->states);
   return load_rows(span, rows);

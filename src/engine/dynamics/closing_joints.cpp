@@ -1,0 +1,67 @@
+#include "engine/dynamics/closing_joints.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/math/elementary.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+// Opening of a joint when it began to be closed [m], with or without the offsets of its motors.
+double offset_of(const IslandModel& island, const IntervalInputs& inputs, std::size_t l,
+                 const PrescribedMotion& motion, bool with_motors) {
+  if (!island.is_general(l)) return motion.offset().norm();
+  const IslandModel::Link& link = island.links()[l];
+  RowVector offset = RowVector::Zero();
+  const auto [shift, turn] = motion.opening();
+  const double by_frame = motion.moves_frame() ? math::hypot(shift, link.radius * turn) : 0.0;
+  for (std::size_t k = 0; k < island.rows_of(l); ++k)
+    if (with_motors || link.function[k] < info(link.kind).rows)
+      offset[static_cast<Eigen::Index>(k)] =
+          motion.offset()[link.function[k]] / inputs.row_length(island, island.row_of(l) + k);
+  double by_coupling = 0.0;
+  if (couples(link.kind))
+    for (const IslandModel::CoupledRow& coupled : island.coupled_rows())
+      if (coupled.link == l) by_coupling = coupled.metres * motion.coupling_offset();
+  return math::hypot(offset.norm(), by_frame, by_coupling);
+}
+
+// Arm that converts the opening of a joint to an angle [m].
+double closing_arm(const PlacedRows& rows, std::size_t l) {
+  if (rows.island.is_rod(l)) return rows.inputs.length()[l].value;
+  return std::max({rows.kinematics.arm_a()[l].norm(), rows.kinematics.arm_b()[l].norm(),
+                   rows.island.links()[l].radius});
+}
+
+}  // namespace
+
+double opening(const PlacedRows& rows, bool with_motors) {
+  double angle = 0.0;
+  for (const auto& [l, motion] : rows.inputs.motions()) {
+    if (!motion.is_closing()) continue;
+    const double open = std::abs(motion.share_to_close(rows.time).value) *
+                        offset_of(rows.island, rows.inputs, l, motion, with_motors);
+    const double arm = closing_arm(rows, l);
+    if (arm > 0.0) angle = std::max(angle, open / arm);
+  }
+  return angle;
+}
+
+double closing_curvature(const PlacedRows& rows) {
+  double largest = 0.0;
+  for (const auto& [l, motion] : rows.inputs.motions()) {
+    if (!motion.is_closing()) continue;
+    const double arm = closing_arm(rows, l);
+    const double open = offset_of(rows.island, rows.inputs, l, motion, true);
+    if (arm > 0.0) largest = std::max(largest, std::min(kOpenShare * open * open / arm, open));
+  }
+  return largest;
+}
+
+bool is_closing(const IntervalInputs& inputs) {
+  return std::any_of(inputs.motions().begin(), inputs.motions().end(),
+                     [](const auto& motion) { return motion.second.is_closing(); });
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "engine/dynamics/redundant_rows.h"
+
+namespace constraint_sim::engine {
+
+/// Joints being closed depend on each other only up to this multiple of their opening angle.
+inline constexpr double kOpenShare = 30.0;
+
+/// Whether any joint is being closed.
+bool is_closing(const IntervalInputs& inputs);
+/// Largest opening of a joint being closed, as an angle [rad]. Motors on their way to a position
+/// leave the other rows met, so the dependence among those is known to rounding.
+double opening(const PlacedRows& rows, bool with_motors);
+/// Largest e²/L of the joints being closed, initially open by e with arm L [m]. Joints that can all
+/// be met at the end may contradict each other by part of that on the way.
+double closing_curvature(const PlacedRows& rows);
+
+}  // namespace constraint_sim::engine

@@ -321,15 +321,22 @@ void ContactEquations::keep() {
   kept_.stage = stages_[0];
   kept_.work = driven_work;
   kept_.contacts.clear();
+  kept_.touched.clear();
   kept_.joints.clear();
-  for (const Contact& contact : contacts) kept_.contacts.push_back(contact.impulse);
+  for (const Contact& contact : contacts) {
+    kept_.contacts.push_back(contact.impulse);
+    kept_.touched.push_back(contact.touched);
+  }
   for (const BodyJoint& joint : joints) kept_.joints.push_back(joint.impulse);
 }
 
 void ContactEquations::restore() {
   stages_[0] = kept_.stage;
   driven_work = kept_.work;
-  for (std::size_t c = 0; c < contacts.size(); ++c) contacts[c].impulse = kept_.contacts[c];
+  for (std::size_t c = 0; c < contacts.size(); ++c) {
+    contacts[c].impulse = kept_.contacts[c];
+    contacts[c].touched = kept_.touched[c];
+  }
   for (std::size_t j = 0; j < joints.size(); ++j) joints[j].impulse = kept_.joints[j];
 }
 

@@ -325,6 +325,7 @@ class ContactEquations {
     Stage stage;
     double work = 0.0;
     List<Eigen::Vector3d> contacts;
+    List<ContactFeature> touched;  // per contact
     List<RowVector> joints;
   };
   Kept kept_;

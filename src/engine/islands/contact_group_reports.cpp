@@ -38,7 +38,7 @@ std::size_t place_of(const Vector3d& position, const TouchingPair& pair) {
 }
 
 /// Contacts of a pair that hold, or had an impulse within the step, in the order of bodies.
-TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pair& of) {
+TouchingPair contacts_of(const ContactEvents& by_events, const ContactPair& of) {
   const ContactEquations& equations = by_events.equations();
   const int a = equations.bodies[of.a].index, b = equations.bodies[of.b].index;
   const bool is_swapped = a > b;
@@ -137,7 +137,7 @@ void add_group_events(const Model& model, const ContactGroup& group, double end,
                          model.joint_ids[j], law.is_distance ? -1 : law.coordinate, told.impulse});
       continue;
     }
-    const ContactEvents::Pair& pair = by_events.pairs()[told.pair];
+    const ContactPair& pair = by_events.pairs()[told.pair];
     events->push_back({told.kind, t, model.body_ids[body_of(pair.a)],
                        model.body_ids[body_of(pair.b)], std::nullopt, -1, told.impulse});
   }
@@ -149,7 +149,7 @@ void add_group_contacts(const Model& model, const List<BodyState>& states,
   if (group.spheres != nullptr) {
     add_sphere_contacts(model, states, *group.spheres, touching);
   } else {
-    for (const ContactEvents::Pair& of : group.events->pairs()) {
+    for (const ContactPair& of : group.events->pairs()) {
       const TouchingPair pair = contacts_of(*group.events.get(), of);
       if (pair.manifold.count > 0) touching->push_back(pair);
     }

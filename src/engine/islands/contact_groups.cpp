@@ -79,7 +79,7 @@ void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquation
 /// point. `mass`: reduced mass of the pair [kg], which turns a rounding of velocity into an
 /// impulse.
 void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends, double mass,
-                      ContactEvents::Pair* pair) {
+                      ContactPair* pair) {
   constexpr double kAtCone = 1e-6;
   constexpr double kRounding = 1e-12;  // [m/s]
   const auto found = std::lower_bound(
@@ -151,7 +151,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
       is_all ? kInfinity : reach.of(spheres.front().body) / model.options.time_step;
   group->spheres =
       std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
-  if (group->spheres->begin(state.states, ContactEvents::kMostOverlap)) return true;
+  if (group->spheres->begin(state.states, ContactPairs::kMostOverlap)) return true;
   group->spheres.reset();
   return false;
 }
@@ -325,7 +325,7 @@ bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>&
                               const ContactGroup& group) {
   const Model& model = step.model;
   ContactEquations& equations = group.events->equations();
-  List<ContactEvents::Pair>& pairs = group.events->pairs();
+  List<ContactPair>& pairs = group.events->pairs();
   pairs.clear();
   for (auto [a, b] : group.pairs) {
     if (!has_features(model.bodies[a].shape, model.bodies[b].shape)) std::swap(a, b);

@@ -28,7 +28,7 @@ constexpr double kNear = 2.0;
 double ContactEvents::find_overlaps(double margin) {
   equations_.contacts.clear();
   double deepest = 0.0;
-  for (const Pair& pair : pairs_) {
+  for (const ContactPair& pair : pairs_.list()) {
     const BodyState &a = equations_.shape_state(pair.a), &b = equations_.shape_state(pair.b);
     const Manifold manifold = collide(pair.shape_a, a, pair.shape_b, b, margin);
     for (std::size_t k = 0; k < static_cast<std::size_t>(manifold.count); ++k) {

@@ -1,12 +1,8 @@
 #include "engine/methods/event_driven/contacts/contact_events.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 
-#include "engine/collision/box_features.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/joints/law_events.h"
 
@@ -15,11 +11,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
-constexpr double kFastShare = 0.25;     // share of a thickness that a substep may move by
-constexpr double kMostTurn = 1.0;       // [rad] rotation of a box in a substep
 constexpr std::uint32_t kMostJams = 4;  // per step
-constexpr double kOverlap = 1e-9;       // [m] a deeper overlap was missed
 constexpr int kMostMissed = 40;         // substeps repeated per step for missed overlaps
 
 /// Lists the angles of all joints of a group, where the step starts.
@@ -43,117 +35,6 @@ void list_angles(const List<JointState>& states, ContactEquations* equations) {
 
 }  // namespace
 
-// ---- contact features
-
-// Updates the features of all pairs. Acting contacts keep their features, unless `all`. Features of
-// two boxes stay unchanged inside a substep (`is_within`).
-void ContactEvents::find_features(bool all, bool is_within) {
-  List<ContactFeature>& found = found_;
-  for (const Pair& pair : pairs_) {
-    if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
-    found.clear();
-    add_features(pair.shape_a, equations_.shape_state(pair.a), pair.shape_b,
-                 equations_.shape_state(pair.b), &found);
-    if (pair.is_of_boxes()) keep_places(pair, all, &found);
-    for (std::size_t k = 0; k < pair.count; ++k) {
-      ContactEquations::Contact& contact = equations_.contacts[pair.first + k];
-      if (all || contact.acts == Acts::kOpen) contact.feature = found[k];
-    }
-  }
-}
-
-// Keeps known edge features in their places in the list of contacts.
-void ContactEvents::keep_places(const Pair& pair, bool all, List<ContactFeature>* found) const {
-  std::array<ContactFeature, kBoxEdges> edges;
-  std::array<char, kBoxEdges> is_free;
-  std::copy(found->begin() + kBoxCorners, found->end(), edges.begin());
-  is_free.fill(1);
-  for (std::size_t k = 0; k < edges.size(); ++k) {
-    const ContactEquations::Contact& contact = equations_.contacts[pair.first + kBoxCorners + k];
-    if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
-    auto* const same = std::find_if(edges.begin(), edges.end(), [&](const ContactFeature& edge) {
-      return edge.id == contact.feature.id;
-    });
-    if (same == edges.end() && (all || contact.acts == Acts::kOpen)) continue;
-    is_free[k] = 0;
-    (*found)[kBoxCorners + k] = contact.feature;
-    if (same == edges.end()) continue;
-    (*found)[kBoxCorners + k] = *same;
-    same->id = kTaken;
-  }
-  auto* next = edges.begin();
-  for (std::size_t k = 0; k < edges.size(); ++k) {
-    if (!is_free[k]) continue;
-    while (next != edges.end() && next->id == kTaken) ++next;
-    ContactFeature& place = (*found)[kBoxCorners + k];
-    place = {};
-    place.kind = ContactFeature::Kind::kNothing;
-    if (next != edges.end()) place = *next++;
-  }
-}
-
-// Whether bodies overlap unnoticed. Two boxes may have met with features that were not watched, and
-// no event may be late.
-bool ContactEvents::has_missed() {
-  bool any = false;
-  List<double>& depth = depth_now_;
-  depth = depth_;
-  for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    const Pair& pair = pairs_[p];
-    depth[p] = 0.0;
-    if (!pair.is_of_boxes()) {
-      for (std::size_t c = pair.first; c < pair.first + pair.count; ++c)
-        depth[p] = std::max(depth[p], -equations_.motion(equations_.contacts[c]).gap);
-      any = any || depth[p] > std::max(kOverlap, depth_[p]);
-      continue;
-    }
-    // Features of only one box: a face separates the boxes.
-    const auto is_nothing = [&](std::size_t k) {
-      return equations_.contacts[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
-    };
-    if (is_nothing(0) != is_nothing(8)) continue;
-    depth[p] = -gap_of_boxes(pair);
-    any = any || depth[p] > std::max(kOverlap, depth_[p]);
-  }
-  if (!any) depth_ = depth;
-  return any;
-}
-
-double ContactEvents::gap_of_boxes(const Pair& pair) const {
-  return separation_of_boxes(std::get<Box>(pair.shape_a).size, equations_.shape_state(pair.a),
-                             std::get<Box>(pair.shape_b).size, equations_.shape_state(pair.b))
-      .gap;
-}
-
-std::size_t ContactEvents::most_points(const Shape& a, const Shape& b) {
-  const auto is_round = [](const Shape& shape) { return std::holds_alternative<Sphere>(shape); };
-  return is_round(a) || is_round(b) ? 1 : 8;
-}
-
-// Adds the contacts of all pairs, open.
-void ContactEvents::add_contacts() {
-  equations_.contacts.clear();
-  pair_of_.clear();
-  List<ContactFeature>& found = found_;
-  for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    Pair& pair = pairs_[p];
-    found.clear();
-    add_features(pair.shape_a, equations_.shape_state(pair.a), pair.shape_b,
-                 equations_.shape_state(pair.b), &found);
-    pair.first = equations_.contacts.size();
-    pair.count = found.size();
-    for (const ContactFeature& feature : found) {
-      ContactEquations::Contact& contact = equations_.contacts.emplace_back();
-      contact.a = pair.a;
-      contact.b = pair.b;
-      contact.friction = pair.friction;
-      contact.restitution = pair.restitution;
-      contact.feature = feature;
-      pair_of_.push_back(p);
-    }
-  }
-}
-
 bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   closes_ = closes;
   done_ = {};
@@ -161,28 +42,7 @@ bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   for (AtBound* at : {&at_cone_, &at_zero_}) at->contacts.clear();
   equations_.gather_state(states);
   equations_.driven_work = 0.0;
-  add_contacts();
-  depth_.assign(pairs_.size(), 0.0);
-  for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    if (pairs_[p].is_of_boxes()) depth_[p] = -gap_of_boxes(pairs_[p]);
-    if (!closes && depth_[p] > kMostOverlap) return false;
-  }
-  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
-    const double depth = -equations_.motion(equations_.contacts[c]).gap;
-    if (!closes && depth > kMostOverlap) return false;
-    depth_[pair_of_[c]] = std::max(depth_[pair_of_[c]], depth);
-  }
-  for (Pair& pair : pairs_) {
-    pair.is_still = false;
-    for (std::size_t c = pair.first; pair.touched && c < pair.first + pair.count; ++c) {
-      const ContactMotion now = equations_.motion(equations_.contacts[c]);
-      if (now.gap > kTouching || std::abs(now.gap_rate()) > kResting) continue;
-      pair.held = true;
-      pair.is_still = pair.is_still || now.slip().norm() <= kResting;
-    }
-    pair.stuck = pair.stuck && pair.is_still;
-  }
-  return true;
+  return pairs_.begin(closes, &equations_);
 }
 
 bool ContactEvents::has_touched(std::size_t contact) const {
@@ -306,13 +166,15 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
     begin_joints(span, joint_step, joint_states);
     span.progress.done = close_overlaps(&span, states);
     if (!span.progress.done) return span.progress;
-  } else if (is_as_when_still(all)) {
+  } else if (!done_.spans && unchanged_.is_repeated_by(all, equations_, pairs_.list())) {
     done_.spans = true;
-    go_on_as_when_still(states);
+    for (ContactPair& pair : pairs_.list()) pair.forget();  // as after reporting
+    unchanged_.repeat(&equations_);
+    equations_.scatter_state(states);
     return span.progress;
   }
   const bool is_first = !done_.spans && equations_.joints.empty();
-  if (is_first) note_beginning(all);
+  if (is_first) unchanged_.begin(all, equations_, pairs_.list());
   equations_.prepare_stages();
   begin_joints(span, joint_step, joint_states);
   const std::size_t n = equations_.size();
@@ -322,7 +184,9 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
   watched_.is_muted.clear();
   bool is_done = settle(&span, {}, true);
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
-  if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0) note_stillness();
+  if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0 &&
+      told_.empty() && done_.events == 0)
+    unchanged_.end(equations_);
   note_angles();
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     last_states_[c] = equations_.coordinates[c].state;
@@ -336,28 +200,6 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
 
 double* ContactEvents::derivative() {
   return numbers_.data() + StageMemory::kDerivatives * equations_.size();
-}
-
-// Longest substep in which no body passes through another and no corner makes a whole turn between
-// two evaluations of gaps [s].
-double ContactEvents::longest_substep(double left) const {
-  double longest = left;
-  const double fall = left * equations_.gravity.norm();
-  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
-    const ContactEquations::Contact& contact = equations_.contacts[c];
-    const Pair& pair = pairs_[pair_of_[c]];
-    if (contact.acts != Acts::kOpen || contact.feature.kind == ContactFeature::Kind::kNothing)
-      continue;
-    if (!contact.feature.on_a.isZero(0.0) || equations_.is_beside(contact.a))
-      longest = std::min(longest, kMostTurn / equations_.state(contact.a).angular_velocity.norm());
-    if (pair.is_of_boxes() || equations_.is_beside(contact.b))
-      longest = std::min(longest, kMostTurn / equations_.state(contact.b).angular_velocity.norm());
-    if (!std::isfinite(pair.thickness)) continue;
-    const ContactMotion now = equations_.motion(contact);
-    const double way = std::max(now.gap, kFastShare * pair.thickness);
-    longest = std::min(longest, way / std::max(now.w.norm() + fall, pair.assumed_speed));
-  }
-  return longest;
 }
 
 void ContactEvents::set_directions() {
@@ -407,7 +249,7 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
 
 bool ContactEvents::advance_to_event(Span* span) {
   if (is_set(span->all.stop) || done_.work > most_work_) return false;
-  find_features(false);
+  pairs_.find_features(false, false, &equations_);
   set_directions();
   note_angles();
   if (!equations_.has_movers() && !equations_.is_moved_by_motors() &&
@@ -417,7 +259,7 @@ bool ContactEvents::advance_to_event(Span* span) {
     return true;
   }
   has_stages_ = false;
-  double step = std::min(step_, longest_substep(span->left.left));
+  double step = std::min(step_, pairs_.longest_substep(span->left.left, equations_));
   if (!go_straight(span->accuracy.tolerance > 0.0 && turns_fast(step))) return false;
   watch(&watched_.before);
   const std::size_t n = equations_.size();
@@ -429,7 +271,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   const double h = start.left - span->left.left;
   step_ = step;
   const auto look = [&] {
-    find_features(false, true);
+    pairs_.find_features(false, true, &equations_);
     has_stages_ = span->accuracy.order == 8;
     watch(&watched_.after);
   };
@@ -447,7 +289,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   // repeated part shows it.
   const double tolerance = span->accuracy.tolerance;
   const bool is_poor = tolerance > 0.0 && error_ > std::max(tolerance * h, equations_.rounding());
-  if (is_poor || has_missed()) {
+  if (is_poor || pairs_.has_missed(equations_)) {
     step_ = 0.5 * (start.left - span->left.left);
     if (!go_to(0.0, true)) return false;
     return ++done_.missed <= kMostMissed;

@@ -12,6 +12,8 @@
 #include "engine/math/least_norm_solver.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
+#include "engine/methods/event_driven/contacts/contact_pairs.h"
+#include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/joints/event_watch.h"
 
 namespace constraint_sim::engine {
@@ -24,41 +26,16 @@ class ContactEvents {
  public:
   static constexpr std::size_t kMostLaws = 32;  ///< groups with more coordinates use another method
   static constexpr std::uint32_t kMostEvents = 5000;  ///< per step
-  /// Overlap that is accepted and closed [m]: by rounding, or left by another method.
-  static constexpr double kMostOverlap = 1e-7;
   /// Speed below which a slip ends; the error is no more than rounding [m/s].
   static constexpr double kEndOfSlip = 1e-7;
   static constexpr double kSlipping = 1e-9;  ///< [m/s]; a slower slip has no direction of its own
 
-  /// Pair of bodies with shapes that may touch, by index in `equations`, with A first as
-  /// has_features() requires. Contacts of a pair are consecutive.
-  struct Pair {
-    std::size_t a, b;
-    Shape shape_a, shape_b;
-    double friction, restitution;
-    std::size_t first = 0, count = 0;  ///< range of its contacts
-    double thickness = 0.0;            ///< thickness of the thinner shape [m]
-    double assumed_speed = 0.0;        ///< mean speed of approach that the step assumes [m/s]
-    bool touched = false;              ///< during the previous step
-    bool held = false, stuck = false;  ///< state at the end of the previous step
-    bool is_still = false;  ///< some contact did not slip, at the end of the previous step
-
-    bool is_of_boxes() const {
-      return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);
-    }
-    /// Whether the features in contact do not depend on the pose.
-    bool has_fixed_features() const { return !std::holds_alternative<Box>(shape_b); }
-  };
-
   /// Bodies, joints and pairs of the group; set before begin(), without contacts.
   ContactEquations& equations() { return equations_; }
-  List<Pair>& pairs() { return pairs_; }
-
-  /// Largest number of points at which two shapes touch.
-  static std::size_t most_points(const Shape& a, const Shape& b);
+  List<ContactPair>& pairs() { return pairs_.list(); }
 
   /// Finds the contacts, all open, and clears the results. Returns false where two shapes overlap
-  /// by more than kMostOverlap, unless the first interval `closes` overlaps.
+  /// by more than ContactPairs::kMostOverlap, unless the first interval `closes` overlaps.
   bool begin(const List<BodyState>& states, bool closes);
   /// Advances the group as method.h describes. Gives up after too many events, or at an event
   /// without a solution; the states are then those of any time in the interval. `joint_step`,
@@ -81,7 +58,7 @@ class ContactEvents {
     int joint = -1;  ///< index in equations() of a joint that broke
   };
   const List<Told>& told() const { return told_; }
-  const List<Pair>& pairs() const { return pairs_; }
+  const List<ContactPair>& pairs() const { return pairs_.list(); }
   const ContactEquations& equations() const { return equations_; }
   /// Whether a contact acts now, or had an impulse in this step.
   bool has_touched(std::size_t contact) const;
@@ -185,17 +162,6 @@ class ContactEvents {
     double work = 0.0;   ///< cost of substeps taken and problems solved
     bool spans = false;  ///< an interval was advanced
   };
-  /// Interval without motion: the state at its start, and the results of its contacts.
-  struct Still {
-    bool is_known = false;
-    Eigen::Vector3d gravity{0, 0, 0};
-    double h = 0.0;
-    List<double> numbers;  ///< state of the movable bodies
-    List<ContactEquations::Body> bodies;
-    List<BodyState> states;  ///< states at the end of the interval
-    List<Pair> pairs;
-    List<ContactEquations::Contact> contacts;  ///< contacts at the end of the interval
-  };
   struct Span {
     const Interval& all;
     const IntegratorOptions& accuracy;
@@ -207,26 +173,14 @@ class ContactEvents {
   double beyond_limits() const;
   bool close_found(bool met);
   bool close_overlaps(Span* span, List<BodyState>* states);
-  // ---- intervals without motion (contact_stillness.cpp)
-  bool is_as_when_still(const Interval& span) const;
-  void note_beginning(const Interval& span);
-  void note_stillness();
-  void go_on_as_when_still(List<BodyState>* states);
-
   void begin_joints(const Span& span, const JointStep& step, const List<JointState>& states);
   void note_last_states();
   void note_angles();
   void give_way(std::size_t coordinate);
-  void add_contacts();
-  void find_features(bool all, bool is_within = false);
-  void keep_places(const Pair& pair, bool all, List<ContactFeature>* found) const;
   bool has_changed() const;
-  bool has_missed();
-  double gap_of_boxes(const Pair& pair) const;
   double* derivative();
 
   // ---- between events
-  double longest_substep(double left) const;
   void set_directions();
   void watch_forces(std::size_t contact, List<Watched>* list) const;
   void watch_held(std::size_t coordinate, List<Watched>* list) const;
@@ -290,14 +244,13 @@ class ContactEvents {
   bool is_saturated(std::size_t coordinate, const OneSidedState& state) const;
 
   ContactEquations equations_;
-  List<Pair> pairs_;
-  List<std::size_t> pair_of_;  // per contact
-  List<double> numbers_;       // storage of StageMemory
-  List<double> kept_;          // state and derivative at the start of the substep
-  double step_ = 0.0;          // first guess of the next substep [s]
-  bool has_stages_ = false;    // whether stages of the last substep are stored
-  bool closes_ = false;        // whether the next interval closes overlaps
-  bool begins_ = false;        // whether settle() is at the start of an interval
+  ContactPairs pairs_;
+  List<double> numbers_;     // storage of StageMemory
+  List<double> kept_;        // state and derivative at the start of the substep
+  double step_ = 0.0;        // first guess of the next substep [s]
+  bool has_stages_ = false;  // whether stages of the last substep are stored
+  bool closes_ = false;      // whether the next interval closes overlaps
+  bool begins_ = false;      // whether settle() is at the start of an interval
   ContactEquations::Accelerations rates_;
   List<double> gap_acceleration_;         // per contact, as of decide()
   List<double> coordinate_acceleration_;  // per coordinate, as of decide()
@@ -310,11 +263,9 @@ class ContactEvents {
   double error_ = 0.0;  // estimated error of the last repeated substep [m]
   double most_work_ = 0.0;
   StopFlag stop_ = nullptr;    // stop flag of the current interval
-  List<double> depth_;         // overlap per pair of boxes at the start of the substep [m]
-  List<double> depth_now_;     // overlap per pair of boxes at the end of the substep [m]
   AtBound at_cone_, at_zero_;  // contacts at the friction bound, and at zero normal force
   List<Told> told_;
-  Still still_;  // last interval without motion
+  UnchangedInterval unchanged_;
 
   // ---- storage for one event
   ContactEquations::Responses responses_;
@@ -335,7 +286,6 @@ class ContactEvents {
   List<double> free_;            // derivative without acting rows, or with the chosen states
   bool has_derivative_ = false;  // whether free_ is the derivative with the chosen states
   List<double> before_projection_;
-  List<ContactFeature> found_;
 };
 
 }  // namespace constraint_sim::engine

@@ -72,7 +72,7 @@ void ContactEvents::list_sharing() {
 double ContactEvents::mean_beside(const Share& of, const List<double>& force) const {
   double sum = 0.0, count = 0.0;
   for (const Share& other : shares_) {
-    if (pair_of_[other.contact] != pair_of_[of.contact]) continue;
+    if (!pairs_.are_of_one(other.contact, of.contact)) continue;
     sum += std::max(force[other.column], 0.0);
     count += 1.0;
   }

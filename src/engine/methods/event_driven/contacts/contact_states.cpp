@@ -40,7 +40,7 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
     acts_before_.push_back(contact.acts);
     features_before_.push_back(contact.feature.id);
   }
-  find_features(!is_begin && event.kind == Watched::Kind::kMargin);
+  pairs_.find_features(!is_begin && event.kind == Watched::Kind::kMargin, false, &equations_);
   note_bounds(*span, event);
   states_before_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
@@ -427,12 +427,12 @@ void ContactEvents::tell(const Span& span, const List<Acts>& before, const Of<do
                    rests ? rests_in_.coordinates[c] : 0.0);
         });
   }
-  for (std::size_t p = 0; p < pairs_.size(); ++p) report_pair(t, p, before, hit, is_begin);
+  for (std::size_t p = 0; p < pairs_.list().size(); ++p) report_pair(t, p, before, hit, is_begin);
 }
 
 void ContactEvents::report_pair(double t, std::size_t p, const List<Acts>& before,
                                 const Of<double>& hit, bool is_begin) {
-  Pair& pair = pairs_[p];
+  ContactPair& pair = pairs_.list()[p];
   bool was = pair.held, is = false, stuck = pair.stuck, sticks = false;
   double impulse = 0.0, rests_in = 0.0;
   for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
@@ -451,7 +451,7 @@ void ContactEvents::report_pair(double t, std::size_t p, const List<Acts>& befor
   }
   // Friction of a sticking contact may be at its bound, as friction of a slipping contact is.
   if (is_begin && pair.is_still && sticks) stuck = true;
-  pair.held = pair.stuck = pair.is_still = false;
+  pair.forget();
   const auto add = [&](EventKind kind, double of, double later) {
     add_told({kind, t, static_cast<int>(p), -1, of}, later);
   };

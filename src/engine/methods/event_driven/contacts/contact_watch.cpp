@@ -127,7 +127,7 @@ void ContactEvents::watch(List<Watched>* list) {
   equations_.find_accelerations(derivative(), &rates_);
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
     const ContactEquations::Contact& contact = equations_.contacts[c];
-    const Pair& pair = pairs_[pair_of_[c]];
+    const ContactPair& pair = pairs_.of(c);
     if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
     const ContactMotion now = equations_.motion(contact);
     const Vector3d w_dot = ContactEquations::slip_acceleration(now, contact, rates_);

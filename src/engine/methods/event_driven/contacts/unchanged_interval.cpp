@@ -1,11 +1,8 @@
-// Intervals of ContactEvents without motion. An interval whose start has the bits of an earlier one
-// has the same result, to the bit, and is not computed again.
+#include "engine/methods/event_driven/contacts/unchanged_interval.h"
 
 #include <algorithm>
 
-#include "engine/math/list.h"
 #include "engine/math/same_bits.h"
-#include "engine/methods/event_driven/contacts/contact_events.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -38,7 +35,7 @@ bool are_same(const Shape& l, const Shape& r) {
   return std::holds_alternative<Plane>(l);
 }
 
-bool are_same(const ContactEvents::Pair& l, const ContactEvents::Pair& r) {
+bool are_same(const ContactPair& l, const ContactPair& r) {
   return l.a == r.a && l.b == r.b && l.friction == r.friction && l.restitution == r.restitution &&
          l.held == r.held && l.stuck == r.stuck && l.is_still == r.is_still &&
          are_same(l.shape_a, r.shape_a) && are_same(l.shape_b, r.shape_b);
@@ -52,42 +49,38 @@ bool are_all_same(const Container& l, const Container& r) {
 
 }  // namespace
 
-// Whether the interval starts like the last one without motion. False with joints, whose forces
-// depend on more than bodies and pairs.
-bool ContactEvents::is_as_when_still(const Interval& span) const {
-  if (!still_.is_known || done_.spans || !equations_.joints.empty() || equations_.has_movers() ||
-      span.h != still_.h || !have_same_bits(span.gravity, still_.gravity) ||
-      !are_all_same(equations_.bodies, still_.bodies) || !are_all_same(pairs_, still_.pairs))
+bool UnchangedInterval::is_repeated_by(const Interval& span, const ContactEquations& equations,
+                                       const List<ContactPair>& pairs) const {
+  if (!is_known_ || !equations.joints.empty() || equations.has_movers() || span.h != h_ ||
+      !have_same_bits(span.gravity, gravity_) || !are_all_same(equations.bodies, bodies_) ||
+      !are_all_same(pairs, pairs_))
     return false;
-  const List<double>& numbers = equations_.numbers();
-  if (!have_same_bits(numbers.data(), still_.numbers.data(), numbers.size())) return false;
-  for (std::size_t i = equations_.movable; i < still_.states.size(); ++i)
-    if (!are_same(equations_.state(i), still_.states[i])) return false;
+  const List<double>& numbers = equations.numbers();
+  if (!have_same_bits(numbers.data(), numbers_.data(), numbers.size())) return false;
+  for (std::size_t i = equations.movable; i < states_.size(); ++i)
+    if (!are_same(equations.state(i), states_[i])) return false;
   return true;
 }
 
-void ContactEvents::note_beginning(const Interval& span) {
-  still_.is_known = false;
-  still_.gravity = span.gravity;
-  still_.h = span.h;
-  still_.numbers = equations_.numbers();
-  still_.bodies = equations_.bodies;
-  still_.pairs = pairs_;
+void UnchangedInterval::begin(const Interval& span, const ContactEquations& equations,
+                              const List<ContactPair>& pairs) {
+  is_known_ = false;
+  gravity_ = span.gravity;
+  h_ = span.h;
+  numbers_ = equations.numbers();
+  bodies_ = equations.bodies;
+  pairs_ = pairs;
 }
 
-// Stores the first interval of a step, where nothing has moved in it.
-void ContactEvents::note_stillness() {
-  still_.is_known = told_.empty() && done_.events == 0;
-  still_.states = equations_.states();
-  still_.contacts = equations_.contacts;
+void UnchangedInterval::end(const ContactEquations& equations) {
+  is_known_ = true;
+  states_ = equations.states();
+  contacts_ = equations.contacts;
 }
 
-void ContactEvents::go_on_as_when_still(List<BodyState>* states) {
-  for (Pair& pair : pairs_)
-    pair.held = pair.stuck = pair.is_still = false;  // reset as after reporting
-  equations_.contacts = still_.contacts;
-  equations_.set_states(still_.states);
-  equations_.scatter_state(states);
+void UnchangedInterval::repeat(ContactEquations* equations) const {
+  equations->contacts = contacts_;
+  equations->set_states(states_);
 }
 
 }  // namespace constraint_sim::engine

@@ -213,6 +213,10 @@ void ContactEvents::set_directions() {
 
 // ---- between events
 
+void ContactEvents::watch(List<Watched>* list) {
+  watch_.list(equations_, pairs_, derivative(), has_stages_, list);
+}
+
 bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double* step) {
   const auto acting = static_cast<double>(
       std::count_if(equations_.contacts.begin(), equations_.contacts.end(),

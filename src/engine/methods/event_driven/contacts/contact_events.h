@@ -13,6 +13,7 @@
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
+#include "engine/methods/event_driven/contacts/contact_watch.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/joints/event_watch.h"
 
@@ -26,8 +27,6 @@ class ContactEvents {
  public:
   static constexpr std::size_t kMostLaws = 32;  ///< groups with more coordinates use another method
   static constexpr std::uint32_t kMostEvents = 5000;  ///< per step
-  /// Speed below which a slip ends; the error is no more than rounding [m/s].
-  static constexpr double kEndOfSlip = 1e-7;
   static constexpr double kSlipping = 1e-9;  ///< [m/s]; a slower slip has no direction of its own
 
   /// Bodies, joints and pairs of the group; set before begin(), without contacts.
@@ -67,29 +66,7 @@ class ContactEvents {
 
  private:
   using Acts = ContactEquations::Acts;
-  struct Watched : WatchedValue {
-    enum class Kind : char {
-      kNothing,
-      kGap,     ///< gap of an open contact
-      kForce,   ///< normal force of an acting contact
-      kCone,    ///< margin of a sticking contact to its friction cone
-      kSlip,    ///< slip speed of a contact along its initial direction
-      kMargin,  ///< margin of the feature of a contact
-      kLimit,   ///< gap of a coordinate to a limit
-      kHeld,    ///< margin of the holding force of a coordinate to a bound
-      /// Rate of a slipping coordinate, a saturated or braking motor or a yielding limit; servo
-      /// force
-      kRate,
-      kBreak,  ///< margin of the load of a joint to its breaking load
-    };
-    Kind kind = Kind::kNothing;
-    std::size_t contact = 0;
-    std::size_t coordinate = 0;  ///< index, for kLimit, kHeld and kRate
-    std::size_t joint = 0;       ///< index, for kBreak
-    signed char side = 0;        ///< bound of a holding force: -1 lower, +1 upper
-
-    bool is_of_contact() const { return kind != Kind::kNothing && kind < Kind::kLimit; }
-  };
+  using Watched = ContactWatched;
   /// Limit in an impact. `direction`: +1 for a lower limit, −1 for an upper limit.
   struct LimitHit {
     std::size_t coordinate;
@@ -182,10 +159,6 @@ class ContactEvents {
 
   // ---- between events
   void set_directions();
-  void watch_forces(std::size_t contact, List<Watched>* list) const;
-  void watch_held(std::size_t coordinate, List<Watched>* list) const;
-  void watch_coordinate(std::size_t coordinate, List<Watched>* list) const;
-  void watch_breaking(std::size_t joint, List<Watched>* list) const;
   void watch(List<Watched>* list);
   bool take(Span* span, SubstepSpan* left, double tolerance, double* step);
   bool repeat(Span* span, double t, double h, bool is_start);
@@ -258,6 +231,7 @@ class ContactEvents {
   List<OneSidedState> last_states_;       // per coordinate, at the end of the previous interval
   List<char> was_saturated_;              // per coordinate, at the end of the previous interval
   Of<double> rests_in_;                   // times until bounces that are not followed are over [s]
+  ContactWatch watch_;
   WatchedSubstep<Watched> watched_;
   Done done_;
   double error_ = 0.0;  // estimated error of the last repeated substep [m]

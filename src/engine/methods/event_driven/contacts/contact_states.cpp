@@ -74,7 +74,8 @@ void ContactEvents::break_joint(const Span& span, std::size_t joint) {
 // breaks first, since it may relieve the others.
 bool ContactEvents::break_overloaded(Span* span) {
   List<Watched> loads;
-  for (std::size_t j = 0; j < equations_.joints.size(); ++j) watch_breaking(j, &loads);
+  for (std::size_t j = 0; j < equations_.joints.size(); ++j)
+    watch_breaking(equations_, j, false, &loads);
   const auto worst =
       std::min_element(loads.begin(), loads.end(), [](const Watched& left, const Watched& right) {
         return left.value / left.tolerance < right.value / right.tolerance;
@@ -384,9 +385,11 @@ bool ContactEvents::is_within_bounds() {
   List<Watched>& forces = forces_;
   forces.clear();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
-    if (equations_.contacts[c].acts != Acts::kOpen) watch_forces(c, &forces);
+    if (equations_.contacts[c].acts != Acts::kOpen)
+      watch_contact_forces(equations_, c, false, &forces);
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c)
-    if (equations_.coordinates[c].state.hold != Hold::kNone) watch_held(c, &forces);
+    if (equations_.coordinates[c].state.hold != Hold::kNone)
+      watch_held(equations_, c, false, &forces);
   return std::all_of(forces.begin(), forces.end(),
                      [](const Watched& watched) { return watched.value >= -watched.tolerance; });
 }

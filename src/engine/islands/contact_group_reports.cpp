@@ -122,7 +122,7 @@ void add_group_events(const Model& model, const ContactGroup& group, double end,
     return to_index(equations.joints[equations.coordinates[coordinate].joint].index);
   };
   const auto body_of = [&](std::size_t place) { return equations.bodies[place].index; };
-  for (const ContactEvents::Told& told : by_events.told()) {
+  for (const ContactReports::Told& told : by_events.reports().told()) {
     const double t = std::min(told.time, end);  // by rounding after the end of the step
     if (told.joint >= 0) {
       const std::size_t j = to_index(equations.joints[told.joint].index);

@@ -229,7 +229,8 @@ void World::Impl::report_contact_groups(JointStep step) {
     if (group.spheres != nullptr) continue;
     const ContactEquations& equations = group.events->equations();
     for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
-      group.events->write(c, &joint_states[equations.joints[equations.coordinates[c].joint].index]);
+      group.events->reports().write(
+          equations, c, &joint_states[equations.joints[equations.coordinates[c].joint].index]);
     for (std::size_t j = 0; j < equations.joints.size(); ++j) {
       const ContactEquations::BodyJoint& joint = equations.joints[j];
       if (joint.is_broken) joint_states[joint.index].broken = true;

@@ -38,7 +38,7 @@ void list_angles(const List<JointState>& states, ContactEquations* equations) {
 bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   closes_ = closes;
   done_ = {};
-  told_.clear();
+  reports_.clear();
   for (AtBound* at : {&at_cone_, &at_zero_}) at->contacts.clear();
   equations_.gather_state(states);
   equations_.driven_work = 0.0;
@@ -78,7 +78,7 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
     of.motor = *joint.joint.coordinates[i].motor;
     if (of.motor.timeout > 0.0 && now.expires_at <= span.all.t) of.motor.bias = 0.0;
   }
-  if (!done_.spans) note_last_states();
+  if (!done_.spans) reports_.begin_step(equations_);
   done_.spans = true;
 }
 
@@ -95,52 +95,11 @@ void ContactEvents::note_angles() {
       });
 }
 
-// Infers the states before the step, as far as the motion shows them.
-void ContactEvents::note_last_states() {
-  last_states_.clear();
-  was_saturated_.clear();
-  for (const ContactEquations::Coordinate& of : equations_.coordinates) {
-    const ContactEquations::Reading now = equations_.read(of, nullptr);
-    const bool was_saturated =
-        equations_.joints[of.joint].was_saturated &&
-        was_at_force_limit(
-            of.law, equations_.coordinates,
-            [](const ContactEquations::Coordinate& other) -> const OneSidedLaw& {
-              return other.law;
-            },
-            now, equations_.rest(of), [&] { return equations_.zeta(of); });
-    was_saturated_.push_back(was_saturated ? 1 : 0);
-    last_states_.push_back(
-        state_of_motion(of.law, now, was_saturated, equations_.rest(of),
-                        [&](bool upper_one) { return equations_.limit(of, upper_one); }));
-  }
-}
-
 // Moves a yielding limit of a length along with the length.
 void ContactEvents::give_way(std::size_t c) {
   ContactEquations::Coordinate& of = equations_.coordinates[c];
   if (of.state.yield == 0) return;
   of.given_way += equations_.read(of, nullptr).q - equations_.limit(of, of.state.yield > 0).value;
-}
-
-void ContactEvents::write(std::size_t c, JointState* state) const {
-  const ContactEquations::Coordinate& of = equations_.coordinates[c];
-  const OneSidedLaw& law = of.law;
-  if (of.is_one_sided) {
-    state->saturated = false;
-    for (std::size_t d = 0; d < was_saturated_.size(); ++d)
-      if (equations_.coordinates[d].joint == of.joint && was_saturated_[d]) state->saturated = true;
-  }
-  if (law.drive == 0.0 && !std::isfinite(law.limit_force)) return;
-  const double q = equations_.read(of, nullptr).q;
-  if (!law.is_distance) {
-    CoordinateState& coordinate = state->coordinates[static_cast<std::size_t>(law.coordinate)];
-    coordinate.braking = of.braking;
-    coordinate.held = law.goal && of.braking == 0.0 ? *law.goal : q;
-  } else if (law.drive > 0.0)
-    state->travel = q - equations_.joints[of.joint].joint.distance.length.value_or(0.0);
-  else
-    state->travel += of.given_way;
 }
 
 IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOptions& accuracy,
@@ -185,14 +144,11 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
   bool is_done = settle(&span, {}, true);
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
   if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0 &&
-      told_.empty() && done_.events == 0)
+      reports_.told().empty() && done_.events == 0)
     unchanged_.end(equations_);
   note_angles();
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
-    last_states_[c] = equations_.coordinates[c].state;
-    was_saturated_[c] = is_saturated(c, last_states_[c]) ? 1 : 0;
-    give_way(c);
-  }
+  reports_.end_interval(equations_);
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) give_way(c);
   equations_.scatter_state(states);
   span.progress.done = is_done;
   return span.progress;

@@ -13,6 +13,7 @@
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
+#include "engine/methods/event_driven/contacts/contact_reports.h"
 #include "engine/methods/event_driven/contacts/contact_watch.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/joints/event_watch.h"
@@ -48,21 +49,11 @@ class ContactEvents {
   std::uint32_t events() const { return done_.events; }
   double driven_work() const { return equations_.driven_work; }  ///< work of kinematic bodies [J]
   double work() const { return done_.work; }  ///< cost, in substeps of a group of one point
-  struct Told {
-    EventKind kind;
-    double time;     ///< simulated [s]
-    int pair;        ///< −1: event of a joint
-    int coordinate;  ///< index in equations(), for events of joints
-    double impulse;  ///< impulse of an impact [N s or N m s]
-    int joint = -1;  ///< index in equations() of a joint that broke
-  };
-  const List<Told>& told() const { return told_; }
   const List<ContactPair>& pairs() const { return pairs_.list(); }
   const ContactEquations& equations() const { return equations_; }
   /// Whether a contact acts now, or had an impulse in this step.
   bool has_touched(std::size_t contact) const;
-  /// Writes the positions where motors with a force limit hold, and whether these are saturated.
-  void write(std::size_t coordinate, JointState* state) const;
+  const ContactReports& reports() const { return reports_; }
 
  private:
   using Acts = ContactEquations::Acts;
@@ -86,17 +77,6 @@ class ContactEvents {
     void clear() {
       contacts.clear();
       limits.clear();
-    }
-  };
-  /// Values per contact and per coordinate, such as impulses or flags of those that no longer
-  /// bounce.
-  template <class Number>
-  struct Of {
-    List<Number> contacts, coordinates;
-
-    void reset(std::size_t contact_count, std::size_t coordinate_count) {
-      contacts.assign(contact_count, Number{});
-      coordinates.assign(coordinate_count, Number{});
     }
   };
   /// State before the impacts, to repeat them.
@@ -151,7 +131,6 @@ class ContactEvents {
   bool close_found(bool met);
   bool close_overlaps(Span* span, List<BodyState>* states);
   void begin_joints(const Span& span, const JointStep& step, const List<JointState>& states);
-  void note_last_states();
   void note_angles();
   void give_way(std::size_t coordinate);
   bool has_changed() const;
@@ -181,16 +160,16 @@ class ContactEvents {
 
   // ---- at events (contact_states.cpp)
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
-  bool have_impacts(double left, Of<double>* hit);
+  bool have_impacts(double left, PerRow<double>* hit);
   bool is_hit(double gap, double rate) const;
-  void find_hits(const Of<char>& rests, Hits* hits) const;
-  void add_touching_limits(const Of<char>& rests, bool only_slow, List<LimitHit>* hits) const;
+  void find_hits(const PerRow<char>& rests, Hits* hits) const;
+  void add_touching_limits(const PerRow<char>& rests, bool only_slow, List<LimitHit>* hits) const;
   std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
-  bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
+  bool have_impact(const Hits& hits, const PerRow<char>& rests, double faster, PerRow<double>* hit);
   bool solve_counted();
   bool does_work(const ContactEquations::Responses& responses) const;
-  bool have_jam(Of<double>* hit);
-  bool let_rest(double left, const Of<double>& hit, Of<char>* rests, bool* is_settled);
+  bool have_jam(PerRow<double>* hit);
+  bool let_rest(double left, const PerRow<double>& hit, PerRow<char>* rests, bool* is_settled);
   void break_joint(const Span& span, std::size_t joint);
   bool break_overloaded(Span* span);
   void note_bounds(const Span& span, const Watched& event);
@@ -210,11 +189,6 @@ class ContactEvents {
   void take_forces();
   bool is_within_bounds();
   void hold_coordinates(bool is_begin);
-  void tell(const Span& span, const List<Acts>& before, const Of<double>& hit, bool is_begin);
-  void report_pair(double t, std::size_t pair, const List<Acts>& before, const Of<double>& hit,
-                   bool is_begin);
-  void add_told(const Told& told, double rests_in);
-  bool is_saturated(std::size_t coordinate, const OneSidedState& state) const;
 
   ContactEquations equations_;
   ContactPairs pairs_;
@@ -228,9 +202,7 @@ class ContactEvents {
   List<double> gap_acceleration_;         // per contact, as of decide()
   List<double> coordinate_acceleration_;  // per coordinate, as of decide()
   List<OneSidedState> states_before_;     // per coordinate, before the event
-  List<OneSidedState> last_states_;       // per coordinate, at the end of the previous interval
-  List<char> was_saturated_;              // per coordinate, at the end of the previous interval
-  Of<double> rests_in_;                   // times until bounces that are not followed are over [s]
+  PerRow<double> rests_in_;               // times until bounces that are not followed are over [s]
   ContactWatch watch_;
   WatchedSubstep<Watched> watched_;
   Done done_;
@@ -238,7 +210,7 @@ class ContactEvents {
   double most_work_ = 0.0;
   StopFlag stop_ = nullptr;    // stop flag of the current interval
   AtBound at_cone_, at_zero_;  // contacts at the friction bound, and at zero normal force
-  List<Told> told_;
+  ContactReports reports_;
   UnchangedInterval unchanged_;
 
   // ---- storage for one event
@@ -251,8 +223,8 @@ class ContactEvents {
   LeastNormSolver sharing_;
   List<Candidate> held_;
   Hits hits_;
-  Of<char> rests_;
-  Of<double> hit_;
+  PerRow<char> rests_;
+  PerRow<double> hit_;
   BeforeImpacts before_impacts_;
   List<Acts> acts_before_;
   List<std::uint32_t> features_before_;  // ids of features

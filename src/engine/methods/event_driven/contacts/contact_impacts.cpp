@@ -21,9 +21,9 @@ constexpr double kJam = 1e-9;  // [m/s] assumed approach speed of jammed contact
 
 // Solves impacts one after the other until nothing is hit. Contacts and limits whose bounces are
 // too low to be followed lose their restitution; then all impacts are repeated.
-bool ContactEvents::have_impacts(double left, Of<double>* hit) {
-  Of<char>& rests = rests_;
-  rests.reset(equations_.contacts.size(), equations_.coordinates.size());
+bool ContactEvents::have_impacts(double left, PerRow<double>* hit) {
+  PerRow<char>& rests = rests_;
+  rests.reset(equations_);
   find_hits(rests, &hits_);
   if (hits_.empty()) return true;
   before_impacts_.numbers.assign(numbers_.data(), numbers_.data() + equations_.size());
@@ -45,7 +45,7 @@ bool ContactEvents::have_impacts(double left, Of<double>* hit) {
     equations_.joints = before_impacts_.joints;
     equations_.coordinates = before_impacts_.coordinates;
     equations_.place(numbers_.data());
-    hit->reset(equations_.contacts.size(), equations_.coordinates.size());
+    hit->reset(equations_);
     find_hits(rests, &hits_);
   }
 }
@@ -58,7 +58,7 @@ std::pair<std::size_t, std::size_t> ContactEvents::bodies_of(
 
 // Lists limits that are reached and not left: hit limits, and limits without restitution.
 // `only_slow`: no hit limits.
-void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
+void ContactEvents::add_touching_limits(const PerRow<char>& rests, bool only_slow,
                                         List<LimitHit>* hits) const {
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     const ContactEquations::Coordinate& of = equations_.coordinates[c];
@@ -87,7 +87,7 @@ bool ContactEvents::is_hit(double gap, double rate) const {
 
 // Lists the hits of the next impact: of contacts and limits with restitution the fastest hit, with
 // all others between the same two bodies; and all without restitution. Empty where nothing is hit.
-void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
+void ContactEvents::find_hits(const PerRow<char>& rests, Hits* found) const {
   Hits& hits = *found;
   hits.clear();
   double fastest_rate = -kResting;
@@ -135,8 +135,8 @@ void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
 // Solves an impact, with less restitution where kinetic energy would rise, or where joints or
 // friction allow no solution. `faster`: approach speed added to contacts at rest [m/s]. Returns
 // false where there is no solution.
-bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double faster,
-                                Of<double>* hit) {
+bool ContactEvents::have_impact(const Hits& hits, const PerRow<char>& rests, double faster,
+                                PerRow<double>* hit) {
   ContactEquations::Responses& responses = responses_;
   responses.clear();
   for (const ContactHit& of : hits.contacts) responses.add(of.contact, of.motion);
@@ -208,7 +208,7 @@ bool ContactEvents::does_work(const ContactEquations::Responses& responses) cons
 
 // Ends slips that friction drives into the other body (Painlevé), where no finite force suffices,
 // by an impulse without restitution.
-bool ContactEvents::have_jam(Of<double>* hit) {
+bool ContactEvents::have_jam(PerRow<double>* hit) {
   Hits& touching = hits_;
   touching.clear();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
@@ -217,8 +217,8 @@ bool ContactEvents::have_jam(Of<double>* hit) {
   }
   if (touching.contacts.empty()) return false;
   ++done_.impacts;
-  Of<char>& rests = rests_;
-  rests.reset(equations_.contacts.size(), equations_.coordinates.size());
+  PerRow<char>& rests = rests_;
+  rests.reset(equations_);
   std::fill(rests.contacts.begin(), rests.contacts.end(), 1);
   std::fill(rests.coordinates.begin(), rests.coordinates.end(), 1);
   add_touching_limits(rests, true, &touching.limits);
@@ -226,7 +226,7 @@ bool ContactEvents::have_jam(Of<double>* hit) {
 }
 
 // Finds the contacts and limits whose bounces are too low to be followed.
-bool ContactEvents::let_rest(double left, const Of<double>& hit, Of<char>* rests,
+bool ContactEvents::let_rest(double left, const PerRow<double>& hit, PerRow<char>* rests,
                              bool* is_settled) {
   *is_settled = true;
   const auto is_bounce = [&](std::size_t c) {

@@ -45,9 +45,9 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   states_before_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
     states_before_.push_back(of.state);
-  Of<double>& hit = hit_;
-  hit.reset(equations_.contacts.size(), equations_.coordinates.size());
-  rests_in_.reset(equations_.contacts.size(), equations_.coordinates.size());
+  PerRow<double>& hit = hit_;
+  hit.reset(equations_);
+  rests_in_.reset(equations_);
   if ((jams && !have_jam(&hit)) || !have_impacts(span->left.left, &hit)) return false;
   if (!decide(event) && !(have_jam(&hit) && decide({}))) return false;
   hold_coordinates(is_begin);
@@ -59,15 +59,16 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   if (!equations_.restart(y, derivative(), is_known ? free_.data() : nullptr)) return false;
   span->progress.projected += kinetic - equations_.kinetic_energy();
   span->progress.corrected += equations_.potential_energy() - potential;
-  tell(*span, acts_before_, hit, is_begin);
+  reports_.add({span->all.t, span->all.t + span->left.t, is_begin, acts_before_, states_before_,
+                hit, rests_in_},
+               equations_, &pairs_);
   return break_overloaded(span);
 }
 
 void ContactEvents::break_joint(const Span& span, std::size_t joint) {
   ++done_.breaks;
   equations_.break_joint(joint);
-  told_.push_back(
-      {EventKind::kBroken, span.all.t + span.left.t, -1, -1, 0.0, static_cast<int>(joint)});
+  reports_.add_break(span.all.t + span.left.t, joint);
 }
 
 // Breaks joints that are overloaded, as after another joint let go. The most overloaded joint
@@ -407,79 +408,6 @@ void ContactEvents::hold_coordinates(bool is_begin) {
       of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
     if (before.yield != 0) of.given_way += of.held - equations_.limit(of, before.yield > 0).value;
   }
-}
-
-// ---- reported events
-
-// Reports changes of contacts and coordinates; at the start of an interval against the end of the
-// last one.
-void ContactEvents::tell(const Span& span, const List<Acts>& before, const Of<double>& hit,
-                         bool is_begin) {
-  const double t = span.all.t + span.left.t;
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
-    const ContactEquations::Coordinate& of = equations_.coordinates[c];
-    if (!of.is_one_sided) continue;
-    OneSidedState then = is_begin ? last_states_[c] : states_before_[c];
-    if (is_begin && hit.coordinates[c] != 0.0) then.hold = Hold::kNone;
-    const bool was_saturated = is_begin ? was_saturated_[c] != 0 : is_saturated(c, then);
-    add_changes(
-        of.law, then, of.state, hit.coordinates[c], was_saturated, is_saturated(c, of.state),
-        is_begin && span.all.t <= 0.0, [&](EventKind kind, double impulse) {
-          const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;
-          add_told({kind, t, -1, static_cast<int>(c), impulse},
-                   rests ? rests_in_.coordinates[c] : 0.0);
-        });
-  }
-  for (std::size_t p = 0; p < pairs_.list().size(); ++p) report_pair(t, p, before, hit, is_begin);
-}
-
-void ContactEvents::report_pair(double t, std::size_t p, const List<Acts>& before,
-                                const Of<double>& hit, bool is_begin) {
-  ContactPair& pair = pairs_.list()[p];
-  bool was = pair.held, is = false, stuck = pair.stuck, sticks = false;
-  double impulse = 0.0, rests_in = 0.0;
-  for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
-    const Acts now = equations_.contacts[c].acts;
-    was = was || before[c] != Acts::kOpen;
-    stuck = stuck || before[c] == Acts::kSticks;
-    is = is || now != Acts::kOpen;
-    sticks = sticks || now == Acts::kSticks;
-    impulse += hit.contacts[c];
-    rests_in = std::max(rests_in, rests_in_.contacts[c]);
-  }
-  // A contact that already exists at the first step is not reported as an event.
-  if (is_begin && !was && impulse == 0.0) {
-    was = is;
-    stuck = sticks;
-  }
-  // Friction of a sticking contact may be at its bound, as friction of a slipping contact is.
-  if (is_begin && pair.is_still && sticks) stuck = true;
-  pair.forget();
-  const auto add = [&](EventKind kind, double of, double later) {
-    add_told({kind, t, static_cast<int>(p), -1, of}, later);
-  };
-  if (!was && (is || impulse > 0.0)) add(EventKind::kContactBegan, impulse, is ? rests_in : 0.0);
-  if (was && impulse > 0.0) add(EventKind::kHit, impulse, is ? rests_in : 0.0);
-  if ((was || impulse > 0.0) && !is) add(EventKind::kContactEnded, 0.0, 0.0);
-  if (was && is && stuck != sticks && pair.friction > 0.0)
-    add(sticks ? EventKind::kSticks : EventKind::kSlips, 0.0, 0.0);
-}
-
-// Adds a reported event. An event now replaces a rest reported for later.
-void ContactEvents::add_told(const Told& told, double rests_in) {
-  for (Told& other : told_)
-    if (other.pair == told.pair && other.coordinate == told.coordinate)
-      other.time = std::min(other.time, told.time);
-  told_.push_back(told);
-  told_.back().time += rests_in;
-}
-
-bool ContactEvents::is_saturated(std::size_t c, const OneSidedState& state) const {
-  const ContactEquations::Coordinate& of = equations_.coordinates[c];
-  return (equations_.joints[of.joint].is_at_end && of.is_one_sided) ||
-         is_at_force_limit(
-             of.law, state, [&](bool upper_one) { return equations_.limit(of, upper_one); },
-             [&] { return equations_.zeta(of); });
 }
 
 }  // namespace constraint_sim::engine

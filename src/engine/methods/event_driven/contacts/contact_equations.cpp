@@ -15,7 +15,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int kMostNewton = 12;
+constexpr int kMostProjections = 12;
 constexpr double kStill = 1e-13;   // share of gravity; less is rounding of balanced forces
 constexpr double kStillFor = 1.0;  // [s] in which kStill gives the speed that counts as rest
 // Share of the scale; a row with a larger error is not met.
@@ -240,7 +240,7 @@ bool ContactEquations::project(double t, double* y) {
     double error = 0.0;
     for (const Row& row : rows_) error = larger(error, std::abs(row.value));
     if (error <= kEpsilon * scale_) return true;
-    if (!(error <= 0.5 * before) || k == kMostNewton) return error <= kContactsProjected * scale_;
+    if (!(error <= 0.5 * before) || k == kMostProjections) return error <= kContactsProjected * scale_;
     before = error;
     if (!find_change(&Row::value)) return false;
     for (std::size_t i = 0; i < movable; ++i) {

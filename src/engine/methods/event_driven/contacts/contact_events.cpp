@@ -38,6 +38,7 @@ void list_angles(const List<JointState>& states, ContactEquations* equations) {
 bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   closes_ = closes;
   done_ = {};
+  solver_.begin_step();
   reports_.clear();
   for (AtBound* at : {&at_cone_, &at_zero_}) at->contacts.clear();
   equations_.gather_state(states);
@@ -106,8 +107,7 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
                                          const JointStep& joint_step,
                                          const List<JointState>& joint_states, double most_work,
                                          List<BodyState>* states) {
-  most_work_ = most_work;
-  stop_ = all.stop;
+  solver_.begin_interval(most_work, all.stop);
   Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};
   equations_.gather_state(*states, all.since_tick);
   equations_.gravity = all.gravity;
@@ -123,7 +123,11 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
   if (closes_) {
     equations_.prepare_stages();
     begin_joints(span, joint_step, joint_states);
-    span.progress.done = close_overlaps(&span, states);
+    span.progress.done =
+        closing_.close(pairs_.list(), &solver_, &equations_, &span.progress.corrected);
+    if (!span.progress.done) return span.progress;
+    equations_.scatter_state(states);
+    span.progress.done = begin(*states, false);
     if (!span.progress.done) return span.progress;
   } else if (!done_.spans && unchanged_.is_repeated_by(all, equations_, pairs_.list())) {
     done_.spans = true;
@@ -177,7 +181,7 @@ bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double
   const auto acting = static_cast<double>(
       std::count_if(equations_.contacts.begin(), equations_.contacts.end(),
                     [](const auto& contact) { return contact.acts != Acts::kOpen; }));
-  done_.work += 1.0 + acting * acting / 16.0;
+  solver_.add(1.0 + acting * acting / 16.0);
   const StageMemory memory(numbers_.data(), equations_.size());
   const SubstepLimits limits{tolerance, span->accuracy.most_attempts, span->all.stop};
   return span->accuracy.order == 5 ? take_substep<DormandPrince5>(equations_, memory, limits, *left,
@@ -189,7 +193,7 @@ bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double
 // Repeats a substep of length h from the start of the last one, at time t. `is_start`: only returns
 // to the start.
 bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
-  if (done_.work > most_work_) return false;
+  if (solver_.is_used_up()) return false;
   const std::size_t n = equations_.size();
   std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
   std::copy(kept_.begin() + static_cast<std::ptrdiff_t>(n), kept_.end(), derivative());
@@ -208,7 +212,7 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
 }
 
 bool ContactEvents::advance_to_event(Span* span) {
-  if (is_set(span->all.stop) || done_.work > most_work_) return false;
+  if (solver_.is_stopped() || solver_.is_used_up()) return false;
   pairs_.find_features(false, false, &equations_);
   set_directions();
   note_angles();
@@ -265,7 +269,7 @@ bool ContactEvents::end_jam(Span* span) {
   const bool any_slips = std::any_of(
       equations_.contacts.begin(), equations_.contacts.end(),
       [](const auto& contact) { return contact.acts == Acts::kSlips && contact.friction > 0.0; });
-  if (is_set(span->all.stop) || !any_slips || ++done_.jams > kMostJams) return false;
+  if (solver_.is_stopped() || !any_slips || ++done_.jams > kMostJams) return false;
   ++done_.events;
   span->left.failures = 0;
   span->progress.is_inconsistent = false;

@@ -13,8 +13,12 @@
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
+#include "engine/methods/event_driven/contacts/contact_problem.h"
 #include "engine/methods/event_driven/contacts/contact_reports.h"
 #include "engine/methods/event_driven/contacts/contact_watch.h"
+#include "engine/methods/event_driven/contacts/counted_solver.h"
+#include "engine/methods/event_driven/contacts/load_sharing.h"
+#include "engine/methods/event_driven/contacts/overlap_closing.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/joints/event_watch.h"
 
@@ -48,7 +52,7 @@ class ContactEvents {
   // ---- results since begin()
   std::uint32_t events() const { return done_.events; }
   double driven_work() const { return equations_.driven_work; }  ///< work of kinematic bodies [J]
-  double work() const { return done_.work; }  ///< cost, in substeps of a group of one point
+  double work() const { return solver_.work(); }  ///< cost, in substeps of a group of one point
   const List<ContactPair>& pairs() const { return pairs_.list(); }
   const ContactEquations& equations() const { return equations_; }
   /// Whether a contact acts now, or had an impulse in this step.
@@ -94,14 +98,6 @@ class ContactEvents {
     double rate, acceleration;
     ForceBounds bounds;
   };
-  /// Loaded contact in the problem of load sharing.
-  struct Share {
-    std::size_t contact;
-    std::size_t column;  ///< column of the normal force
-    double friction;
-    bool is_rough, sticks;
-    Eigen::Vector2d direction;  ///< slip direction along the tangents
-  };
   /// Contacts whose force has just reached a bound.
   struct AtBound {
     List<std::size_t> contacts;
@@ -116,7 +112,6 @@ class ContactEvents {
     std::uint32_t events = 0, impacts = 0, breaks = 0, jams = 0;
     int unchanged = 0;   ///< events that changed nothing
     int missed = 0;      ///< substeps rejected for overlaps of boxes or for poor accuracy
-    double work = 0.0;   ///< cost of substeps taken and problems solved
     bool spans = false;  ///< an interval was advanced
   };
   struct Span {
@@ -126,10 +121,6 @@ class ContactEvents {
     IntegrationResult progress;
   };
 
-  double find_overlaps(double margin);
-  double beyond_limits() const;
-  bool close_found(bool met);
-  bool close_overlaps(Span* span, List<BodyState>* states);
   void begin_joints(const Span& span, const JointStep& step, const List<JointState>& states);
   void note_angles();
   void give_way(std::size_t coordinate);
@@ -151,13 +142,6 @@ class ContactEvents {
   bool go_straight(bool is_straight);
   bool take_first(Span* span, double* step);
 
-  // ---- forces of redundant contacts (contact_sharing.cpp)
-  void list_sharing();
-  double mean_beside(const Share& of, const List<double>& force) const;
-  double least_margin(const List<double>& force) const;
-  bool find_shares(double beyond);
-  void share_forces();
-
   // ---- at events (contact_states.cpp)
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
   bool have_impacts(double left, PerRow<double>* hit);
@@ -166,7 +150,6 @@ class ContactEvents {
   void add_touching_limits(const PerRow<char>& rests, bool only_slow, List<LimitHit>* hits) const;
   std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
   bool have_impact(const Hits& hits, const PerRow<char>& rests, double faster, PerRow<double>* hit);
-  bool solve_counted();
   bool does_work(const ContactEquations::Responses& responses) const;
   bool have_jam(PerRow<double>* hit);
   bool let_rest(double left, const PerRow<double>& hit, PerRow<char>* rests, bool* is_settled);
@@ -179,9 +162,6 @@ class ContactEvents {
   double braking_of(std::size_t coordinate);
   void choose_servos();
   bool find_candidates(List<Candidate>* candidates);
-  void begin_problem();
-  static void set_rate(const ContactEquations::Touching& of, const Eigen::Vector3d& rate,
-                       List<double>* all);
   void set_problem(double least_slip);
   void choose_acts();
   void find_solved_accelerations();
@@ -207,20 +187,16 @@ class ContactEvents {
   WatchedSubstep<Watched> watched_;
   Done done_;
   double error_ = 0.0;  // estimated error of the last repeated substep [m]
-  double most_work_ = 0.0;
-  StopFlag stop_ = nullptr;    // stop flag of the current interval
+  CountedSolver solver_;
+  OverlapClosing closing_;
   AtBound at_cone_, at_zero_;  // contacts at the friction bound, and at zero normal force
   ContactReports reports_;
   UnchangedInterval unchanged_;
 
   // ---- storage for one event
-  ContactEquations::Responses responses_;
-  ConeProblem problem_;
-  ConeSolver solver_;
-  List<double> force_, rate_, solved_;  // forces, rates before and rates after, of problem_
-  List<Share> shares_;
-  List<double> shared_;
-  LeastNormSolver sharing_;
+  ContactProblem problem_;
+  List<double> rate_, solved_;  // rates before and rates after, of problem_
+  LoadSharing sharing_;
   List<Candidate> held_;
   Hits hits_;
   PerRow<char> rests_;

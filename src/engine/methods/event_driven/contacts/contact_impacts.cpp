@@ -137,13 +137,13 @@ void ContactEvents::find_hits(const PerRow<char>& rests, Hits* found) const {
 // false where there is no solution.
 bool ContactEvents::have_impact(const Hits& hits, const PerRow<char>& rests, double faster,
                                 PerRow<double>* hit) {
-  ContactEquations::Responses& responses = responses_;
+  ContactEquations::Responses& responses = problem_.responses;
   responses.clear();
   for (const ContactHit& of : hits.contacts) responses.add(of.contact, of.motion);
   for (const LimitHit& of : hits.limits) responses.coordinates.push_back(of.coordinate);
   equations_.find_responses(&responses);
-  ConeProblem& problem = problem_;
-  begin_problem();
+  ConeProblem& problem = problem_.cone;
+  problem_.begin(equations_);
   const std::size_t first = responses.of_contacts;
   rate_.resize(responses.columns);
   for (const ContactEquations::Touching& touching : responses.contacts)
@@ -170,27 +170,18 @@ bool ContactEvents::have_impact(const Hits& hits, const PerRow<char>& rests, dou
     }
     for (std::size_t k = 0; k < hits.limits.size(); ++k)
       problem.b[first + k] *= 1.0 + share * hits.limits[k].restitution;
-    if (!solve_counted()) {
+    if (!solver_.solve(problem, &problem_.force)) {
       if (share == 0.0) return false;
       continue;
     }
     if (!does_work(responses)) break;
   }
-  equations_.apply(responses, force_.data(), numbers_.data());
+  equations_.apply(responses, problem_.force.data(), numbers_.data());
   for (const ContactEquations::Touching& touching : responses.contacts)
-    hit->contacts[touching.contact] += force_[touching.column];
+    hit->contacts[touching.contact] += problem_.force[touching.column];
   for (std::size_t k = 0; k < hits.limits.size(); ++k)
-    hit->coordinates[hits.limits[k].coordinate] += force_[first + k];
+    hit->coordinates[hits.limits[k].coordinate] += problem_.force[first + k];
   return true;
-}
-
-// Solves problem_ for force_. Returns false where the work limit of the step is used up, or the
-// step has to stop.
-bool ContactEvents::solve_counted() {
-  SolveEffort effort{most_work_ - done_.work, stop_};
-  const bool is_found = solver_.solve(problem_, &force_, &effort);
-  done_.work += effort.spent;
-  return is_found;
 }
 
 // Whether the impulses add kinetic energy, by the means of rates before and after.
@@ -199,9 +190,9 @@ bool ContactEvents::does_work(const ContactEquations::Responses& responses) cons
   double work = 0.0, exchanged = 0.0;
   for (std::size_t j = 0; j < n; ++j) {
     double change = 0.0;
-    for (std::size_t i = 0; i < n; ++i) change += responses.A[n * j + i] * force_[i];
-    work += force_[j] * (rate_[j] + 0.5 * change);
-    exchanged += std::abs(force_[j]) * std::abs(rate_[j]);
+    for (std::size_t i = 0; i < n; ++i) change += responses.A[n * j + i] * problem_.force[i];
+    work += problem_.force[j] * (rate_[j] + 0.5 * change);
+    exchanged += std::abs(problem_.force[j]) * std::abs(rate_[j]);
   }
   return !(work <= kNoWork * exchanged);
 }

@@ -131,7 +131,7 @@ bool ContactEvents::decide(const Watched& event) {
 // Decides as if contacts with a slip up to `least_slip` [m/s] did not slip.
 bool ContactEvents::decide(const Watched& event, double least_slip) {
   has_derivative_ = false;
-  ContactEquations::Responses& responses = responses_;
+  ContactEquations::Responses& responses = problem_.responses;
   responses.clear();
   gap_acceleration_.assign(equations_.contacts.size(), 0.0);
   for (ContactEquations::Contact& contact : equations_.contacts) {
@@ -162,61 +162,41 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   for (const Candidate& row : held_) responses.coordinates.push_back(row.coordinate);
   equations_.find_responses(&responses);
   set_problem(least_slip);
-  if (!solve_counted()) return false;
+  if (!solver_.solve(problem_.cone, &problem_.force)) return false;
   choose_acts();
   choose_holds(event);
   has_derivative_ = is_within_bounds();
   if (!has_derivative_) {
-    share_forces();
+    sharing_.share(pairs_, &solver_, &problem_, &equations_);
     take_forces();
   }
   choose_servos();
   return true;
 }
 
-// Begins a problem of rates or accelerations, without their values and without coordinates.
-void ContactEvents::begin_problem() {
-  problem_.A = responses_.A;
-  problem_.b.assign(responses_.columns, 0.0);
-  problem_.contacts.clear();
-  problem_.rows.clear();
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
-    if (touching.is_rough)
-      problem_.contacts.push_back({equations_.contacts[touching.contact].friction});
-    else
-      problem_.rows.push_back({0.0, kInfinity});
-  }
-}
-
-void ContactEvents::set_rate(const ContactEquations::Touching& of, const Vector3d& rate,
-                             List<double>* all) {
-  for (std::size_t k = 0; k < (of.is_rough ? 3 : 1); ++k)
-    (*all)[of.column + k] = rate[static_cast<Eigen::Index>(k)];
-}
-
 // Sets up the problem of accelerations, as if contacts with a slip up to `least_slip` [m/s] did not
 // slip.
 void ContactEvents::set_problem(double least_slip) {
-  begin_problem();
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
+  problem_.begin(equations_);
+  for (const ContactEquations::Touching& touching : problem_.responses.contacts) {
     const ContactMotion& now = touching.motion;
     Vector3d b =
         touching.frame.transpose() *
         ContactEquations::slip_acceleration(now, equations_.contacts[touching.contact], rates_);
     b[0] += now.n_dot.dot(now.w);
-    set_rate(touching, b, &problem_.b);
+    set_rate(touching, b, &problem_.cone.b);
     const Vector3d slip = now.slip();
     const double speed = slip.norm();
     if (!touching.is_rough || !(speed > least_slip)) continue;
-    ConeContact& cone = problem_.contacts[touching.column / 3];
+    ConeContact& cone = problem_.cone.contacts[touching.column / 3];
     cone.slips = true;
     cone.direction = touching.frame.rightCols<2>().transpose() * slip / speed;
   }
   for (std::size_t k = 0; k < held_.size(); ++k) {
-    problem_.b[responses_.of_contacts + k] =
+    problem_.cone.b[problem_.responses.of_contacts + k] =
         coordinate_acceleration_[held_[k].coordinate] - held_[k].acceleration;
-    problem_.rows.push_back({held_[k].bounds.least, held_[k].bounds.most});
-    if (!responses_.is_free[k]) problem_.rows.back() = {};
+    problem_.cone.rows.push_back({held_[k].bounds.least, held_[k].bounds.most});
+    if (!problem_.responses.is_free[k]) problem_.cone.rows.back() = {};
   }
 }
 
@@ -295,13 +275,13 @@ bool ContactEvents::find_candidates(List<Candidate>* candidates) {
 void ContactEvents::choose_acts() {
   find_solved_accelerations();
   double scale = kLeastScale, largest = 0.0;
-  for (std::size_t i = 0; i < force_.size(); ++i) {
-    scale = std::max(scale, std::abs(problem_.b[i]));
-    largest = std::max(largest, std::abs(force_[i]));
+  for (std::size_t i = 0; i < problem_.force.size(); ++i) {
+    scale = std::max(scale, std::abs(problem_.cone.b[i]));
+    largest = std::max(largest, std::abs(problem_.force[i]));
   }
   const double largest_force = equations_.largest_force();
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
-    const Vector3d f = touching.of(force_.data()), a = touching.of(solved_.data());
+  for (const ContactEquations::Touching& touching : problem_.responses.contacts) {
+    const Vector3d f = touching.of(problem_.force.data()), a = touching.of(solved_.data());
     const std::size_t c = touching.contact;
     ContactEquations::Contact& contact = equations_.contacts[c];
     gap_acceleration_[c] = a[0];
@@ -311,7 +291,7 @@ void ContactEvents::choose_acts() {
     contact.reference.setZero();
     contact.direction.setZero();
     if (!touching.is_rough) continue;
-    const ConeContact& cone = problem_.contacts[touching.column / 3];
+    const ConeContact& cone = problem_.cone.contacts[touching.column / 3];
     const Eigen::Vector2d a_t = a.tail<2>();
     if (cone.slips)
       contact.direction = touching.frame.rightCols<2>() * cone.direction;
@@ -324,34 +304,37 @@ void ContactEvents::choose_acts() {
 
 // Computes b + A p of the problem.
 void ContactEvents::find_solved_accelerations() {
-  const std::size_t n = force_.size();
-  solved_ = problem_.b;
+  const std::size_t n = problem_.force.size();
+  solved_ = problem_.cone.b;
   for (std::size_t j = 0; j < n; ++j)
-    for (std::size_t i = 0; i < n; ++i) solved_[i] += problem_.A[n * j + i] * force_[j];
+    for (std::size_t i = 0; i < n; ++i)
+      solved_[i] += problem_.cone.A[n * j + i] * problem_.force[j];
 }
 
 // Decides how coordinates are held by the solved accelerations.
 void ContactEvents::choose_holds(const Watched& event) {
   if (held_.empty()) return;
-  const std::size_t n = force_.size();
-  const auto root = [&](std::size_t i) { return std::sqrt(std::max(problem_.A[n * i + i], 0.0)); };
+  const std::size_t n = problem_.force.size();
+  const auto root = [&](std::size_t i) {
+    return std::sqrt(std::max(problem_.cone.A[n * i + i], 0.0));
+  };
   double largest = 0.0;
   for (std::size_t i = 0; i < n; ++i)
-    if (root(i) > 0.0) largest = std::max(largest, std::abs(problem_.b[i]) / root(i));
+    if (root(i) > 0.0) largest = std::max(largest, std::abs(problem_.cone.b[i]) / root(i));
   const double largest_force = equations_.largest_force();
   for (std::size_t k = 0; k < held_.size(); ++k) {
     const Candidate& row = held_[k];
-    const std::size_t i = responses_.of_contacts + k;
+    const std::size_t i = problem_.responses.of_contacts + k;
     ContactEquations::Coordinate& of = equations_.coordinates[row.coordinate];
     coordinate_acceleration_[row.coordinate] = solved_[i] + row.acceleration;
-    if (!responses_.is_free[k]) continue;
+    if (!problem_.responses.is_free[k]) continue;
     const double least = std::max(kAtRest * largest * root(i), kAtRest * kLeastScale);
     signed char side = std::abs(solved_[i]) > least ? sign_of(solved_[i]) : sign_of(0.0);
     const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
     const bool gives_way = event.kind == Watched::Kind::kHeld && event.coordinate == row.coordinate;
     if (side == 0 && gives_way &&
-        std::abs(force_[i] - bound) <=
-            kAtBound * std::max({std::abs(bound), std::abs(force_[i]), largest_force}))
+        std::abs(problem_.force[i] - bound) <=
+            kAtBound * std::max({std::abs(bound), std::abs(problem_.force[i]), largest_force}))
       side = static_cast<signed char>(-event.side);
     if (side == 0)
       of.state.hold = row.hold;
@@ -364,11 +347,12 @@ void ContactEvents::choose_holds(const Watched& event) {
 // laws at a bound yield.
 void ContactEvents::take_forces() {
   for (std::size_t k = 0; k < held_.size(); ++k)
-    equations_.coordinates[held_[k].coordinate].reference = force_[responses_.of_contacts + k];
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    equations_.coordinates[held_[k].coordinate].reference =
+        problem_.force[problem_.responses.of_contacts + k];
+  for (const ContactEquations::Touching& touching : problem_.responses.contacts) {
     ContactEquations::Contact& contact = equations_.contacts[touching.contact];
     if (contact.acts == Acts::kOpen) continue;
-    const Vector3d f = touching.of(force_.data());
+    const Vector3d f = touching.of(problem_.force.data());
     contact.reference = touching.frame * f;
     const Eigen::Vector2d f_t = f.tail<2>();
     if (!at_cone_.has(touching.contact) || contact.acts != Acts::kSticks ||

@@ -240,7 +240,8 @@ bool ContactEquations::project(double t, double* y) {
     double error = 0.0;
     for (const Row& row : rows_) error = larger(error, std::abs(row.value));
     if (error <= kEpsilon * scale_) return true;
-    if (!(error <= 0.5 * before) || k == kMostProjections) return error <= kContactsProjected * scale_;
+    if (!(error <= 0.5 * before) || k == kMostProjections)
+      return error <= kContactsProjected * scale_;
     before = error;
     if (!find_change(&Row::value)) return false;
     for (std::size_t i = 0; i < movable; ++i) {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/math/list.h"
+#include "engine/math/same_bits.h"
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
@@ -40,7 +40,7 @@ bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   done_ = {};
   solver_.begin_step();
   reports_.clear();
-  for (AtBound* at : {&at_cone_, &at_zero_}) at->contacts.clear();
+  states_.begin_step();
   equations_.gather_state(states);
   equations_.driven_work = 0.0;
   return pairs_.begin(closes, &equations_);
@@ -279,26 +279,15 @@ bool ContactEvents::end_jam(Span* span) {
   return settle(span, {}, false, true);
 }
 
-// Whether any state differs from the states before the last event.
-bool ContactEvents::has_changed() const {
-  for (std::size_t c = 0; c < acts_before_.size(); ++c)
-    if (acts_before_[c] != equations_.contacts[c].acts ||
-        features_before_[c] != equations_.contacts[c].feature.id)
-      return true;
-  for (std::size_t c = 0; c < states_before_.size(); ++c)
-    if (!(states_before_[c] == equations_.coordinates[c].state)) return true;
-  return false;
-}
-
 bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t which) {
   if (++done_.events > kMostEvents) return false;
   note_angles();
   const std::size_t watches = watched_.before.size();
-  const std::uint32_t impacts = done_.impacts, breaks = done_.breaks;
+  const std::uint32_t impacts = impacts_.count(), breaks = done_.breaks;
   if (watched.kind == Watched::Kind::kBreak) break_joint(*span, watched.joint);
   if (!settle(span, watched, false)) return false;
-  const bool is_changed = impacts != done_.impacts || breaks != done_.breaks ||
-                          watched.kind == Watched::Kind::kSlip || has_changed();
+  const bool is_changed = impacts != impacts_.count() || breaks != done_.breaks ||
+                          watched.kind == Watched::Kind::kSlip || states_.has_changed(equations_);
   if (is_changed) {
     watched_.is_muted.clear();
     return true;
@@ -306,6 +295,64 @@ bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t
   watched_.is_muted.resize(watches, 0);
   watched_.is_muted[which] = 1;
   return ++done_.unchanged <= kMostUnchanged;
+}
+
+// ---- at events
+
+// Decides the states of all contacts and laws at an event. `event`: the watched value that passed
+// zero and ended the last substep; kNothing at the start of an interval. `jams`: slipping contacts
+// have no motion to continue.
+bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
+  double* const y = numbers_.data();
+  const double t = span->all.t + span->left.t;
+  has_stages_ = equations_.is_straight = false;
+  states_.begin_event(equations_);
+  pairs_.find_features(!is_begin && event.kind == Watched::Kind::kMargin, false, &equations_);
+  states_.note_bounds(t, span->all.h, event, equations_);
+  impacts_.begin_event(equations_);
+  const auto decide = [&](const Watched& at) {
+    return states_.decide(at, y, pairs_, &solver_, &equations_);
+  };
+  const auto have_jam = [&] { return impacts_.have_jam(&solver_, &equations_, y); };
+  if (jams && !have_jam()) return false;
+  if (!impacts_.have_impacts(span->left.left, is_begin, pairs_, &states_, &solver_, &equations_, y))
+    return false;
+  if (!decide(event) && !(have_jam() && decide({}))) return false;
+  states_.hold_coordinates(is_begin, &equations_);
+  const double kinetic = equations_.kinetic_energy(), potential = equations_.potential_energy();
+  before_projection_.assign(y, y + equations_.size());
+  if (!equations_.project(span->left.t, y)) return false;
+  const bool is_known = equations_.coordinates.empty() &&
+                        have_same_bits(before_projection_.data(), y, equations_.size());
+  if (!equations_.restart(y, derivative(), is_known ? states_.derivative() : nullptr)) return false;
+  span->progress.projected += kinetic - equations_.kinetic_energy();
+  span->progress.corrected += equations_.potential_energy() - potential;
+  reports_.add({span->all.t, t, is_begin, states_.acts_before(), states_.coordinates_before(),
+                impacts_.impulses(), impacts_.rests_in()},
+               equations_, &pairs_);
+  return break_overloaded(span);
+}
+
+void ContactEvents::break_joint(const Span& span, std::size_t joint) {
+  ++done_.breaks;
+  equations_.break_joint(joint);
+  reports_.add_break(span.all.t + span.left.t, joint);
+}
+
+// Breaks joints that are overloaded, as after another joint let go. The most overloaded joint
+// breaks first, since it may relieve the others.
+bool ContactEvents::break_overloaded(Span* span) {
+  List<Watched> loads;
+  for (std::size_t j = 0; j < equations_.joints.size(); ++j)
+    watch_breaking(equations_, j, false, &loads);
+  const auto worst =
+      std::min_element(loads.begin(), loads.end(), [](const Watched& left, const Watched& right) {
+        return left.value / left.tolerance < right.value / right.tolerance;
+      });
+  if (worst == loads.end() || worst->value >= -worst->tolerance) return true;
+  ++done_.events;
+  break_joint(*span, worst->joint);
+  return settle(span, {}, false);
 }
 
 }  // namespace constraint_sim::engine

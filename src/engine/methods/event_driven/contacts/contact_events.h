@@ -1,23 +1,19 @@
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
-#include <utility>
 
 #include "constraint_sim/engine/event.h"
 #include "engine/constraints/joint.h"
 #include "engine/dynamics/method.h"
-#include "engine/math/cone_problem.h"
 #include "engine/math/integrate.h"
-#include "engine/math/least_norm_solver.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
+#include "engine/methods/event_driven/contacts/contact_impacts.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
-#include "engine/methods/event_driven/contacts/contact_problem.h"
 #include "engine/methods/event_driven/contacts/contact_reports.h"
+#include "engine/methods/event_driven/contacts/contact_states.h"
 #include "engine/methods/event_driven/contacts/contact_watch.h"
 #include "engine/methods/event_driven/contacts/counted_solver.h"
-#include "engine/methods/event_driven/contacts/load_sharing.h"
 #include "engine/methods/event_driven/contacts/overlap_closing.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/joints/event_watch.h"
@@ -62,54 +58,9 @@ class ContactEvents {
  private:
   using Acts = ContactEquations::Acts;
   using Watched = ContactWatched;
-  /// Limit in an impact. `direction`: +1 for a lower limit, −1 for an upper limit.
-  struct LimitHit {
-    std::size_t coordinate;
-    double direction;
-    double gap, rate;
-    double restitution;
-  };
-  struct ContactHit {
-    std::size_t contact;
-    ContactMotion motion;
-  };
-  struct Hits {
-    List<ContactHit> contacts;
-    List<LimitHit> limits;
-
-    bool empty() const { return contacts.empty() && limits.empty(); }
-    void clear() {
-      contacts.clear();
-      limits.clear();
-    }
-  };
-  /// State before the impacts, to repeat them.
-  struct BeforeImpacts {
-    List<double> numbers;
-    double driven_work = 0.0;
-    List<ContactEquations::Contact> contacts;
-    List<ContactEquations::BodyJoint> joints;
-    List<ContactEquations::Coordinate> coordinates;
-  };
-  /// Coordinate that moves at the rate of a law that may hold it.
-  struct Candidate {
-    std::size_t coordinate;
-    Hold hold;
-    double rate, acceleration;
-    ForceBounds bounds;
-  };
-  /// Contacts whose force has just reached a bound.
-  struct AtBound {
-    List<std::size_t> contacts;
-    double since = 0.0;  ///< time of the first of them [s]
-
-    bool has(std::size_t contact) const {
-      return std::find(contacts.begin(), contacts.end(), contact) != contacts.end();
-    }
-  };
   /// Counts since begin().
   struct Done {
-    std::uint32_t events = 0, impacts = 0, breaks = 0, jams = 0;
+    std::uint32_t events = 0, breaks = 0, jams = 0;
     int unchanged = 0;   ///< events that changed nothing
     int missed = 0;      ///< substeps rejected for overlaps of boxes or for poor accuracy
     bool spans = false;  ///< an interval was advanced
@@ -124,7 +75,6 @@ class ContactEvents {
   void begin_joints(const Span& span, const JointStep& step, const List<JointState>& states);
   void note_angles();
   void give_way(std::size_t coordinate);
-  bool has_changed() const;
   double* derivative();
 
   // ---- between events
@@ -142,33 +92,10 @@ class ContactEvents {
   bool go_straight(bool is_straight);
   bool take_first(Span* span, double* step);
 
-  // ---- at events (contact_states.cpp)
+  // ---- at events
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
-  bool have_impacts(double left, PerRow<double>* hit);
-  bool is_hit(double gap, double rate) const;
-  void find_hits(const PerRow<char>& rests, Hits* hits) const;
-  void add_touching_limits(const PerRow<char>& rests, bool only_slow, List<LimitHit>* hits) const;
-  std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
-  bool have_impact(const Hits& hits, const PerRow<char>& rests, double faster, PerRow<double>* hit);
-  bool does_work(const ContactEquations::Responses& responses) const;
-  bool have_jam(PerRow<double>* hit);
-  bool let_rest(double left, const PerRow<double>& hit, PerRow<char>* rests, bool* is_settled);
   void break_joint(const Span& span, std::size_t joint);
   bool break_overloaded(Span* span);
-  void note_bounds(const Span& span, const Watched& event);
-  bool decide(const Watched& event);
-  bool decide(const Watched& event, double least_slip);
-  void find_lost();
-  double braking_of(std::size_t coordinate);
-  void choose_servos();
-  bool find_candidates(List<Candidate>* candidates);
-  void set_problem(double least_slip);
-  void choose_acts();
-  void find_solved_accelerations();
-  void choose_holds(const Watched& event);
-  void take_forces();
-  bool is_within_bounds();
-  void hold_coordinates(bool is_begin);
 
   ContactEquations equations_;
   ContactPairs pairs_;
@@ -177,36 +104,17 @@ class ContactEvents {
   double step_ = 0.0;        // first guess of the next substep [s]
   bool has_stages_ = false;  // whether stages of the last substep are stored
   bool closes_ = false;      // whether the next interval closes overlaps
-  bool begins_ = false;      // whether settle() is at the start of an interval
-  ContactEquations::Accelerations rates_;
-  List<double> gap_acceleration_;         // per contact, as of decide()
-  List<double> coordinate_acceleration_;  // per coordinate, as of decide()
-  List<OneSidedState> states_before_;     // per coordinate, before the event
-  PerRow<double> rests_in_;               // times until bounces that are not followed are over [s]
   ContactWatch watch_;
   WatchedSubstep<Watched> watched_;
   Done done_;
   double error_ = 0.0;  // estimated error of the last repeated substep [m]
   CountedSolver solver_;
   OverlapClosing closing_;
-  AtBound at_cone_, at_zero_;  // contacts at the friction bound, and at zero normal force
+  ContactImpacts impacts_;
+  ContactStates states_;
   ContactReports reports_;
   UnchangedInterval unchanged_;
 
-  // ---- storage for one event
-  ContactProblem problem_;
-  List<double> rate_, solved_;  // rates before and rates after, of problem_
-  LoadSharing sharing_;
-  List<Candidate> held_;
-  Hits hits_;
-  PerRow<char> rests_;
-  PerRow<double> hit_;
-  BeforeImpacts before_impacts_;
-  List<Acts> acts_before_;
-  List<std::uint32_t> features_before_;  // ids of features
-  List<Watched> forces_;
-  List<double> free_;            // derivative without acting rows, or with the chosen states
-  bool has_derivative_ = false;  // whether free_ is the derivative with the chosen states
   List<double> before_projection_;
 };
 

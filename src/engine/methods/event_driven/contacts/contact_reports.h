@@ -7,20 +7,10 @@
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
+#include "engine/methods/event_driven/contacts/per_row.h"
 #include "engine/model/state.h"
 
 namespace constraint_sim::engine {
-
-/// Values per contact and per coordinate, such as impulses.
-template <class Number>
-struct PerRow {
-  List<Number> contacts, coordinates;
-
-  void reset(const ContactEquations& equations) {
-    contacts.assign(equations.contacts.size(), Number{});
-    coordinates.assign(equations.coordinates.size(), Number{});
-  }
-};
 
 /// Change of a contact group at an event, as ContactReports reports it.
 struct ContactChange {

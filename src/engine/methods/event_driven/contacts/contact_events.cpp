@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/math/same_bits.h"
+#include "engine/methods/event_driven/contacts/slow_slips.h"
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
@@ -162,15 +163,6 @@ double* ContactEvents::derivative() {
   return numbers_.data() + StageMemory::kDerivatives * equations_.size();
 }
 
-void ContactEvents::set_directions() {
-  for (ContactEquations::Contact& contact : equations_.contacts) {
-    if (contact.acts != Acts::kSlips || contact.friction == 0.0) continue;
-    const Vector3d slip = equations_.motion(contact).slip();
-    const double speed = slip.norm();
-    if (speed > kSlipping) contact.direction = slip / speed;
-  }
-}
-
 // ---- between events
 
 void ContactEvents::watch(List<Watched>* list) {
@@ -211,10 +203,40 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
   return is_taken;
 }
 
+// Starts or ends straight slips. Returns false where no velocities meet the rows.
+bool ContactEvents::go_straight(bool is_straight) {
+  if (is_straight == equations_.is_straight) return true;
+  equations_.is_straight = is_straight;
+  return equations_.restart(numbers_.data(), derivative(), nullptr);
+}
+
+// Makes a substep from the saved state and derivative.
+bool ContactEvents::take_first(Span* span, double* step) {
+  const double tolerance = span->accuracy.tolerance, first = *step;
+  if (equations_.is_straight) {
+    const SubstepSpan start = span->left;
+    if (take(span, &span->left, tolerance, step) &&
+        was_straight(equations_, start.left - span->left.left, tolerance))
+      return true;
+    const auto n = static_cast<std::ptrdiff_t>(equations_.size());
+    std::copy(kept_.begin(), kept_.begin() + n, numbers_.begin());
+    equations_.restore();
+    equations_.set_time(start.t);
+    equations_.place(numbers_.data());
+    span->left = start;
+    span->progress.is_inconsistent = false;
+    *step = first;
+    if (!go_straight(false)) return false;
+    watch(&watched_.before);
+    std::copy(derivative(), derivative() + n, kept_.begin() + n);
+  }
+  return take(span, &span->left, tolerance, step);
+}
+
 bool ContactEvents::advance_to_event(Span* span) {
   if (solver_.is_stopped() || solver_.is_used_up()) return false;
   pairs_.find_features(false, false, &equations_);
-  set_directions();
+  set_directions(&equations_);
   note_angles();
   if (!equations_.has_movers() && !equations_.is_moved_by_motors() &&
       equations_.is_still(derivative())) {  // nothing will move in the interval
@@ -224,7 +246,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   }
   has_stages_ = false;
   double step = std::min(step_, pairs_.longest_substep(span->left.left, equations_));
-  if (!go_straight(span->accuracy.tolerance > 0.0 && turns_fast(step))) return false;
+  if (!go_straight(span->accuracy.tolerance > 0.0 && turns_fast(equations_, step))) return false;
   watch(&watched_.before);
   const std::size_t n = equations_.size();
   kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));

@@ -28,7 +28,6 @@ class ContactEvents {
  public:
   static constexpr std::size_t kMostLaws = 32;  ///< groups with more coordinates use another method
   static constexpr std::uint32_t kMostEvents = 5000;  ///< per step
-  static constexpr double kSlipping = 1e-9;  ///< [m/s]; a slower slip has no direction of its own
 
   /// Bodies, joints and pairs of the group; set before begin(), without contacts.
   ContactEquations& equations() { return equations_; }
@@ -78,7 +77,6 @@ class ContactEvents {
   double* derivative();
 
   // ---- between events
-  void set_directions();
   void watch(List<Watched>* list);
   bool take(Span* span, SubstepSpan* left, double tolerance, double* step);
   bool repeat(Span* span, double t, double h, bool is_start);
@@ -86,9 +84,6 @@ class ContactEvents {
   bool end_jam(Span* span);
   bool finish_event(Span* span, const Watched& watched, std::size_t which);
 
-  // ---- slow slips (contact_straight.cpp)
-  bool turns_fast(double h) const;
-  bool was_straight(double h, double tolerance) const;
   bool go_straight(bool is_straight);
   bool take_first(Span* span, double* step);
 

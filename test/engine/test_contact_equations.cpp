@@ -10,17 +10,17 @@ namespace {
 /// Equations of a ball of 1 kg that touches the ground.
 ContactEquations ball_on_ground() {
   ContactEquations equations;
-  for (const int index : {0, 1}) equations.bodies.emplace_back().index = index;
-  equations.bodies[0].mass.inverse_mass = 1.0;
-  equations.movable = 1;
-  ContactEquations::Contact& contact = equations.contacts.emplace_back();
+  for (const int index : {0, 1}) equations.bodies().list().emplace_back().index = index;
+  equations.bodies().list()[0].mass.inverse_mass = 1.0;
+  equations.bodies().set_movable(1);
+  ContactEquations::Contact& contact = equations.contacts().emplace_back();
   contact.a = 0;
   contact.b = 1;
   contact.acts = ContactEquations::Acts::kSticks;
   contact.feature.id = 1;
   List<BodyState> states(2);
   states[0].position.z() = 0.1;
-  equations.gather_state(states);
+  equations.bodies().gather(states, 0.0);
   equations.prepare_stages();
   return equations;
 }
@@ -29,7 +29,7 @@ ContactEquations ball_on_ground() {
 // contact that opens again is reported, has to be the feature from before the substep.
 TEST(ContactEquations, ASubstepThatIsTakenBackLeavesTheFeatureOfTheLastImpulse) {
   ContactEquations equations = ball_on_ground();
-  ContactEquations::Contact& contact = equations.contacts[0];
+  ContactEquations::Contact& contact = equations.contacts()[0];
   equations.accept_stillness(0.01);
   ASSERT_EQ(contact.touched.id, 1u);
   contact.feature.id = 2;

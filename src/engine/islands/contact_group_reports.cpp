@@ -40,7 +40,7 @@ std::size_t place_of(const Vector3d& position, const TouchingPair& pair) {
 /// Contacts of a pair that hold, or had an impulse within the step, in the order of bodies.
 TouchingPair contacts_of(const ContactEvents& by_events, const ContactPair& of) {
   const ContactEquations& equations = by_events.equations();
-  const int a = equations.bodies[of.a].index, b = equations.bodies[of.b].index;
+  const int a = equations.bodies()[of.a].index, b = equations.bodies()[of.b].index;
   const bool is_swapped = a > b;
   TouchingPair pair;
   pair.a = std::min(a, b);
@@ -48,12 +48,12 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactPair& of) 
   const double sign = is_swapped ? -1.0 : 1.0;
   for (const bool acts : {true, false}) {  // contacts that act now come first
     for (std::size_t c = of.first; c < of.first + of.count; ++c) {
-      const ContactEquations::Contact& contact = equations.contacts[c];
+      const ContactEquations::Contact& contact = equations.contacts()[c];
       if (!by_events.has_touched(c) || acts != (contact.acts != ContactEquations::Acts::kOpen))
         continue;
       const bool has_moved_on = !acts && of.is_of_boxes();  // to other features
       const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
-      const ContactMotion now = equations.motion(contact, feature);
+      const ContactMotion now = equations.bodies().motion(of.a, of.b, feature);
       const Vector3d position = is_swapped ? now.p : Vector3d(now.p - now.gap * now.n);
       const std::size_t k =
           of.is_of_boxes() ? place_of(position, pair) : to_index(pair.manifold.count);
@@ -119,20 +119,20 @@ void add_group_events(const Model& model, const ContactGroup& group, double end,
   const ContactEvents& by_events = *group.events.get();
   const ContactEquations& equations = by_events.equations();
   const auto joint_of = [&](std::size_t coordinate) {
-    return to_index(equations.joints[equations.coordinates[coordinate].joint].index);
+    return to_index(equations.joints()[equations.joints().coordinates()[coordinate].joint].index);
   };
-  const auto body_of = [&](std::size_t place) { return equations.bodies[place].index; };
+  const auto body_of = [&](std::size_t place) { return equations.bodies()[place].index; };
   for (const ContactReports::Told& told : by_events.reports().told()) {
     const double t = std::min(told.time, end);  // by rounding after the end of the step
     if (told.joint >= 0) {
-      const std::size_t j = to_index(equations.joints[told.joint].index);
+      const std::size_t j = to_index(equations.joints()[told.joint].index);
       events->push_back(
           {told.kind, t, model.joints[j].body_a, model.joints[j].body_b, model.joint_ids[j]});
       continue;
     }
     if (told.pair < 0) {
       const std::size_t j = joint_of(to_index(told.coordinate));
-      const OneSidedLaw& law = equations.coordinates[told.coordinate].law;
+      const OneSidedLaw& law = equations.joints().coordinates()[told.coordinate].law;
       events->push_back({told.kind, t, model.joints[j].body_a, model.joints[j].body_b,
                          model.joint_ids[j], law.is_distance ? -1 : law.coordinate, told.impulse});
       continue;

@@ -29,13 +29,13 @@ bool can_be_beside_contacts(const Joint& joint) {
 
 /// Adds the coordinates of a joint of `equations` on which a law acts.
 void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquations* equations) {
-  ContactEquations::BodyJoint& of = equations->joints[j];
+  GroupJoint& of = equations->joints().list()[j];
   const Joint& joint = of.joint;
   List<OneSidedLaw>& laws = *of_joint;
   laws.clear();
   add_one_sided_laws(joint, j, &laws);
-  const auto add = [&](const OneSidedLaw& law) -> ContactEquations::Coordinate& {
-    ContactEquations::Coordinate& coordinate = equations->coordinates.emplace_back();
+  const auto add = [&](const OneSidedLaw& law) -> GroupCoordinate& {
+    GroupCoordinate& coordinate = equations->joints().coordinates().emplace_back();
     coordinate.joint = j;
     coordinate.law = law;
     return coordinate;
@@ -69,7 +69,7 @@ void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquation
     }
     const bool acts = found != laws.end() || is_held(from) || !law.soft.is_none();
     if (!acts) continue;
-    ContactEquations::Coordinate& coordinate = add(law);
+    GroupCoordinate& coordinate = add(law);
     coordinate.is_prescribed = is_held(from);
     coordinate.is_one_sided = found != laws.end();
   }
@@ -273,15 +273,15 @@ bool ContactGroups::compile(const StepContext& step, const State& state, const R
   group->events.make();
   ContactEquations& equations = group->events->equations();
   const bool is_compiled = compile_events(step, rollback, lists, touching_before, *group);
-  for (const ContactEquations::Body& body : equations.bodies) place_[body.index] = -1;
+  for (const GroupBody& body : equations.bodies().list()) place_[body.index] = -1;
   return is_compiled && group->events->begin(state.states, group->closes);
 }
 
 std::size_t ContactGroups::add_body(const Model& model, int body, ContactEquations* equations) {
   int& place = place_[body];
   if (place < 0) {
-    place = static_cast<int>(equations->bodies.size());
-    ContactEquations::Body& added = equations->bodies.emplace_back();
+    place = static_cast<int>(equations->bodies().list().size());
+    GroupBody& added = equations->bodies().list().emplace_back();
     added.index = body;
     added.mass = model.masses[body];
     added.shape_pose = model.bodies[body].shape_pose;
@@ -296,16 +296,16 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
                                    const ContactGroup& group) {
   const Model& model = step.model;
   ContactEquations& equations = group.events->equations();
-  equations.bodies.clear();
-  equations.coordinates.clear();
+  equations.bodies().list().clear();
+  equations.joints().coordinates().clear();
   for (const int i : group.islands)
     for (const int body : lists.island_parts[i].members.bodies) add_body(model, body, &equations);
-  equations.movable = equations.bodies.size();
+  equations.bodies().set_movable(equations.bodies().list().size());
   std::size_t count = 0;
   for (const int i : group.islands) {
     for (const int index : lists.island_parts[i].members.joints) {
-      if (count == equations.joints.size()) equations.joints.emplace_back();
-      ContactEquations::BodyJoint& joint = equations.joints[count];
+      if (count == equations.joints().list().size()) equations.joints().list().emplace_back();
+      GroupJoint& joint = equations.joints().list()[count];
       const auto [a, b] = step.topology.ends(index);
       Joint storage = std::move(joint.joint);  // reused; everything else is made anew
       joint = {index, add_body(model, static_cast<int>(a), &equations),
@@ -316,8 +316,8 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
       ++count;
     }
   }
-  equations.joints.resize(count);
-  return equations.coordinates.size() <= ContactEvents::kMostLaws &&
+  equations.joints().list().resize(count);
+  return equations.joints().coordinates().size() <= ContactEvents::kMostLaws &&
          add_pairs(step, touching_before, group);
 }
 

@@ -46,7 +46,7 @@ class ContactEvents {
 
   // ---- results since begin()
   std::uint32_t events() const { return done_.events; }
-  double driven_work() const { return equations_.driven_work; }  ///< work of kinematic bodies [J]
+  double driven_work() const { return equations_.driven_work(); }  ///< work of kinematic bodies [J]
   double work() const { return solver_.work(); }  ///< cost, in substeps of a group of one point
   const List<ContactPair>& pairs() const { return pairs_.list(); }
   const ContactEquations& equations() const { return equations_; }
@@ -71,9 +71,7 @@ class ContactEvents {
     IntegrationResult progress;
   };
 
-  void begin_joints(const Span& span, const JointStep& step, const List<JointState>& states);
-  void note_angles();
-  void give_way(std::size_t coordinate);
+  void begin_joints(const JointStep& step, const List<JointState>& states);
   double* derivative();
 
   // ---- between events

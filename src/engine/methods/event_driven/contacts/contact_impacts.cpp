@@ -13,8 +13,7 @@ constexpr double kJam = 1e-9;  // [m/s] assumed approach speed of jammed contact
 
 std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations& equations,
                                               std::size_t coordinate) {
-  const ContactEquations::BodyJoint& joint =
-      equations.joints[equations.coordinates[coordinate].joint];
+  const GroupJoint& joint = equations.joints()[equations.joints().coordinates()[coordinate].joint];
   return std::minmax(joint.a, joint.b);
 }
 
@@ -27,19 +26,19 @@ void ContactImpacts::begin_event(const ContactEquations& equations) {
 
 void ContactImpacts::keep(const ContactEquations& equations, const double* y) {
   before_.numbers.assign(y, y + equations.size());
-  before_.driven_work = equations.driven_work;
-  before_.contacts = equations.contacts;
-  before_.joints = equations.joints;
-  before_.coordinates = equations.coordinates;
+  before_.driven_work = equations.driven_work();
+  before_.contacts = equations.contacts();
+  before_.joints = equations.joints().list();
+  before_.coordinates = equations.joints().coordinates();
 }
 
 void ContactImpacts::restore(ContactEquations* equations, double* y) const {
   std::copy(before_.numbers.begin(), before_.numbers.end(), y);
-  equations->driven_work = before_.driven_work;
-  equations->contacts = before_.contacts;
-  equations->joints = before_.joints;
-  equations->coordinates = before_.coordinates;
-  equations->place(y);
+  equations->set_driven_work(before_.driven_work);
+  equations->contacts() = before_.contacts;
+  equations->joints().list() = before_.joints;
+  equations->joints().coordinates() = before_.coordinates;
+  equations->bodies().place(y);
 }
 
 bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& pairs,
@@ -66,13 +65,13 @@ bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& 
 // Lists limits that are reached and not left: hit limits, and limits without restitution.
 // `only_slow`: no hit limits.
 void ContactImpacts::add_touching_limits(bool only_slow, const ContactEquations& equations) {
-  for (std::size_t c = 0; c < equations.coordinates.size(); ++c) {
-    const ContactEquations::Coordinate& of = equations.coordinates[c];
+  for (std::size_t c = 0; c < equations.joints().coordinates().size(); ++c) {
+    const GroupCoordinate& of = equations.joints().coordinates()[c];
     if (!of.is_one_sided || std::isfinite(of.law.limit_force)) continue;
     for (const bool upper_one : {false, true}) {
       if (!std::isfinite(of.law.limit(upper_one))) continue;
-      const ContactEquations::Reading now = equations.read(of, nullptr);
-      const Prescribed at_limit = equations.limit(of, upper_one);
+      const GroupJoints::Reading now = equations.joints().read(equations.bodies(), of, nullptr);
+      const Prescribed at_limit = equations.joints().limit(equations.bodies(), of, upper_one);
       const double direction = upper_one ? -1.0 : 1.0;
       const double gap = direction * (now.q - at_limit.value);
       if (gap > kTouching) continue;
@@ -100,8 +99,8 @@ void ContactImpacts::find_hits(bool begins, const ContactEquations& equations) {
     fastest_rate = rate;
     fastest = std::minmax(a, b);
   };
-  for (std::size_t c = 0; c < equations.contacts.size(); ++c) {
-    const ContactEquations::Contact& contact = equations.contacts[c];
+  for (std::size_t c = 0; c < equations.contacts().size(); ++c) {
+    const ContactEquations::Contact& contact = equations.contacts()[c];
     const ContactMotion now = equations.motion(contact);
     if (now.gap > kTouching) continue;
     hits.contacts.push_back({c, now});
@@ -118,7 +117,7 @@ void ContactImpacts::find_hits(bool begins, const ContactEquations& equations) {
     return;
   }
   const auto waits = [&](const ContactHit& hit) {
-    const ContactEquations::Contact& contact = equations.contacts[hit.contact];
+    const ContactEquations::Contact& contact = equations.contacts()[hit.contact];
     return contact.restitution > 0.0 && !rests_.contacts[hit.contact] &&
            !(any_bounce &&
              std::minmax(contact.a, contact.b) == std::minmax(fastest.first, fastest.second));
@@ -138,32 +137,32 @@ void ContactImpacts::find_hits(bool begins, const ContactEquations& equations) {
 bool ContactImpacts::have_impact(double faster, CountedSolver* solver, ContactEquations* equations,
                                  double* y) {
   const Hits& hits = hits_;
-  ContactEquations::Responses& responses = problem_.responses;
+  ContactResponses& responses = problem_.responses;
   responses.clear();
   for (const ContactHit& of : hits.contacts) responses.add(of.contact, of.motion);
-  for (const LimitHit& of : hits.limits) responses.coordinates.push_back(of.coordinate);
-  equations->find_responses(&responses);
+  for (const LimitHit& of : hits.limits) responses.add_coordinate(of.coordinate);
+  responses.find(*equations);
   ConeProblem& problem = problem_.cone;
   problem_.begin(*equations);
-  const std::size_t first = responses.of_contacts;
-  rate_.resize(responses.columns);
-  for (const ContactEquations::Touching& touching : responses.contacts)
+  const std::size_t first = responses.of_contacts();
+  rate_.resize(responses.columns());
+  for (const TouchingContact& touching : responses.contacts())
     set_rate(touching, touching.frame.transpose() * touching.motion.w, &rate_);
   for (std::size_t k = 0; k < hits.limits.size(); ++k) {
     const LimitHit& of = hits.limits[k];
     rate_[first + k] = of.direction * of.rate;
     // Joints drive the coordinate into its limit.
-    if (!responses.is_free[k] && of.rate < -kResting) return false;
+    if (!responses.is_free(k) && of.rate < -kResting) return false;
     problem.rows.push_back(
         {of.direction > 0.0 ? 0.0 : -kInfinity, of.direction > 0.0 ? kInfinity : 0.0});
-    if (!responses.is_free[k]) problem.rows.back() = {};
+    if (!responses.is_free(k)) problem.rows.back() = {};
   }
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {
     problem.b = rate_;
-    for (const ContactEquations::Touching& touching : responses.contacts) {
+    for (const TouchingContact& touching : responses.contacts()) {
       double& normal = problem.b[touching.column];
       const std::size_t c = touching.contact;
-      const double e = rests_.contacts[c] ? 0.0 : equations->contacts[c].restitution;
+      const double e = rests_.contacts[c] ? 0.0 : equations->contacts()[c].restitution;
       if (normal < -kResting)
         normal *= 1.0 + share * e;
       else
@@ -177,8 +176,8 @@ bool ContactImpacts::have_impact(double faster, CountedSolver* solver, ContactEq
     }
     if (!does_work()) break;
   }
-  equations->apply(responses, problem_.force.data(), y);
-  for (const ContactEquations::Touching& touching : responses.contacts)
+  responses.apply(problem_.force.data(), equations, y);
+  for (const TouchingContact& touching : responses.contacts())
     impulses_.contacts[touching.contact] += problem_.force[touching.column];
   for (std::size_t k = 0; k < hits.limits.size(); ++k)
     impulses_.coordinates[hits.limits[k].coordinate] += problem_.force[first + k];
@@ -187,13 +186,13 @@ bool ContactImpacts::have_impact(double faster, CountedSolver* solver, ContactEq
 
 // Whether the impulses add kinetic energy, by the means of rates before and after.
 bool ContactImpacts::does_work() const {
-  const ContactEquations::Responses& responses = problem_.responses;
+  const ContactResponses& responses = problem_.responses;
   const List<double>& force = problem_.force;
-  const std::size_t n = responses.columns;
+  const std::size_t n = responses.columns();
   double work = 0.0, exchanged = 0.0;
   for (std::size_t j = 0; j < n; ++j) {
     double change = 0.0;
-    for (std::size_t i = 0; i < n; ++i) change += responses.A[n * j + i] * force[i];
+    for (std::size_t i = 0; i < n; ++i) change += responses.A()[n * j + i] * force[i];
     work += force[j] * (rate_[j] + 0.5 * change);
     exchanged += std::abs(force[j]) * std::abs(rate_[j]);
   }
@@ -202,8 +201,8 @@ bool ContactImpacts::does_work() const {
 
 bool ContactImpacts::have_jam(CountedSolver* solver, ContactEquations* equations, double* y) {
   hits_.clear();
-  for (std::size_t c = 0; c < equations->contacts.size(); ++c) {
-    const ContactMotion now = equations->motion(equations->contacts[c]);
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
+    const ContactMotion now = equations->motion(equations->contacts()[c]);
     if (now.gap <= kTouching && now.gap_rate() <= kResting) hits_.contacts.push_back({c, now});
   }
   if (hits_.contacts.empty()) return false;
@@ -220,11 +219,12 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
   const PerRow<double>& hit = impulses_;
   *is_settled = true;
   const auto is_bounce = [&](std::size_t c) {
-    return hit.contacts[c] > 0.0 && equations->contacts[c].restitution > 0.0 && !rests_.contacts[c];
+    return hit.contacts[c] > 0.0 && equations->contacts()[c].restitution > 0.0 &&
+           !rests_.contacts[c];
   };
   const auto is_limit_bounce = [&](std::size_t c) {
-    return hit.coordinates[c] != 0.0 && equations->coordinates[c].law.restitution > 0.0 &&
-           !rests_.coordinates[c];
+    return hit.coordinates[c] != 0.0 &&
+           equations->joints().coordinates()[c].law.restitution > 0.0 && !rests_.coordinates[c];
   };
   bool any = false;
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) any = any || is_bounce(c);
@@ -233,10 +233,10 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
   if (!states->decide({}, y, pairs, solver, equations)) return false;
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) {
     if (!is_bounce(c)) continue;
-    const ContactMotion now = equations->motion(equations->contacts[c]);
+    const ContactMotion now = equations->motion(equations->contacts()[c]);
     if (now.gap > kTouching) continue;
     const std::optional<double> rests_in = time_to_rest(
-        now.gap_rate(), -states->gap_acceleration(c), equations->contacts[c].restitution, left);
+        now.gap_rate(), -states->gap_acceleration(c), equations->contacts()[c].restitution, left);
     if (!rests_in) continue;
     rests_in_.contacts[c] = *rests_in;
     rests_.contacts[c] = 1;
@@ -244,11 +244,11 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
   }
   for (std::size_t c = 0; c < hit.coordinates.size(); ++c) {
     if (!is_limit_bounce(c)) continue;
-    const ContactEquations::Coordinate& of = equations->coordinates[c];
+    const GroupCoordinate& of = equations->joints().coordinates()[c];
     const bool upper_one = hit.coordinates[c] < 0.0;
     const double direction = upper_one ? -1.0 : 1.0;
-    const ContactEquations::Reading now = equations->read(of, nullptr);
-    const Prescribed at_limit = equations->limit(of, upper_one);
+    const GroupJoints::Reading now = equations->joints().read(equations->bodies(), of, nullptr);
+    const Prescribed at_limit = equations->joints().limit(equations->bodies(), of, upper_one);
     if (direction * (now.q - at_limit.value) > kTouching) continue;
     const std::optional<double> rests_in =
         time_to_rest(direction * (now.rate - at_limit.rate),

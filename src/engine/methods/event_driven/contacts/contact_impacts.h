@@ -69,8 +69,8 @@ class ContactImpacts {
     List<double> numbers;
     double driven_work = 0.0;
     List<ContactEquations::Contact> contacts;
-    List<ContactEquations::BodyJoint> joints;
-    List<ContactEquations::Coordinate> coordinates;
+    List<GroupJoint> joints;
+    List<GroupCoordinate> coordinates;
   };
 
   void keep(const ContactEquations& equations, const double* y);

@@ -18,8 +18,9 @@ constexpr double kMostTurn = 1.0;    // [rad] rotation of a box in a substep
 constexpr double kOverlap = 1e-9;    // [m] a deeper overlap was missed
 
 double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) {
-  return separation_of_boxes(std::get<Box>(pair.shape_a).size, equations.shape_state(pair.a),
-                             std::get<Box>(pair.shape_b).size, equations.shape_state(pair.b))
+  return separation_of_boxes(
+             std::get<Box>(pair.shape_a).size, equations.bodies().shape_state(pair.a),
+             std::get<Box>(pair.shape_b).size, equations.bodies().shape_state(pair.b))
       .gap;
 }
 
@@ -31,7 +32,7 @@ void keep_places(const ContactEquations& equations, const ContactPair& pair, boo
   std::copy(found->begin() + kBoxCorners, found->end(), edges.begin());
   is_free.fill(1);
   for (std::size_t k = 0; k < edges.size(); ++k) {
-    const ContactEquations::Contact& contact = equations.contacts[pair.first + kBoxCorners + k];
+    const ContactEquations::Contact& contact = equations.contacts()[pair.first + kBoxCorners + k];
     if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
     auto* const same = std::find_if(edges.begin(), edges.end(), [&](const ContactFeature& edge) {
       return edge.id == contact.feature.id;
@@ -62,18 +63,18 @@ std::size_t ContactPairs::most_points(const Shape& a, const Shape& b) {
 }
 
 void ContactPairs::add_contacts(ContactEquations* equations) {
-  equations->contacts.clear();
+  equations->contacts().clear();
   pair_of_.clear();
   List<ContactFeature>& found = found_;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     ContactPair& pair = pairs_[p];
     found.clear();
-    add_features(pair.shape_a, equations->shape_state(pair.a), pair.shape_b,
-                 equations->shape_state(pair.b), &found);
-    pair.first = equations->contacts.size();
+    add_features(pair.shape_a, equations->bodies().shape_state(pair.a), pair.shape_b,
+                 equations->bodies().shape_state(pair.b), &found);
+    pair.first = equations->contacts().size();
     pair.count = found.size();
     for (const ContactFeature& feature : found) {
-      ContactEquations::Contact& contact = equations->contacts.emplace_back();
+      ContactEquations::Contact& contact = equations->contacts().emplace_back();
       contact.a = pair.a;
       contact.b = pair.b;
       contact.friction = pair.friction;
@@ -91,8 +92,8 @@ bool ContactPairs::begin(bool closes, ContactEquations* equations) {
     if (pairs_[p].is_of_boxes()) depth_[p] = -gap_of_boxes(*equations, pairs_[p]);
     if (!closes && depth_[p] > kMostOverlap) return false;
   }
-  for (std::size_t c = 0; c < equations->contacts.size(); ++c) {
-    const double depth = -equations->motion(equations->contacts[c]).gap;
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
+    const double depth = -equations->motion(equations->contacts()[c]).gap;
     if (!closes && depth > kMostOverlap) return false;
     depth_[pair_of_[c]] = std::max(depth_[pair_of_[c]], depth);
   }
@@ -105,7 +106,7 @@ void ContactPairs::note_step_before(const ContactEquations& equations) {
   for (ContactPair& pair : pairs_) {
     pair.is_still = false;
     for (std::size_t c = pair.first; pair.touched && c < pair.first + pair.count; ++c) {
-      const ContactMotion now = equations.motion(equations.contacts[c]);
+      const ContactMotion now = equations.motion(equations.contacts()[c]);
       if (now.gap > kTouching || std::abs(now.gap_rate()) > kResting) continue;
       pair.held = true;
       pair.is_still = pair.is_still || now.slip().norm() <= kResting;
@@ -119,11 +120,11 @@ void ContactPairs::find_features(bool all, bool is_within, ContactEquations* equ
   for (const ContactPair& pair : pairs_) {
     if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
     found.clear();
-    add_features(pair.shape_a, equations->shape_state(pair.a), pair.shape_b,
-                 equations->shape_state(pair.b), &found);
+    add_features(pair.shape_a, equations->bodies().shape_state(pair.a), pair.shape_b,
+                 equations->bodies().shape_state(pair.b), &found);
     if (pair.is_of_boxes()) keep_places(*equations, pair, all, &found);
     for (std::size_t k = 0; k < pair.count; ++k) {
-      ContactEquations::Contact& contact = equations->contacts[pair.first + k];
+      ContactEquations::Contact& contact = equations->contacts()[pair.first + k];
       if (all || contact.acts == ContactEquations::Acts::kOpen) contact.feature = found[k];
     }
   }
@@ -138,13 +139,13 @@ bool ContactPairs::has_missed(const ContactEquations& equations) {
     depth[p] = 0.0;
     if (!pair.is_of_boxes()) {
       for (std::size_t c = pair.first; c < pair.first + pair.count; ++c)
-        depth[p] = std::max(depth[p], -equations.motion(equations.contacts[c]).gap);
+        depth[p] = std::max(depth[p], -equations.motion(equations.contacts()[c]).gap);
       any = any || depth[p] > std::max(kOverlap, depth_[p]);
       continue;
     }
     // Features of only one box: a face separates the boxes.
     const auto is_nothing = [&](std::size_t k) {
-      return equations.contacts[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
+      return equations.contacts()[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
     };
     if (is_nothing(0) != is_nothing(8)) continue;
     depth[p] = -gap_of_boxes(equations, pair);
@@ -156,17 +157,19 @@ bool ContactPairs::has_missed(const ContactEquations& equations) {
 
 double ContactPairs::longest_substep(double left, const ContactEquations& equations) const {
   double longest = left;
-  const double fall = left * equations.gravity.norm();
-  for (std::size_t c = 0; c < equations.contacts.size(); ++c) {
-    const ContactEquations::Contact& contact = equations.contacts[c];
+  const double fall = left * equations.bodies().gravity().norm();
+  for (std::size_t c = 0; c < equations.contacts().size(); ++c) {
+    const ContactEquations::Contact& contact = equations.contacts()[c];
     const ContactPair& pair = of(c);
     if (contact.acts != ContactEquations::Acts::kOpen ||
         contact.feature.kind == ContactFeature::Kind::kNothing)
       continue;
-    if (!contact.feature.on_a.isZero(0.0) || equations.is_beside(contact.a))
-      longest = std::min(longest, kMostTurn / equations.state(contact.a).angular_velocity.norm());
-    if (pair.is_of_boxes() || equations.is_beside(contact.b))
-      longest = std::min(longest, kMostTurn / equations.state(contact.b).angular_velocity.norm());
+    if (!contact.feature.on_a.isZero(0.0) || equations.bodies().is_beside(contact.a))
+      longest = std::min(longest,
+                         kMostTurn / equations.bodies().state(contact.a).angular_velocity.norm());
+    if (pair.is_of_boxes() || equations.bodies().is_beside(contact.b))
+      longest = std::min(longest,
+                         kMostTurn / equations.bodies().state(contact.b).angular_velocity.norm());
     if (!std::isfinite(pair.thickness)) continue;
     const ContactMotion now = equations.motion(contact);
     const double way = std::max(now.gap, kFastShare * pair.thickness);

@@ -10,12 +10,15 @@ namespace {
 
 using Acts = ContactEquations::Acts;
 
-bool is_saturated(const ContactEquations& equations, const ContactEquations::Coordinate& of,
+bool is_saturated(const ContactEquations& equations, const GroupCoordinate& of,
                   const OneSidedState& state) {
-  return (equations.joints[of.joint].is_at_end && of.is_one_sided) ||
+  return (equations.joints()[of.joint].is_at_end && of.is_one_sided) ||
          is_at_force_limit(
-             of.law, state, [&](bool upper_one) { return equations.limit(of, upper_one); },
-             [&] { return equations.zeta(of); });
+             of.law, state,
+             [&](bool upper_one) {
+               return equations.joints().limit(equations.bodies(), of, upper_one);
+             },
+             [&] { return equations.joints().zeta(equations.bodies(), of); });
 }
 
 }  // namespace
@@ -23,26 +26,27 @@ bool is_saturated(const ContactEquations& equations, const ContactEquations::Coo
 void ContactReports::begin_step(const ContactEquations& equations) {
   last_states_.clear();
   was_saturated_.clear();
-  for (const ContactEquations::Coordinate& of : equations.coordinates) {
-    const ContactEquations::Reading now = equations.read(of, nullptr);
+  for (const GroupCoordinate& of : equations.joints().coordinates()) {
+    const GroupJoints::Reading now = equations.joints().read(equations.bodies(), of, nullptr);
     const bool was_saturated =
-        equations.joints[of.joint].was_saturated &&
+        equations.joints()[of.joint].was_saturated &&
         was_at_force_limit(
-            of.law, equations.coordinates,
-            [](const ContactEquations::Coordinate& other) -> const OneSidedLaw& {
-              return other.law;
-            },
-            now, equations.rest(of), [&] { return equations.zeta(of); });
+            of.law, equations.joints().coordinates(),
+            [](const GroupCoordinate& other) -> const OneSidedLaw& { return other.law; }, now,
+            equations.joints().rest(equations.bodies(), of),
+            [&] { return equations.joints().zeta(equations.bodies(), of); });
     was_saturated_.push_back(was_saturated ? 1 : 0);
     last_states_.push_back(
-        state_of_motion(of.law, now, was_saturated, equations.rest(of),
-                        [&](bool upper_one) { return equations.limit(of, upper_one); }));
+        state_of_motion(of.law, now, was_saturated, equations.joints().rest(equations.bodies(), of),
+                        [&](bool upper_one) {
+                          return equations.joints().limit(equations.bodies(), of, upper_one);
+                        }));
   }
 }
 
 void ContactReports::end_interval(const ContactEquations& equations) {
-  for (std::size_t c = 0; c < equations.coordinates.size(); ++c) {
-    const ContactEquations::Coordinate& of = equations.coordinates[c];
+  for (std::size_t c = 0; c < equations.joints().coordinates().size(); ++c) {
+    const GroupCoordinate& of = equations.joints().coordinates()[c];
     last_states_[c] = of.state;
     was_saturated_[c] = is_saturated(equations, of, of.state) ? 1 : 0;
   }
@@ -54,8 +58,8 @@ void ContactReports::add_break(double t, std::size_t joint) {
 
 void ContactReports::add(const ContactChange& change, const ContactEquations& equations,
                          ContactPairs* pairs) {
-  for (std::size_t c = 0; c < equations.coordinates.size(); ++c) {
-    const ContactEquations::Coordinate& of = equations.coordinates[c];
+  for (std::size_t c = 0; c < equations.joints().coordinates().size(); ++c) {
+    const GroupCoordinate& of = equations.joints().coordinates()[c];
     if (!of.is_one_sided) continue;
     const double hit = change.impulses.coordinates[c];
     OneSidedState then = change.is_begin ? last_states_[c] : change.states[c];
@@ -78,7 +82,7 @@ void ContactReports::add_pair(const ContactChange& change, const ContactEquation
   bool was = pair->held, is = false, stuck = pair->stuck, sticks = false;
   double impulse = 0.0, rests_in = 0.0;
   for (std::size_t c = pair->first; c < pair->first + pair->count; ++c) {
-    const Acts now = equations.contacts[c].acts;
+    const Acts now = equations.contacts()[c].acts;
     was = was || change.acts[c] != Acts::kOpen;
     stuck = stuck || change.acts[c] == Acts::kSticks;
     is = is || now != Acts::kOpen;
@@ -116,21 +120,22 @@ void ContactReports::add(const Told& told, double rests_in) {
 
 void ContactReports::write(const ContactEquations& equations, std::size_t c,
                            JointState* state) const {
-  const ContactEquations::Coordinate& of = equations.coordinates[c];
+  const GroupCoordinate& of = equations.joints().coordinates()[c];
   const OneSidedLaw& law = of.law;
   if (of.is_one_sided) {
     state->saturated = false;
     for (std::size_t d = 0; d < was_saturated_.size(); ++d)
-      if (equations.coordinates[d].joint == of.joint && was_saturated_[d]) state->saturated = true;
+      if (equations.joints().coordinates()[d].joint == of.joint && was_saturated_[d])
+        state->saturated = true;
   }
   if (law.drive == 0.0 && !std::isfinite(law.limit_force)) return;
-  const double q = equations.read(of, nullptr).q;
+  const double q = equations.joints().read(equations.bodies(), of, nullptr).q;
   if (!law.is_distance) {
     CoordinateState& coordinate = state->coordinates[static_cast<std::size_t>(law.coordinate)];
     coordinate.braking = of.braking;
     coordinate.held = law.goal && of.braking == 0.0 ? *law.goal : q;
   } else if (law.drive > 0.0)
-    state->travel = q - equations.joints[of.joint].joint.distance.length.value_or(0.0);
+    state->travel = q - equations.joints()[of.joint].joint.distance.length.value_or(0.0);
   else
     state->travel += of.given_way;
 }

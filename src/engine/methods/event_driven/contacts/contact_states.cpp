@@ -18,29 +18,29 @@ constexpr double kSameTime = 1e-6;    // share of an interval
 
 // Deceleration of a coordinate by half of the force of its motor, while other motors hold.
 double braking_of(std::size_t c, ContactEquations* equations) {
-  ContactEquations::Responses responses;
-  responses.coordinates = {c};
-  for (std::size_t d = 0; d < equations->coordinates.size(); ++d)
-    if (d != c && equations->coordinates[d].is_one_sided &&
-        equations->coordinates[d].law.drive > 0.0)
-      responses.coordinates.push_back(d);
-  equations->find_responses(&responses);
+  ContactResponses responses;
+  responses.add_coordinate(c);
+  for (std::size_t d = 0; d < equations->joints().coordinates().size(); ++d)
+    if (d != c && equations->joints().coordinates()[d].is_one_sided &&
+        equations->joints().coordinates()[d].law.drive > 0.0)
+      responses.add_coordinate(d);
+  responses.find(*equations);
   List<Eigen::Index> others;
-  const std::size_t n = responses.columns;
+  const std::size_t n = responses.columns();
   for (std::size_t k = 1; k < n; ++k)
-    if (responses.is_free[k]) others.push_back(static_cast<Eigen::Index>(k));
+    if (responses.is_free(k)) others.push_back(static_cast<Eigen::Index>(k));
   const auto size = static_cast<Eigen::Index>(n);
-  const Eigen::Map<const Eigen::MatrixXd> A(responses.A.data(), size, size);
-  return 0.5 * equations->coordinates[c].law.drive * response_beside(A, others, 0);
+  const Eigen::Map<const Eigen::MatrixXd> A(responses.A().data(), size, size);
+  return 0.5 * equations->joints().coordinates()[c].law.drive * response_beside(A, others, 0);
 }
 
 // Finds the motors that are not at rest at their goals, and their braking decelerations.
 // EventDriven compares with prescribed motions instead.
 void find_lost(ContactEquations* equations) {
-  for (std::size_t c = 0; c < equations->coordinates.size(); ++c) {
-    ContactEquations::Coordinate& of = equations->coordinates[c];
+  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c) {
+    GroupCoordinate& of = equations->joints().coordinates()[c];
     if (!of.law.goal) continue;
-    const ContactEquations::Reading now = equations->read(of, nullptr);
+    const GroupJoints::Reading now = equations->joints().read(equations->bodies(), of, nullptr);
     if (std::abs(now.q - *of.law.goal) <= kTouching && std::abs(now.rate) <= kResting)
       of.braking = 0.0;
     else if (of.braking == 0.0)
@@ -57,22 +57,22 @@ void ContactStates::begin_step() {
 void ContactStates::begin_event(const ContactEquations& equations) {
   acts_before_.clear();
   features_before_.clear();
-  for (const ContactEquations::Contact& contact : equations.contacts) {
+  for (const ContactEquations::Contact& contact : equations.contacts()) {
     acts_before_.push_back(contact.acts);
     features_before_.push_back(contact.feature.id);
   }
   coordinates_before_.clear();
-  for (const ContactEquations::Coordinate& of : equations.coordinates)
+  for (const GroupCoordinate& of : equations.joints().coordinates())
     coordinates_before_.push_back(of.state);
 }
 
 bool ContactStates::has_changed(const ContactEquations& equations) const {
   for (std::size_t c = 0; c < acts_before_.size(); ++c)
-    if (acts_before_[c] != equations.contacts[c].acts ||
-        features_before_[c] != equations.contacts[c].feature.id)
+    if (acts_before_[c] != equations.contacts()[c].acts ||
+        features_before_[c] != equations.contacts()[c].feature.id)
       return true;
   for (std::size_t c = 0; c < coordinates_before_.size(); ++c)
-    if (!(coordinates_before_[c] == equations.coordinates[c].state)) return true;
+    if (!(coordinates_before_[c] == equations.joints().coordinates()[c].state)) return true;
   return false;
 }
 
@@ -80,7 +80,7 @@ void ContactStates::note_bounds(double t, double h, const ContactWatched& event,
                                 const ContactEquations& equations) {
   const auto note = [&](ContactWatched::Kind kind, bool is_over, AtBound* at) {
     const auto is_done = [&](std::size_t c) {
-      const ContactEquations::Contact& contact = equations.contacts[c];
+      const ContactEquations::Contact& contact = equations.contacts()[c];
       return kind != ContactWatched::Kind::kCone || contact.acts != Acts::kSlips ||
              equations.motion(contact).slip().norm() > kEndOfSlip;
     };
@@ -103,7 +103,7 @@ bool ContactStates::decide(const ContactWatched& event, const double* y, const C
   if (event.kind == ContactWatched::Kind::kSlip &&
       decide(event, kEndOfSlip, y, pairs, solver, equations)) {
     bool all_stick = true;
-    for (const ContactEquations::Contact& contact : equations->contacts) {
+    for (const ContactEquations::Contact& contact : equations->contacts()) {
       const double speed = equations->motion(contact).slip().norm();
       all_stick = all_stick && (contact.acts != Acts::kSlips || contact.friction == 0.0 ||
                                 speed <= kResting || speed > kEndOfSlip);
@@ -118,17 +118,17 @@ bool ContactStates::decide(const ContactWatched& event, double least_slip, const
                            const ContactPairs& pairs, CountedSolver* solver,
                            ContactEquations* equations) {
   has_derivative_ = false;
-  for (ContactEquations::Contact& contact : equations->contacts) {
+  for (ContactEquations::Contact& contact : equations->contacts()) {
     contact.acts = Acts::kOpen;
     contact.normal_share = contact.tangent_share = 1.0;
   }
   find_lost(equations);
   if (!find_candidates(equations)) return false;
   find_free_motion(y, equations);
-  ContactEquations::Responses& responses = problem_.responses;
-  if (!responses.contacts.empty() || !candidates_.empty()) {
-    for (const Candidate& row : candidates_) responses.coordinates.push_back(row.coordinate);
-    equations->find_responses(&responses);
+  ContactResponses& responses = problem_.responses;
+  if (!responses.contacts().empty() || !candidates_.empty()) {
+    for (const Candidate& row : candidates_) responses.add_coordinate(row.coordinate);
+    responses.find(*equations);
     set_problem(least_slip, *equations);
     if (!solver->solve(problem_.cone, &problem_.force)) return false;
     choose_acts(equations);
@@ -146,12 +146,12 @@ bool ContactStates::decide(const ContactWatched& event, double least_slip, const
 // Finds the accelerations without acting rows, and the contacts that touch and do not part.
 void ContactStates::find_free_motion(const double* y, ContactEquations* equations) {
   derivative_.resize(equations->size());
-  equations->derivative(0, equations->time(), y, derivative_.data());
-  equations->find_accelerations(derivative_.data(), &rates_);
-  gap_acceleration_.assign(equations->contacts.size(), 0.0);
+  equations->derivative(0, equations->bodies().time(), y, derivative_.data());
+  equations->bodies().find_accelerations(derivative_.data(), &rates_);
+  gap_acceleration_.assign(equations->contacts().size(), 0.0);
   problem_.responses.clear();
-  for (std::size_t c = 0; c < equations->contacts.size(); ++c) {
-    const ContactEquations::Contact& contact = equations->contacts[c];
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
+    const ContactEquations::Contact& contact = equations->contacts()[c];
     if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
     const ContactMotion now = equations->motion(contact);
     gap_acceleration_[c] =
@@ -160,19 +160,20 @@ void ContactStates::find_free_motion(const double* y, ContactEquations* equation
       problem_.responses.add(c, now);
   }
   coordinate_acceleration_.clear();
-  for (const ContactEquations::Coordinate& of : equations->coordinates)
-    coordinate_acceleration_.push_back(equations->read(of, &rates_).acceleration);
+  for (const GroupCoordinate& of : equations->joints().coordinates())
+    coordinate_acceleration_.push_back(
+        equations->joints().read(equations->bodies(), of, &rates_).acceleration);
 }
 
 // Sets up the problem of accelerations, as if contacts with a slip up to `least_slip` [m/s] did not
 // slip.
 void ContactStates::set_problem(double least_slip, const ContactEquations& equations) {
   problem_.begin(equations);
-  for (const ContactEquations::Touching& touching : problem_.responses.contacts) {
+  for (const TouchingContact& touching : problem_.responses.contacts()) {
     const ContactMotion& now = touching.motion;
     Vector3d b =
         touching.frame.transpose() *
-        ContactEquations::slip_acceleration(now, equations.contacts[touching.contact], rates_);
+        ContactEquations::slip_acceleration(now, equations.contacts()[touching.contact], rates_);
     b[0] += now.n_dot.dot(now.w);
     set_rate(touching, b, &problem_.cone.b);
     const Vector3d slip = now.slip();
@@ -183,20 +184,21 @@ void ContactStates::set_problem(double least_slip, const ContactEquations& equat
     cone.direction = touching.frame.rightCols<2>().transpose() * slip / speed;
   }
   for (std::size_t k = 0; k < candidates_.size(); ++k) {
-    problem_.cone.b[problem_.responses.of_contacts + k] =
+    problem_.cone.b[problem_.responses.of_contacts() + k] =
         coordinate_acceleration_[candidates_[k].coordinate] - candidates_[k].acceleration;
     problem_.cone.rows.push_back({candidates_[k].bounds.least, candidates_[k].bounds.most});
-    if (!problem_.responses.is_free[k]) problem_.cone.rows.back() = {};
+    if (!problem_.responses.is_free(k)) problem_.cone.rows.back() = {};
   }
 }
 
 void ContactStates::choose_servos(ContactEquations* equations) const {
-  for (std::size_t c = 0; c < equations->coordinates.size(); ++c) {
-    ContactEquations::Coordinate& of = equations->coordinates[c];
+  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c) {
+    GroupCoordinate& of = equations->joints().coordinates()[c];
     if (!of.law.has_servo()) continue;
-    ContactEquations::Reading now = equations->read(of, nullptr);
+    GroupJoints::Reading now = equations->joints().read(equations->bodies(), of, nullptr);
     now.acceleration = coordinate_acceleration_[c];
-    of.state.servo = servo_from(of.law, coordinates_before_[c].servo, now, equations->rest(of));
+    of.state.servo = servo_from(of.law, coordinates_before_[c].servo, now,
+                                equations->joints().rest(equations->bodies(), of));
   }
 }
 
@@ -204,14 +206,16 @@ void ContactStates::choose_servos(ContactEquations* equations) const {
 // forces of the others. Returns false where a coordinate passes a limit without force limit.
 bool ContactStates::find_candidates(ContactEquations* equations) {
   candidates_.clear();
-  for (std::size_t c = 0; c < equations->coordinates.size(); ++c) {
-    ContactEquations::Coordinate& of = equations->coordinates[c];
+  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c) {
+    GroupCoordinate& of = equations->joints().coordinates()[c];
     of.state = {};
     of.reference = 0.0;
     if (!of.is_one_sided) continue;
-    const ContactEquations::Reading now = equations->read(of, nullptr);
-    const auto limit = [&](bool upper_one) { return equations->limit(of, upper_one); };
-    const auto zeta = [&] { return equations->zeta(of); };
+    const GroupJoints::Reading now = equations->joints().read(equations->bodies(), of, nullptr);
+    const auto limit = [&](bool upper_one) {
+      return equations->joints().limit(equations->bodies(), of, upper_one);
+    };
+    const auto zeta = [&] { return equations->joints().zeta(equations->bodies(), of); };
     OneSidedState state;
     const bool is_lost = of.law.goal && of.braking > 0.0;
     const std::optional<Hold> hold =
@@ -238,10 +242,10 @@ void ContactStates::choose_acts(ContactEquations* equations) {
     largest = std::max(largest, std::abs(problem_.force[i]));
   }
   const double largest_force = equations->largest_force();
-  for (const ContactEquations::Touching& touching : problem_.responses.contacts) {
+  for (const TouchingContact& touching : problem_.responses.contacts()) {
     const Vector3d f = touching.of(problem_.force.data()), a = touching.of(solved_.data());
     const std::size_t c = touching.contact;
-    ContactEquations::Contact& contact = equations->contacts[c];
+    ContactEquations::Contact& contact = equations->contacts()[c];
     gap_acceleration_[c] = a[0];
     if (f[0] <= kAtRest * largest && a[0] > kAtRest * scale) continue;
     if (at_zero_.has(c) && f[0] <= kAtBound * largest_force) continue;
@@ -282,10 +286,10 @@ void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* 
   const double largest_force = equations->largest_force();
   for (std::size_t k = 0; k < candidates_.size(); ++k) {
     const Candidate& row = candidates_[k];
-    const std::size_t i = problem_.responses.of_contacts + k;
-    ContactEquations::Coordinate& of = equations->coordinates[row.coordinate];
+    const std::size_t i = problem_.responses.of_contacts() + k;
+    GroupCoordinate& of = equations->joints().coordinates()[row.coordinate];
     coordinate_acceleration_[row.coordinate] = solved_[i] + row.acceleration;
-    if (!problem_.responses.is_free[k]) continue;
+    if (!problem_.responses.is_free(k)) continue;
     const double least = std::max(kAtRest * largest * root(i), kAtRest * kLeastScale);
     signed char side = std::abs(solved_[i]) > least ? sign_of(solved_[i]) : sign_of(0.0);
     const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
@@ -298,7 +302,8 @@ void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* 
     if (side == 0)
       of.state.hold = row.hold;
     else
-      of.state = state_leaving(of.law, row.hold, row.rate, equations->zeta(of).rate, side);
+      of.state = state_leaving(of.law, row.hold, row.rate,
+                               equations->joints().zeta(equations->bodies(), of).rate, side);
   }
 }
 
@@ -306,10 +311,10 @@ void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* 
 // laws at a bound yield.
 void ContactStates::take_forces(ContactEquations* equations) const {
   for (std::size_t k = 0; k < candidates_.size(); ++k)
-    equations->coordinates[candidates_[k].coordinate].reference =
-        problem_.force[problem_.responses.of_contacts + k];
-  for (const ContactEquations::Touching& touching : problem_.responses.contacts) {
-    ContactEquations::Contact& contact = equations->contacts[touching.contact];
+    equations->joints().coordinates()[candidates_[k].coordinate].reference =
+        problem_.force[problem_.responses.of_contacts() + k];
+  for (const TouchingContact& touching : problem_.responses.contacts()) {
+    ContactEquations::Contact& contact = equations->contacts()[touching.contact];
     if (contact.acts == Acts::kOpen) continue;
     const Vector3d f = touching.of(problem_.force.data());
     contact.reference = touching.frame * f;
@@ -325,14 +330,14 @@ void ContactStates::take_forces(ContactEquations* equations) const {
 // Whether the forces of all acting rows are within their bounds, to rounding.
 bool ContactStates::is_within_bounds(const double* y, ContactEquations* equations) {
   derivative_.resize(equations->size());
-  equations->derivative(0, equations->time(), y, derivative_.data());
+  equations->derivative(0, equations->bodies().time(), y, derivative_.data());
   List<ContactWatched>& forces = forces_;
   forces.clear();
-  for (std::size_t c = 0; c < equations->contacts.size(); ++c)
-    if (equations->contacts[c].acts != Acts::kOpen)
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c)
+    if (equations->contacts()[c].acts != Acts::kOpen)
       watch_contact_forces(*equations, c, false, &forces);
-  for (std::size_t c = 0; c < equations->coordinates.size(); ++c)
-    if (equations->coordinates[c].state.hold != Hold::kNone)
+  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c)
+    if (equations->joints().coordinates()[c].state.hold != Hold::kNone)
       watch_held(*equations, c, false, &forces);
   return std::all_of(forces.begin(), forces.end(), [](const ContactWatched& watched) {
     return watched.value >= -watched.tolerance;
@@ -341,17 +346,19 @@ bool ContactStates::is_within_bounds(const double* y, ContactEquations* equation
 
 // Sets where coordinates are held from now on.
 void ContactStates::hold_coordinates(bool is_begin, ContactEquations* equations) const {
-  for (std::size_t c = 0; c < equations->coordinates.size(); ++c) {
-    ContactEquations::Coordinate& of = equations->coordinates[c];
+  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c) {
+    GroupCoordinate& of = equations->joints().coordinates()[c];
     const OneSidedState& before = coordinates_before_[c];
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
-    of.held = equations->read(of, nullptr).q;
-    of.held_at = equations->clock();
+    of.held = equations->joints().read(equations->bodies(), of, nullptr).q;
+    of.held_at = equations->bodies().clock();
     if (of.law.goal && of.state.drive != 0 && of.braking == 0.0)
       of.braking = braking_of(c, equations);
     if (of.state.hold == Hold::kBrake)
       of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
-    if (before.yield != 0) of.given_way += of.held - equations->limit(of, before.yield > 0).value;
+    if (before.yield != 0)
+      of.given_way +=
+          of.held - equations->joints().limit(equations->bodies(), of, before.yield > 0).value;
   }
 }
 

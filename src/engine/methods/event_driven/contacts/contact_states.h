@@ -93,7 +93,7 @@ class ContactStates {
   List<double> solved_;                   // accelerations, as problem_.cone.b
   List<double> gap_acceleration_;         // per contact
   List<double> coordinate_acceleration_;  // per coordinate
-  ContactEquations::Accelerations rates_;
+  GroupMotions rates_;
   LoadSharing sharing_;
   List<ContactWatched> forces_;  // margins of the decided states
   List<double> derivative_;      // without acting rows, or with the decided states

@@ -63,7 +63,7 @@ class ContactWatch {
   void add_coordinate(const ContactEquations& equations, std::size_t coordinate, bool has_stages,
                       List<ContactWatched>* list) const;
 
-  ContactEquations::Accelerations rates_;
+  GroupMotions rates_;
 };
 
 }  // namespace constraint_sim::engine

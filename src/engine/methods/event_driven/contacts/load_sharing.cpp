@@ -48,8 +48,8 @@ Matrix3d metric_in_cone(const Vector3d& x, double friction) {
 // forces stay.
 void LoadSharing::list_contacts(const ContactProblem& problem, const ContactEquations& equations) {
   shares_.clear();
-  for (const ContactEquations::Touching& touching : problem.responses.contacts) {
-    const ContactEquations::Contact& contact = equations.contacts[touching.contact];
+  for (const TouchingContact& touching : problem.responses.contacts()) {
+    const ContactEquations::Contact& contact = equations.contacts()[touching.contact];
     if (contact.acts == Acts::kOpen) continue;
     Share share{touching.contact,  touching.column, contact.friction,
                 touching.is_rough, false,           Vector2d::Zero()};
@@ -98,10 +98,10 @@ bool LoadSharing::find_step(const ContactPairs& pairs, const ContactProblem& pro
   for (const Share& of : shares_)
     for (std::size_t k = 0; k < (of.sticks ? 3 : 1); ++k) rows.push_back(of.column + k);
   const std::size_t columns = rows.size();
-  const List<std::size_t>& coordinates = problem.responses.coordinates;
+  const List<std::size_t>& coordinates = problem.responses.coordinates();
   for (std::size_t k = 0; k < coordinates.size(); ++k)
-    if (equations.coordinates[coordinates[k]].state.hold != Hold::kNone)
-      rows.push_back(problem.responses.of_contacts + k);
+    if (equations.joints().coordinates()[coordinates[k]].state.hold != Hold::kNone)
+      rows.push_back(problem.responses.of_contacts() + k);
   const std::size_t count = rows.size();
   double* const M = factors_.resize(count);
   std::fill_n(M, count * count, 0.0);
@@ -172,7 +172,7 @@ void LoadSharing::share(const ContactPairs& pairs, CountedSolver* solver, Contac
   if (!(margin > first)) return;
   for (const Share& of : shares_) {
     const double mean = mean_beside(pairs, of, force);
-    ContactEquations::Contact& contact = equations->contacts[of.contact];
+    ContactEquations::Contact& contact = equations->contacts()[of.contact];
     if (mean > 0.0) contact.normal_share = std::max(force[of.column] / mean, kLeastShare);
     contact.tangent_share = std::sqrt(contact.normal_share);
   }

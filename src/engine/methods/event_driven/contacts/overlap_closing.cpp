@@ -19,15 +19,16 @@ constexpr double kNear = 2.0;
 
 // Makes contacts of all points with a gap up to `margin`, and returns the deepest overlap.
 double find_overlaps(const List<ContactPair>& pairs, double margin, ContactEquations* equations) {
-  equations->contacts.clear();
+  equations->contacts().clear();
   double deepest = 0.0;
   for (const ContactPair& pair : pairs) {
-    const BodyState &a = equations->shape_state(pair.a), &b = equations->shape_state(pair.b);
+    const BodyState &a = equations->bodies().shape_state(pair.a),
+                    &b = equations->bodies().shape_state(pair.b);
     const Manifold manifold = collide(pair.shape_a, a, pair.shape_b, b, margin);
     for (std::size_t k = 0; k < static_cast<std::size_t>(manifold.count); ++k) {
       const Manifold::Point& point = manifold.points[k];
       const Vector3d on_a = point.position - point.depth * manifold.normal;
-      ContactEquations::Contact& contact = equations->contacts.emplace_back();
+      ContactEquations::Contact& contact = equations->contacts().emplace_back();
       contact.a = pair.a;
       contact.b = pair.b;
       contact.feature.on_a = a.orientation.conjugate() * (on_a - a.position);
@@ -42,11 +43,11 @@ double find_overlaps(const List<ContactPair>& pairs, double margin, ContactEquat
 // Largest violation of a one-sided limit by a coordinate.
 double beyond_limits(const ContactEquations& equations) {
   double most = 0.0;
-  for (const ContactEquations::Coordinate& of : equations.coordinates) {
+  for (const GroupCoordinate& of : equations.joints().coordinates()) {
     if (!of.is_one_sided) continue;
-    const double q = equations.read(of, nullptr).q;
-    most =
-        std::max({most, equations.limit(of, false).value - q, q - equations.limit(of, true).value});
+    const double q = equations.joints().read(equations.bodies(), of, nullptr).q;
+    most = std::max({most, equations.joints().limit(equations.bodies(), of, false).value - q,
+                     q - equations.joints().limit(equations.bodies(), of, true).value});
   }
   return most;
 }
@@ -56,25 +57,25 @@ double beyond_limits(const ContactEquations& equations) {
 // Makes a round with the contacts of find_overlaps(). Closes overlaps, and with `met` also gaps.
 bool OverlapClosing::close_found(bool met, CountedSolver* solver, ContactEquations* equations) {
   problem_.responses.clear();
-  for (std::size_t c = 0; c < equations->contacts.size(); ++c)
-    problem_.responses.add(c, equations->motion(equations->contacts[c]));
-  equations->find_responses(&problem_.responses);
-  problem_.cone.A = problem_.responses.A;
-  problem_.cone.b.assign(problem_.responses.columns, 0.0);
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c)
+    problem_.responses.add(c, equations->motion(equations->contacts()[c]));
+  problem_.responses.find(*equations);
+  problem_.cone.A = problem_.responses.A();
+  problem_.cone.b.assign(problem_.responses.columns(), 0.0);
   problem_.cone.contacts.clear();
-  problem_.cone.rows.assign(problem_.responses.columns, {met ? -kInfinity : 0.0, kInfinity});
-  for (const ContactEquations::Touching& touching : problem_.responses.contacts)
+  problem_.cone.rows.assign(problem_.responses.columns(), {met ? -kInfinity : 0.0, kInfinity});
+  for (const TouchingContact& touching : problem_.responses.contacts())
     problem_.cone.b[touching.column] = touching.motion.gap;
   if (!solver->solve(problem_.cone, &problem_.force)) return false;
-  double* const y = equations->numbers().data();
-  equations->displace(problem_.responses, problem_.force.data(), y);
-  equations->contacts.clear();
+  double* const y = equations->bodies().numbers().data();
+  problem_.responses.displace(problem_.force.data(), equations, y);
+  equations->contacts().clear();
   return equations->project(0.0, y);
 }
 
 bool OverlapClosing::close(const List<ContactPair>& pairs, CountedSolver* solver,
                            ContactEquations* equations, double* corrected) {
-  const double before = equations->kinetic_energy() + equations->potential_energy();
+  const double before = equations->bodies().kinetic_energy() + equations->potential_energy();
   const double beyond = std::max(beyond_limits(*equations), kTouching);
   double deepest = find_overlaps(pairs, 0.0, equations), last = 0.0;
   for (int round = 0; deepest > kClosed; ++round) {
@@ -85,18 +86,18 @@ bool OverlapClosing::close(const List<ContactPair>& pairs, CountedSolver* solver
     deepest = find_overlaps(pairs, 0.0, equations);
   }
   // Gaps of second order remain, from which bodies would fall and rattle.
-  const List<double> closed = equations->numbers();
+  const List<double> closed = equations->bodies().numbers();
   for (int round = 0; round < kMostMeetings && last > 0.0; ++round) {
     find_overlaps(pairs, kNear * last, equations);
     if (close_found(true, solver, equations) && find_overlaps(pairs, 0.0, equations) <= kClosed)
       continue;
-    equations->numbers() = closed;
-    equations->place(equations->numbers().data());
+    equations->bodies().numbers() = closed;
+    equations->bodies().place(equations->bodies().numbers().data());
     break;
   }
-  equations->contacts.clear();
+  equations->contacts().clear();
   if (beyond_limits(*equations) > beyond) return false;
-  *corrected += equations->kinetic_energy() + equations->potential_energy() - before;
+  *corrected += equations->bodies().kinetic_energy() + equations->potential_energy() - before;
   return true;
 }
 

@@ -11,8 +11,8 @@ struct PerRow {
   List<Number> contacts, coordinates;
 
   void reset(const ContactEquations& equations, Number value = {}) {
-    contacts.assign(equations.contacts.size(), value);
-    coordinates.assign(equations.coordinates.size(), value);
+    contacts.assign(equations.contacts().size(), value);
+    coordinates.assign(equations.joints().coordinates().size(), value);
   }
 };
 

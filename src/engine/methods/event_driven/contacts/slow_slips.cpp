@@ -19,7 +19,7 @@ bool has_direction(const ContactEquations::Contact& of) {
 }  // namespace
 
 void set_directions(ContactEquations* equations) {
-  for (ContactEquations::Contact& contact : equations->contacts) {
+  for (ContactEquations::Contact& contact : equations->contacts()) {
     if (contact.acts != ContactEquations::Acts::kSlips || contact.friction == 0.0) continue;
     const Vector3d slip = equations->motion(contact).slip();
     const double speed = slip.norm();
@@ -28,8 +28,8 @@ void set_directions(ContactEquations* equations) {
 }
 
 bool turns_fast(const ContactEquations& equations, double h) {
-  const double fall = h * equations.gravity.norm();
-  return std::any_of(equations.contacts.begin(), equations.contacts.end(),
+  const double fall = h * equations.bodies().gravity().norm();
+  return std::any_of(equations.contacts().begin(), equations.contacts().end(),
                      [&](const auto& contact) {
                        return has_direction(contact) &&
                               equations.motion(contact).slip().norm() < contact.friction * fall;
@@ -37,9 +37,10 @@ bool turns_fast(const ContactEquations& equations, double h) {
 }
 
 bool was_straight(const ContactEquations& equations, double h, double tolerance) {
-  const double least = kNoForce * equations.largest_force(), g = equations.gravity.norm();
-  for (std::size_t c = 0; c < equations.contacts.size(); ++c) {
-    const ContactEquations::Contact& contact = equations.contacts[c];
+  const double least = kNoForce * equations.largest_force(),
+               g = equations.bodies().gravity().norm();
+  for (std::size_t c = 0; c < equations.contacts().size(); ++c) {
+    const ContactEquations::Contact& contact = equations.contacts()[c];
     if (!has_direction(contact)) continue;
     const ContactMotion now = equations.motion(contact);
     const Vector3d across = now.n.cross(contact.direction);

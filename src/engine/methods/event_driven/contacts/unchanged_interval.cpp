@@ -20,7 +20,7 @@ bool are_same(const std::optional<ShapePose>& l, const std::optional<ShapePose>&
          have_same_bits(l->orientation.coeffs(), r->orientation.coeffs());
 }
 
-bool are_same(const ContactEquations::Body& l, const ContactEquations::Body& r) {
+bool are_same(const GroupBody& l, const GroupBody& r) {
   return l.index == r.index && l.mass.inverse_mass == r.mass.inverse_mass &&
          l.mass.inertia == r.mass.inertia && l.mass.inverse_inertia == r.mass.inverse_inertia &&
          have_same_bits(l.force, r.force) && have_same_bits(l.torque, r.torque) &&
@@ -51,14 +51,14 @@ bool are_all_same(const Container& l, const Container& r) {
 
 bool UnchangedInterval::is_repeated_by(const Interval& span, const ContactEquations& equations,
                                        const List<ContactPair>& pairs) const {
-  if (!is_known_ || !equations.joints.empty() || equations.has_movers() || span.h != h_ ||
-      !have_same_bits(span.gravity, gravity_) || !are_all_same(equations.bodies, bodies_) ||
-      !are_all_same(pairs, pairs_))
+  if (!is_known_ || !equations.joints().list().empty() || equations.bodies().has_movers() ||
+      span.h != h_ || !have_same_bits(span.gravity, gravity_) ||
+      !are_all_same(equations.bodies().list(), bodies_) || !are_all_same(pairs, pairs_))
     return false;
-  const List<double>& numbers = equations.numbers();
+  const List<double>& numbers = equations.bodies().numbers();
   if (!have_same_bits(numbers.data(), numbers_.data(), numbers.size())) return false;
-  for (std::size_t i = equations.movable; i < states_.size(); ++i)
-    if (!are_same(equations.state(i), states_[i])) return false;
+  for (std::size_t i = equations.bodies().movable(); i < states_.size(); ++i)
+    if (!are_same(equations.bodies().state(i), states_[i])) return false;
   return true;
 }
 
@@ -67,20 +67,20 @@ void UnchangedInterval::begin(const Interval& span, const ContactEquations& equa
   is_known_ = false;
   gravity_ = span.gravity;
   h_ = span.h;
-  numbers_ = equations.numbers();
-  bodies_ = equations.bodies;
+  numbers_ = equations.bodies().numbers();
+  bodies_ = equations.bodies().list();
   pairs_ = pairs;
 }
 
 void UnchangedInterval::end(const ContactEquations& equations) {
   is_known_ = true;
-  states_ = equations.states();
-  contacts_ = equations.contacts;
+  states_ = equations.bodies().states();
+  contacts_ = equations.contacts();
 }
 
 void UnchangedInterval::repeat(ContactEquations* equations) const {
-  equations->contacts = contacts_;
-  equations->set_states(states_);
+  equations->contacts() = contacts_;
+  equations->bodies().set_states(states_);
 }
 
 }  // namespace constraint_sim::engine

@@ -28,7 +28,7 @@ class UnchangedInterval {
   Eigen::Vector3d gravity_{0, 0, 0};
   double h_ = 0.0;
   List<double> numbers_;  // state of the movable bodies at the start
-  List<ContactEquations::Body> bodies_;
+  List<GroupBody> bodies_;
   List<ContactPair> pairs_;
   List<BodyState> states_;                    // at the end
   List<ContactEquations::Contact> contacts_;  // at the end

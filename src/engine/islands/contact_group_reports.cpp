@@ -117,22 +117,23 @@ void add_group_events(const Model& model, const ContactGroup& group, double end,
     return;
   }
   const ContactEvents& by_events = *group.events.get();
-  const ContactEquations& equations = by_events.equations();
+  const GroupBodies& bodies = by_events.equations().bodies();
+  const GroupJoints& joints = by_events.equations().joints();
   const auto joint_of = [&](std::size_t coordinate) {
-    return to_index(equations.joints()[equations.joints().coordinates()[coordinate].joint].index);
+    return to_index(joints[joints.coordinates()[coordinate].joint].index);
   };
-  const auto body_of = [&](std::size_t place) { return equations.bodies()[place].index; };
+  const auto body_of = [&](std::size_t place) { return bodies[place].index; };
   for (const ContactReports::Told& told : by_events.reports().told()) {
     const double t = std::min(told.time, end);  // by rounding after the end of the step
     if (told.joint >= 0) {
-      const std::size_t j = to_index(equations.joints()[told.joint].index);
+      const std::size_t j = to_index(joints[told.joint].index);
       events->push_back(
           {told.kind, t, model.joints[j].body_a, model.joints[j].body_b, model.joint_ids[j]});
       continue;
     }
     if (told.pair < 0) {
       const std::size_t j = joint_of(to_index(told.coordinate));
-      const OneSidedLaw& law = equations.joints().coordinates()[told.coordinate].law;
+      const OneSidedLaw& law = joints.coordinates()[told.coordinate].law;
       events->push_back({told.kind, t, model.joints[j].body_a, model.joints[j].body_b,
                          model.joint_ids[j], law.is_distance ? -1 : law.coordinate, told.impulse});
       continue;

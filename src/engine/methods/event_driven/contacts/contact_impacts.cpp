@@ -13,7 +13,8 @@ constexpr double kJam = 1e-9;  // [m/s] assumed approach speed of jammed contact
 
 std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations& equations,
                                               std::size_t coordinate) {
-  const GroupJoint& joint = equations.joints()[equations.joints().coordinates()[coordinate].joint];
+  const GroupJoints& joints = equations.joints();
+  const GroupJoint& joint = joints[joints.coordinates()[coordinate].joint];
   return std::minmax(joint.a, joint.b);
 }
 
@@ -65,13 +66,15 @@ bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& 
 // Lists limits that are reached and not left: hit limits, and limits without restitution.
 // `only_slow`: no hit limits.
 void ContactImpacts::add_touching_limits(bool only_slow, const ContactEquations& equations) {
-  for (std::size_t c = 0; c < equations.joints().coordinates().size(); ++c) {
-    const GroupCoordinate& of = equations.joints().coordinates()[c];
+  const GroupBodies& bodies = equations.bodies();
+  const GroupJoints& joints = equations.joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    const GroupCoordinate& of = joints.coordinates()[c];
     if (!of.is_one_sided || std::isfinite(of.law.limit_force)) continue;
     for (const bool upper_one : {false, true}) {
       if (!std::isfinite(of.law.limit(upper_one))) continue;
-      const GroupJoints::Reading now = equations.joints().read(equations.bodies(), of, nullptr);
-      const Prescribed at_limit = equations.joints().limit(equations.bodies(), of, upper_one);
+      const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
+      const Prescribed at_limit = joints.limit(bodies, of, upper_one);
       const double direction = upper_one ? -1.0 : 1.0;
       const double gap = direction * (now.q - at_limit.value);
       if (gap > kTouching) continue;
@@ -216,6 +219,8 @@ bool ContactImpacts::have_jam(CountedSolver* solver, ContactEquations* equations
 bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactStates* states,
                               CountedSolver* solver, ContactEquations* equations, const double* y,
                               bool* is_settled) {
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
   const PerRow<double>& hit = impulses_;
   *is_settled = true;
   const auto is_bounce = [&](std::size_t c) {
@@ -223,8 +228,8 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
            !rests_.contacts[c];
   };
   const auto is_limit_bounce = [&](std::size_t c) {
-    return hit.coordinates[c] != 0.0 &&
-           equations->joints().coordinates()[c].law.restitution > 0.0 && !rests_.coordinates[c];
+    return hit.coordinates[c] != 0.0 && joints.coordinates()[c].law.restitution > 0.0 &&
+           !rests_.coordinates[c];
   };
   bool any = false;
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) any = any || is_bounce(c);
@@ -244,11 +249,11 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
   }
   for (std::size_t c = 0; c < hit.coordinates.size(); ++c) {
     if (!is_limit_bounce(c)) continue;
-    const GroupCoordinate& of = equations->joints().coordinates()[c];
+    const GroupCoordinate& of = joints.coordinates()[c];
     const bool upper_one = hit.coordinates[c] < 0.0;
     const double direction = upper_one ? -1.0 : 1.0;
-    const GroupJoints::Reading now = equations->joints().read(equations->bodies(), of, nullptr);
-    const Prescribed at_limit = equations->joints().limit(equations->bodies(), of, upper_one);
+    const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
+    const Prescribed at_limit = joints.limit(bodies, of, upper_one);
     if (direction * (now.q - at_limit.value) > kTouching) continue;
     const std::optional<double> rests_in =
         time_to_rest(direction * (now.rate - at_limit.rate),

@@ -18,9 +18,9 @@ constexpr double kMostTurn = 1.0;    // [rad] rotation of a box in a substep
 constexpr double kOverlap = 1e-9;    // [m] a deeper overlap was missed
 
 double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) {
-  return separation_of_boxes(
-             std::get<Box>(pair.shape_a).size, equations.bodies().shape_state(pair.a),
-             std::get<Box>(pair.shape_b).size, equations.bodies().shape_state(pair.b))
+  const GroupBodies& bodies = equations.bodies();
+  return separation_of_boxes(std::get<Box>(pair.shape_a).size, bodies.shape_state(pair.a),
+                             std::get<Box>(pair.shape_b).size, bodies.shape_state(pair.b))
       .gap;
 }
 
@@ -63,14 +63,15 @@ std::size_t ContactPairs::most_points(const Shape& a, const Shape& b) {
 }
 
 void ContactPairs::add_contacts(ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
   equations->contacts().clear();
   pair_of_.clear();
   List<ContactFeature>& found = found_;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     ContactPair& pair = pairs_[p];
     found.clear();
-    add_features(pair.shape_a, equations->bodies().shape_state(pair.a), pair.shape_b,
-                 equations->bodies().shape_state(pair.b), &found);
+    add_features(pair.shape_a, bodies.shape_state(pair.a), pair.shape_b, bodies.shape_state(pair.b),
+                 &found);
     pair.first = equations->contacts().size();
     pair.count = found.size();
     for (const ContactFeature& feature : found) {
@@ -116,12 +117,13 @@ void ContactPairs::note_step_before(const ContactEquations& equations) {
 }
 
 void ContactPairs::find_features(bool all, bool is_within, ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
   List<ContactFeature>& found = found_;
   for (const ContactPair& pair : pairs_) {
     if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
     found.clear();
-    add_features(pair.shape_a, equations->bodies().shape_state(pair.a), pair.shape_b,
-                 equations->bodies().shape_state(pair.b), &found);
+    add_features(pair.shape_a, bodies.shape_state(pair.a), pair.shape_b, bodies.shape_state(pair.b),
+                 &found);
     if (pair.is_of_boxes()) keep_places(*equations, pair, all, &found);
     for (std::size_t k = 0; k < pair.count; ++k) {
       ContactEquations::Contact& contact = equations->contacts()[pair.first + k];
@@ -156,20 +158,19 @@ bool ContactPairs::has_missed(const ContactEquations& equations) {
 }
 
 double ContactPairs::longest_substep(double left, const ContactEquations& equations) const {
+  const GroupBodies& bodies = equations.bodies();
   double longest = left;
-  const double fall = left * equations.bodies().gravity().norm();
+  const double fall = left * bodies.gravity().norm();
   for (std::size_t c = 0; c < equations.contacts().size(); ++c) {
     const ContactEquations::Contact& contact = equations.contacts()[c];
     const ContactPair& pair = of(c);
     if (contact.acts != ContactEquations::Acts::kOpen ||
         contact.feature.kind == ContactFeature::Kind::kNothing)
       continue;
-    if (!contact.feature.on_a.isZero(0.0) || equations.bodies().is_beside(contact.a))
-      longest = std::min(longest,
-                         kMostTurn / equations.bodies().state(contact.a).angular_velocity.norm());
-    if (pair.is_of_boxes() || equations.bodies().is_beside(contact.b))
-      longest = std::min(longest,
-                         kMostTurn / equations.bodies().state(contact.b).angular_velocity.norm());
+    if (!contact.feature.on_a.isZero(0.0) || bodies.is_beside(contact.a))
+      longest = std::min(longest, kMostTurn / bodies.state(contact.a).angular_velocity.norm());
+    if (pair.is_of_boxes() || bodies.is_beside(contact.b))
+      longest = std::min(longest, kMostTurn / bodies.state(contact.b).angular_velocity.norm());
     if (!std::isfinite(pair.thickness)) continue;
     const ContactMotion now = equations.motion(contact);
     const double way = std::max(now.gap, kFastShare * pair.thickness);

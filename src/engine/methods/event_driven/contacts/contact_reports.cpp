@@ -12,41 +12,40 @@ using Acts = ContactEquations::Acts;
 
 bool is_saturated(const ContactEquations& equations, const GroupCoordinate& of,
                   const OneSidedState& state) {
-  return (equations.joints()[of.joint].is_at_end && of.is_one_sided) ||
+  const GroupBodies& bodies = equations.bodies();
+  const GroupJoints& joints = equations.joints();
+  return (joints[of.joint].is_at_end && of.is_one_sided) ||
          is_at_force_limit(
-             of.law, state,
-             [&](bool upper_one) {
-               return equations.joints().limit(equations.bodies(), of, upper_one);
-             },
-             [&] { return equations.joints().zeta(equations.bodies(), of); });
+             of.law, state, [&](bool upper_one) { return joints.limit(bodies, of, upper_one); },
+             [&] { return joints.zeta(bodies, of); });
 }
 
 }  // namespace
 
 void ContactReports::begin_step(const ContactEquations& equations) {
+  const GroupBodies& bodies = equations.bodies();
+  const GroupJoints& joints = equations.joints();
   last_states_.clear();
   was_saturated_.clear();
-  for (const GroupCoordinate& of : equations.joints().coordinates()) {
-    const GroupJoints::Reading now = equations.joints().read(equations.bodies(), of, nullptr);
+  for (const GroupCoordinate& of : joints.coordinates()) {
+    const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
     const bool was_saturated =
-        equations.joints()[of.joint].was_saturated &&
+        joints[of.joint].was_saturated &&
         was_at_force_limit(
-            of.law, equations.joints().coordinates(),
+            of.law, joints.coordinates(),
             [](const GroupCoordinate& other) -> const OneSidedLaw& { return other.law; }, now,
-            equations.joints().rest(equations.bodies(), of),
-            [&] { return equations.joints().zeta(equations.bodies(), of); });
+            joints.rest(bodies, of), [&] { return joints.zeta(bodies, of); });
     was_saturated_.push_back(was_saturated ? 1 : 0);
     last_states_.push_back(
-        state_of_motion(of.law, now, was_saturated, equations.joints().rest(equations.bodies(), of),
-                        [&](bool upper_one) {
-                          return equations.joints().limit(equations.bodies(), of, upper_one);
-                        }));
+        state_of_motion(of.law, now, was_saturated, joints.rest(bodies, of),
+                        [&](bool upper_one) { return joints.limit(bodies, of, upper_one); }));
   }
 }
 
 void ContactReports::end_interval(const ContactEquations& equations) {
-  for (std::size_t c = 0; c < equations.joints().coordinates().size(); ++c) {
-    const GroupCoordinate& of = equations.joints().coordinates()[c];
+  const GroupJoints& joints = equations.joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    const GroupCoordinate& of = joints.coordinates()[c];
     last_states_[c] = of.state;
     was_saturated_[c] = is_saturated(equations, of, of.state) ? 1 : 0;
   }
@@ -58,8 +57,9 @@ void ContactReports::add_break(double t, std::size_t joint) {
 
 void ContactReports::add(const ContactChange& change, const ContactEquations& equations,
                          ContactPairs* pairs) {
-  for (std::size_t c = 0; c < equations.joints().coordinates().size(); ++c) {
-    const GroupCoordinate& of = equations.joints().coordinates()[c];
+  const GroupJoints& joints = equations.joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    const GroupCoordinate& of = joints.coordinates()[c];
     if (!of.is_one_sided) continue;
     const double hit = change.impulses.coordinates[c];
     OneSidedState then = change.is_begin ? last_states_[c] : change.states[c];
@@ -120,22 +120,22 @@ void ContactReports::add(const Told& told, double rests_in) {
 
 void ContactReports::write(const ContactEquations& equations, std::size_t c,
                            JointState* state) const {
-  const GroupCoordinate& of = equations.joints().coordinates()[c];
+  const GroupJoints& joints = equations.joints();
+  const GroupCoordinate& of = joints.coordinates()[c];
   const OneSidedLaw& law = of.law;
   if (of.is_one_sided) {
     state->saturated = false;
     for (std::size_t d = 0; d < was_saturated_.size(); ++d)
-      if (equations.joints().coordinates()[d].joint == of.joint && was_saturated_[d])
-        state->saturated = true;
+      if (joints.coordinates()[d].joint == of.joint && was_saturated_[d]) state->saturated = true;
   }
   if (law.drive == 0.0 && !std::isfinite(law.limit_force)) return;
-  const double q = equations.joints().read(equations.bodies(), of, nullptr).q;
+  const double q = joints.read(equations.bodies(), of, nullptr).q;
   if (!law.is_distance) {
     CoordinateState& coordinate = state->coordinates[static_cast<std::size_t>(law.coordinate)];
     coordinate.braking = of.braking;
     coordinate.held = law.goal && of.braking == 0.0 ? *law.goal : q;
   } else if (law.drive > 0.0)
-    state->travel = q - equations.joints()[of.joint].joint.distance.length.value_or(0.0);
+    state->travel = q - joints[of.joint].joint.distance.length.value_or(0.0);
   else
     state->travel += of.given_way;
 }

@@ -17,34 +17,35 @@ constexpr double kLeastScale = 0.01;  // [m/s²] least largest acceleration, whe
 constexpr double kSameTime = 1e-6;    // share of an interval
 
 // Deceleration of a coordinate by half of the force of its motor, while other motors hold.
-double braking_of(std::size_t c, ContactEquations* equations) {
+double braking_of(std::size_t c, const ContactEquations& equations) {
+  const GroupJoints& joints = equations.joints();
   ContactResponses responses;
   responses.add_coordinate(c);
-  for (std::size_t d = 0; d < equations->joints().coordinates().size(); ++d)
-    if (d != c && equations->joints().coordinates()[d].is_one_sided &&
-        equations->joints().coordinates()[d].law.drive > 0.0)
+  for (std::size_t d = 0; d < joints.coordinates().size(); ++d)
+    if (d != c && joints.coordinates()[d].is_one_sided && joints.coordinates()[d].law.drive > 0.0)
       responses.add_coordinate(d);
-  responses.find(*equations);
+  responses.find(equations);
   List<Eigen::Index> others;
   const std::size_t n = responses.columns();
   for (std::size_t k = 1; k < n; ++k)
     if (responses.is_free(k)) others.push_back(static_cast<Eigen::Index>(k));
   const auto size = static_cast<Eigen::Index>(n);
   const Eigen::Map<const Eigen::MatrixXd> A(responses.A().data(), size, size);
-  return 0.5 * equations->joints().coordinates()[c].law.drive * response_beside(A, others, 0);
+  return 0.5 * joints.coordinates()[c].law.drive * response_beside(A, others, 0);
 }
 
 // Finds the motors that are not at rest at their goals, and their braking decelerations.
 // EventDriven compares with prescribed motions instead.
 void find_lost(ContactEquations* equations) {
-  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c) {
-    GroupCoordinate& of = equations->joints().coordinates()[c];
+  GroupJoints& joints = equations->joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
     if (!of.law.goal) continue;
-    const GroupJoints::Reading now = equations->joints().read(equations->bodies(), of, nullptr);
+    const GroupJoints::Reading now = joints.read(equations->bodies(), of, nullptr);
     if (std::abs(now.q - *of.law.goal) <= kTouching && std::abs(now.rate) <= kResting)
       of.braking = 0.0;
     else if (of.braking == 0.0)
-      of.braking = braking_of(c, equations);
+      of.braking = braking_of(c, *equations);
   }
 }
 
@@ -145,9 +146,11 @@ bool ContactStates::decide(const ContactWatched& event, double least_slip, const
 
 // Finds the accelerations without acting rows, and the contacts that touch and do not part.
 void ContactStates::find_free_motion(const double* y, ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
   derivative_.resize(equations->size());
-  equations->derivative(0, equations->bodies().time(), y, derivative_.data());
-  equations->bodies().find_accelerations(derivative_.data(), &rates_);
+  equations->derivative(0, bodies.time(), y, derivative_.data());
+  bodies.find_accelerations(derivative_.data(), &rates_);
   gap_acceleration_.assign(equations->contacts().size(), 0.0);
   problem_.responses.clear();
   for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
@@ -160,9 +163,8 @@ void ContactStates::find_free_motion(const double* y, ContactEquations* equation
       problem_.responses.add(c, now);
   }
   coordinate_acceleration_.clear();
-  for (const GroupCoordinate& of : equations->joints().coordinates())
-    coordinate_acceleration_.push_back(
-        equations->joints().read(equations->bodies(), of, &rates_).acceleration);
+  for (const GroupCoordinate& of : joints.coordinates())
+    coordinate_acceleration_.push_back(joints.read(bodies, of, &rates_).acceleration);
 }
 
 // Sets up the problem of accelerations, as if contacts with a slip up to `least_slip` [m/s] did not
@@ -192,30 +194,31 @@ void ContactStates::set_problem(double least_slip, const ContactEquations& equat
 }
 
 void ContactStates::choose_servos(ContactEquations* equations) const {
-  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c) {
-    GroupCoordinate& of = equations->joints().coordinates()[c];
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
     if (!of.law.has_servo()) continue;
-    GroupJoints::Reading now = equations->joints().read(equations->bodies(), of, nullptr);
+    GroupJoints::Reading now = joints.read(bodies, of, nullptr);
     now.acceleration = coordinate_acceleration_[c];
-    of.state.servo = servo_from(of.law, coordinates_before_[c].servo, now,
-                                equations->joints().rest(equations->bodies(), of));
+    of.state.servo = servo_from(of.law, coordinates_before_[c].servo, now, joints.rest(bodies, of));
   }
 }
 
 // Lists the coordinates that move at the rate of a law that may hold them, and sets the acting
 // forces of the others. Returns false where a coordinate passes a limit without force limit.
 bool ContactStates::find_candidates(ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
   candidates_.clear();
-  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c) {
-    GroupCoordinate& of = equations->joints().coordinates()[c];
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
     of.state = {};
     of.reference = 0.0;
     if (!of.is_one_sided) continue;
-    const GroupJoints::Reading now = equations->joints().read(equations->bodies(), of, nullptr);
-    const auto limit = [&](bool upper_one) {
-      return equations->joints().limit(equations->bodies(), of, upper_one);
-    };
-    const auto zeta = [&] { return equations->joints().zeta(equations->bodies(), of); };
+    const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
+    const auto limit = [&](bool upper_one) { return joints.limit(bodies, of, upper_one); };
+    const auto zeta = [&] { return joints.zeta(bodies, of); };
     OneSidedState state;
     const bool is_lost = of.law.goal && of.braking > 0.0;
     const std::optional<Hold> hold =
@@ -275,6 +278,7 @@ void ContactStates::find_solved_accelerations() {
 
 // Decides how coordinates are held by the solved accelerations.
 void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* equations) {
+  GroupJoints& joints = equations->joints();
   if (candidates_.empty()) return;
   const std::size_t n = problem_.force.size();
   const auto root = [&](std::size_t i) {
@@ -287,7 +291,7 @@ void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* 
   for (std::size_t k = 0; k < candidates_.size(); ++k) {
     const Candidate& row = candidates_[k];
     const std::size_t i = problem_.responses.of_contacts() + k;
-    GroupCoordinate& of = equations->joints().coordinates()[row.coordinate];
+    GroupCoordinate& of = joints.coordinates()[row.coordinate];
     coordinate_acceleration_[row.coordinate] = solved_[i] + row.acceleration;
     if (!problem_.responses.is_free(k)) continue;
     const double least = std::max(kAtRest * largest * root(i), kAtRest * kLeastScale);
@@ -303,7 +307,7 @@ void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* 
       of.state.hold = row.hold;
     else
       of.state = state_leaving(of.law, row.hold, row.rate,
-                               equations->joints().zeta(equations->bodies(), of).rate, side);
+                               joints.zeta(equations->bodies(), of).rate, side);
   }
 }
 
@@ -329,6 +333,7 @@ void ContactStates::take_forces(ContactEquations* equations) const {
 
 // Whether the forces of all acting rows are within their bounds, to rounding.
 bool ContactStates::is_within_bounds(const double* y, ContactEquations* equations) {
+  GroupJoints& joints = equations->joints();
   derivative_.resize(equations->size());
   equations->derivative(0, equations->bodies().time(), y, derivative_.data());
   List<ContactWatched>& forces = forces_;
@@ -336,8 +341,8 @@ bool ContactStates::is_within_bounds(const double* y, ContactEquations* equation
   for (std::size_t c = 0; c < equations->contacts().size(); ++c)
     if (equations->contacts()[c].acts != Acts::kOpen)
       watch_contact_forces(*equations, c, false, &forces);
-  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c)
-    if (equations->joints().coordinates()[c].state.hold != Hold::kNone)
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
+    if (joints.coordinates()[c].state.hold != Hold::kNone)
       watch_held(*equations, c, false, &forces);
   return std::all_of(forces.begin(), forces.end(), [](const ContactWatched& watched) {
     return watched.value >= -watched.tolerance;
@@ -346,19 +351,20 @@ bool ContactStates::is_within_bounds(const double* y, ContactEquations* equation
 
 // Sets where coordinates are held from now on.
 void ContactStates::hold_coordinates(bool is_begin, ContactEquations* equations) const {
-  for (std::size_t c = 0; c < equations->joints().coordinates().size(); ++c) {
-    GroupCoordinate& of = equations->joints().coordinates()[c];
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
     const OneSidedState& before = coordinates_before_[c];
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
-    of.held = equations->joints().read(equations->bodies(), of, nullptr).q;
-    of.held_at = equations->bodies().clock();
+    of.held = joints.read(bodies, of, nullptr).q;
+    of.held_at = bodies.clock();
     if (of.law.goal && of.state.drive != 0 && of.braking == 0.0)
-      of.braking = braking_of(c, equations);
+      of.braking = braking_of(c, *equations);
     if (of.state.hold == Hold::kBrake)
       of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
     if (before.yield != 0)
-      of.given_way +=
-          of.held - equations->joints().limit(equations->bodies(), of, before.yield > 0).value;
+      of.given_way += of.held - joints.limit(bodies, of, before.yield > 0).value;
   }
 }
 

@@ -46,11 +46,11 @@ void watch_contact_forces(const ContactEquations& equations, std::size_t c, bool
 
 void watch_held(const ContactEquations& equations, std::size_t c, bool has_stages,
                 List<ContactWatched>* list) {
-  const GroupCoordinate& of = equations.joints().coordinates()[c];
-  const auto limit = [&](bool upper_one) {
-    return equations.joints().limit(equations.bodies(), of, upper_one);
-  };
-  const auto zeta = [&] { return equations.joints().zeta(equations.bodies(), of); };
+  const GroupBodies& bodies = equations.bodies();
+  const GroupJoints& joints = equations.joints();
+  const GroupCoordinate& of = joints.coordinates()[c];
+  const auto limit = [&](bool upper_one) { return joints.limit(bodies, of, upper_one); };
+  const auto zeta = [&] { return joints.zeta(bodies, of); };
   const double rate = rate_held_at(of.state.hold, limit, zeta).rate;
   const ForceBounds bounds = force_bounds(of.law, of.state.hold, rate, zeta().rate);
   ContactWatched watched;
@@ -69,6 +69,7 @@ void watch_held(const ContactEquations& equations, std::size_t c, bool has_stage
 
 void watch_breaking(const ContactEquations& equations, std::size_t j, bool has_stages,
                     List<ContactWatched>* list) {
+  const GroupBodies& bodies = equations.bodies();
   const GroupJoint& of = equations.joints()[j];
   const Joint& joint = of.joint;
   if (of.is_broken || (joint.break_force == 0.0 && joint.break_torque == 0.0)) return;
@@ -76,8 +77,8 @@ void watch_breaking(const ContactEquations& equations, std::size_t j, bool has_s
   const auto loads = [&](std::size_t stage) {
     const RowVector& force = equations.joint_force(j, stage);
     if (has_length(joint.kind)) return std::pair(std::abs(force[0]), 0.0);
-    const World::JointWrench wrench = wrench_of(joint, equations.bodies().state(of.a),
-                                                equations.bodies().state(of.b), force, 1.0);
+    const World::JointWrench wrench =
+        wrench_of(joint, bodies.state(of.a), bodies.state(of.b), force, 1.0);
     return std::pair(wrench.force.norm(), wrench.torque.norm());
   };
   ContactWatched watched;
@@ -96,12 +97,12 @@ void watch_breaking(const ContactEquations& equations, std::size_t j, bool has_s
 
 void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t c, bool has_stages,
                                   List<ContactWatched>* list) const {
-  const GroupCoordinate& of = equations.joints().coordinates()[c];
-  const GroupJoints::Reading reading = equations.joints().read(equations.bodies(), of, &rates_);
-  const auto limit = [&](bool upper_one) {
-    return equations.joints().limit(equations.bodies(), of, upper_one);
-  };
-  const auto zeta = [&] { return equations.joints().zeta(equations.bodies(), of); };
+  const GroupBodies& bodies = equations.bodies();
+  const GroupJoints& joints = equations.joints();
+  const GroupCoordinate& of = joints.coordinates()[c];
+  const GroupJoints::Reading reading = joints.read(bodies, of, &rates_);
+  const auto limit = [&](bool upper_one) { return joints.limit(bodies, of, upper_one); };
+  const auto zeta = [&] { return joints.zeta(bodies, of); };
   const auto add = [&](Kind kind, const WatchedValue& value) {
     ContactWatched watched;
     static_cast<WatchedValue&>(watched) = value;
@@ -114,15 +115,13 @@ void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t
   if (of.state.hold != Hold::kNone) watch_held(equations, c, has_stages, list);
   const auto add_rate = [&](const WatchedValue& value) { add(Kind::kRate, value); };
   watch_rates(of.law, of.state, of.braking, reading, limit, zeta, add_rate);
-  if (of.law.has_servo())
-    watch_servo(of.law, of.state, reading, equations.joints().rest(equations.bodies(), of),
-                add_rate);
-  if (of.state.hold == Hold::kBrake)
-    add_rate(watched_end(of.until - equations.bodies().clock(), of.braking));
+  if (of.law.has_servo()) watch_servo(of.law, of.state, reading, joints.rest(bodies, of), add_rate);
+  if (of.state.hold == Hold::kBrake) add_rate(watched_end(of.until - bodies.clock(), of.braking));
 }
 
 void ContactWatch::add_contact(const ContactEquations& equations, const ContactPairs& pairs,
                                std::size_t c, bool has_stages, List<ContactWatched>* list) const {
+  const GroupBodies& bodies = equations.bodies();
   const ContactEquations::Contact& contact = equations.contacts()[c];
   if (contact.feature.kind == ContactFeature::Kind::kNothing) return;
   const ContactMotion now = equations.motion(contact);
@@ -135,7 +134,7 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
     watched.value = now.gap;
     watched.rate = now.gap_rate();
     watched.acceleration = now.n.dot(w_dot) + now.n_dot.dot(now.w);
-    watched.tolerance = 4.0 * kEpsilon * equations.bodies().scale();
+    watched.tolerance = 4.0 * kEpsilon * bodies.scale();
     list->push_back(watched);
     return;
   }
@@ -145,33 +144,32 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
     watched.kind = Kind::kSlip;
     watched.value = now.w.dot(contact.direction);
     watched.rate = w_dot.dot(contact.direction);
-    watched.tolerance = kEpsilon * equations.bodies().state(contact.a).linear_velocity.norm();
+    watched.tolerance = kEpsilon * bodies.state(contact.a).linear_velocity.norm();
     watched.rough = kEndOfSlip;
     list->push_back(watched);
     watched.rough = 0.0;
   }
   const ContactPair& pair = pairs.of(c);
-  const FeatureMargin margin =
-      margin_of(contact.feature, pair.shape_a, equations.bodies().shape_state(pair.a), pair.shape_b,
-                equations.bodies().shape_state(pair.b));
+  const FeatureMargin margin = margin_of(contact.feature, pair.shape_a, bodies.shape_state(pair.a),
+                                         pair.shape_b, bodies.shape_state(pair.b));
   if (!std::isfinite(margin.value)) return;
   watched.kind = Kind::kMargin;
   watched.value = margin.value;
   watched.rate = margin.rate;
-  watched.tolerance = 4.0 * kEpsilon * equations.bodies().scale();
+  watched.tolerance = 4.0 * kEpsilon * bodies.scale();
   list->push_back(watched);
 }
 
 void ContactWatch::list(const ContactEquations& equations, const ContactPairs& pairs,
                         const double* dydt, bool has_stages, List<ContactWatched>* list) {
+  const GroupJoints& joints = equations.joints();
   list->clear();
   equations.bodies().find_accelerations(dydt, &rates_);
   for (std::size_t c = 0; c < equations.contacts().size(); ++c)
     add_contact(equations, pairs, c, has_stages, list);
-  for (std::size_t c = 0; c < equations.joints().coordinates().size(); ++c)
-    if (equations.joints().coordinates()[c].is_one_sided)
-      add_coordinate(equations, c, has_stages, list);
-  for (std::size_t j = 0; j < equations.joints().list().size(); ++j)
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
+    if (joints.coordinates()[c].is_one_sided) add_coordinate(equations, c, has_stages, list);
+  for (std::size_t j = 0; j < joints.list().size(); ++j)
     watch_breaking(equations, j, has_stages, list);
 }
 

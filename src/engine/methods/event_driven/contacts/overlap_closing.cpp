@@ -19,11 +19,11 @@ constexpr double kNear = 2.0;
 
 // Makes contacts of all points with a gap up to `margin`, and returns the deepest overlap.
 double find_overlaps(const List<ContactPair>& pairs, double margin, ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
   equations->contacts().clear();
   double deepest = 0.0;
   for (const ContactPair& pair : pairs) {
-    const BodyState &a = equations->bodies().shape_state(pair.a),
-                    &b = equations->bodies().shape_state(pair.b);
+    const BodyState &a = bodies.shape_state(pair.a), &b = bodies.shape_state(pair.b);
     const Manifold manifold = collide(pair.shape_a, a, pair.shape_b, b, margin);
     for (std::size_t k = 0; k < static_cast<std::size_t>(manifold.count); ++k) {
       const Manifold::Point& point = manifold.points[k];
@@ -42,12 +42,14 @@ double find_overlaps(const List<ContactPair>& pairs, double margin, ContactEquat
 
 // Largest violation of a one-sided limit by a coordinate.
 double beyond_limits(const ContactEquations& equations) {
+  const GroupBodies& bodies = equations.bodies();
+  const GroupJoints& joints = equations.joints();
   double most = 0.0;
-  for (const GroupCoordinate& of : equations.joints().coordinates()) {
+  for (const GroupCoordinate& of : joints.coordinates()) {
     if (!of.is_one_sided) continue;
-    const double q = equations.joints().read(equations.bodies(), of, nullptr).q;
-    most = std::max({most, equations.joints().limit(equations.bodies(), of, false).value - q,
-                     q - equations.joints().limit(equations.bodies(), of, true).value});
+    const double q = joints.read(bodies, of, nullptr).q;
+    most = std::max({most, joints.limit(bodies, of, false).value - q,
+                     q - joints.limit(bodies, of, true).value});
   }
   return most;
 }

@@ -51,24 +51,26 @@ bool are_all_same(const Container& l, const Container& r) {
 
 bool UnchangedInterval::is_repeated_by(const Interval& span, const ContactEquations& equations,
                                        const List<ContactPair>& pairs) const {
-  if (!is_known_ || !equations.joints().list().empty() || equations.bodies().has_movers() ||
-      span.h != h_ || !have_same_bits(span.gravity, gravity_) ||
-      !are_all_same(equations.bodies().list(), bodies_) || !are_all_same(pairs, pairs_))
+  const GroupBodies& bodies = equations.bodies();
+  if (!is_known_ || !equations.joints().list().empty() || bodies.has_movers() || span.h != h_ ||
+      !have_same_bits(span.gravity, gravity_) || !are_all_same(bodies.list(), bodies_) ||
+      !are_all_same(pairs, pairs_))
     return false;
-  const List<double>& numbers = equations.bodies().numbers();
+  const List<double>& numbers = bodies.numbers();
   if (!have_same_bits(numbers.data(), numbers_.data(), numbers.size())) return false;
-  for (std::size_t i = equations.bodies().movable(); i < states_.size(); ++i)
-    if (!are_same(equations.bodies().state(i), states_[i])) return false;
+  for (std::size_t i = bodies.movable(); i < states_.size(); ++i)
+    if (!are_same(bodies.state(i), states_[i])) return false;
   return true;
 }
 
 void UnchangedInterval::begin(const Interval& span, const ContactEquations& equations,
                               const List<ContactPair>& pairs) {
+  const GroupBodies& bodies = equations.bodies();
   is_known_ = false;
   gravity_ = span.gravity;
   h_ = span.h;
-  numbers_ = equations.bodies().numbers();
-  bodies_ = equations.bodies().list();
+  numbers_ = bodies.numbers();
+  bodies_ = bodies.list();
   pairs_ = pairs;
 }
 

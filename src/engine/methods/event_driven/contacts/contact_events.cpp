@@ -19,6 +19,7 @@ bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   closes_ = closes;
   done_ = {};
   solver_.begin_step();
+  stepper_.begin_step();
   reports_.clear();
   states_.begin_step();
   equations_.bodies().gather(states, 0.0);
@@ -73,11 +74,11 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
   std::copy(equations_.bodies().numbers().begin(), equations_.bodies().numbers().end(),
             numbers_.begin());
   step_ = all.h;
-  watched_.is_muted.clear();
+  stepper_.begin_interval();
   bool is_done = settle(&span, {}, true);
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
   if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0 &&
-      reports_.told().empty() && done_.events == 0)
+      reports_.told().empty() && stepper_.events() == 0)
     unchanged_.end(equations_);
   equations_.joints().integrate_angles(equations_.bodies());
   reports_.end_interval(equations_);
@@ -155,7 +156,7 @@ bool ContactEvents::take_first(Span* span, double* step) {
     span->progress.is_inconsistent = false;
     *step = first;
     if (!go_straight(false)) return false;
-    watch(&watched_.before);
+    watch(stepper_.before());
     std::copy(derivative(), derivative() + n, kept_.begin() + n);
   }
   return take(span, &span->left, tolerance, step);
@@ -175,42 +176,39 @@ bool ContactEvents::advance_to_event(Span* span) {
   has_stages_ = false;
   double step = std::min(step_, pairs_.longest_substep(span->left.left, equations_));
   if (!go_straight(span->accuracy.tolerance > 0.0 && turns_fast(equations_, step))) return false;
-  watch(&watched_.before);
+  watch(stepper_.before());
   const std::size_t n = equations_.size();
   kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
   kept_.insert(kept_.end(), derivative(), derivative() + n);
   equations_.keep();
   const SubstepSpan start = span->left;
   if (!take_first(span, &step)) return end_jam(span);
-  const double h = start.left - span->left.left;
   step_ = step;
-  const auto look = [&] {
+  error_ = 0.0;
+  const auto repeat_to = [&](double length, bool is_start) {
+    return repeat(span, start.t, length, is_start);
+  };
+  const auto look = [&](List<Watched>* list) {
     pairs_.find_features(false, true, &equations_);
     has_stages_ = span->accuracy.order == 8;
-    watch(&watched_.after);
+    watch(list);
   };
-  look();
-  std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
-  const auto go_to = [&](double share, bool is_start) {
-    if (!repeat(span, start.t, share * h, is_start)) return false;
-    span->left = is_start ? start : gone_on(start, share * h);
-    look();
-    return true;
-  };
-  error_ = 0.0;
-  if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
-  // Where a slip is about to end or turn, a substep may be accepted by luck; the error of its
-  // repeated part shows it.
-  const double tolerance = span->accuracy.tolerance;
-  const bool is_poor = tolerance > 0.0 && error_ > std::max(tolerance * h, equations_.rounding());
-  if (is_poor || pairs_.has_missed(equations_)) {
+  const auto is_good = [&](double length) {
+    // Where a slip is about to end or turn, a substep may be accepted by luck; the error of its
+    // repeated part shows it.
+    const double tolerance = span->accuracy.tolerance;
+    const bool is_poor =
+        tolerance > 0.0 && error_ > std::max(tolerance * length, equations_.rounding());
+    if (!is_poor && !pairs_.has_missed(equations_)) return true;
     step_ = 0.5 * (start.left - span->left.left);
-    if (!go_to(0.0, true)) return false;
-    return ++done_.missed <= kMostMissed;
-  }
-  if (event) return finish_event(span, watched_.after[event->which], event->which);
-  watched_.is_muted.clear();
-  return true;
+    ++done_.missed;
+    return false;
+  };
+  const auto change = [&](const Watched& event, bool* is_changed) {
+    return change_states(span, event, is_changed);
+  };
+  return stepper_.end_substep(start, kMostEvents, repeat_to, look, is_good, change, &span->left) &&
+         done_.missed <= kMostMissed;
 }
 
 // Handles substeps that become ever shorter: forces grow without bound where friction is about to
@@ -220,7 +218,7 @@ bool ContactEvents::end_jam(Span* span) {
       equations_.contacts().begin(), equations_.contacts().end(),
       [](const auto& contact) { return contact.acts == Acts::kSlips && contact.friction > 0.0; });
   if (solver_.is_stopped() || !any_slips || ++done_.jams > kMostJams) return false;
-  ++done_.events;
+  stepper_.count_event();
   span->left.failures = 0;
   span->progress.is_inconsistent = false;
   equations_.restore();
@@ -229,25 +227,18 @@ bool ContactEvents::end_jam(Span* span) {
   return settle(span, {}, false, true);
 }
 
-bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t which) {
-  if (++done_.events > kMostEvents) return false;
-  equations_.joints().integrate_angles(equations_.bodies());
-  const std::size_t watches = watched_.before.size();
-  const std::uint32_t impacts = impacts_.count(), breaks = done_.breaks;
-  if (watched.kind == Watched::Kind::kBreak) break_joint(*span, watched.joint);
-  if (!settle(span, watched, false)) return false;
-  const bool is_changed = impacts != impacts_.count() || breaks != done_.breaks ||
-                          watched.kind == Watched::Kind::kSlip || states_.has_changed(equations_);
-  if (is_changed) {
-    watched_.is_muted.clear();
-    return true;
-  }
-  watched_.is_muted.resize(watches, 0);
-  watched_.is_muted[which] = 1;
-  return ++done_.unchanged <= kMostUnchanged;
-}
-
 // ---- at events
+
+// Changes the states at the event of a watched value.
+bool ContactEvents::change_states(Span* span, const Watched& event, bool* is_changed) {
+  equations_.joints().integrate_angles(equations_.bodies());
+  const std::uint32_t impacts = impacts_.count(), breaks = done_.breaks;
+  if (event.kind == Watched::Kind::kBreak) break_joint(*span, event.joint);
+  if (!settle(span, event, false)) return false;
+  *is_changed = impacts != impacts_.count() || breaks != done_.breaks ||
+                event.kind == Watched::Kind::kSlip || states_.has_changed(equations_);
+  return true;
+}
 
 // Decides the states of all contacts and laws at an event. `event`: the watched value that passed
 // zero and ended the last substep; kNothing at the start of an interval. `jams`: slipping contacts
@@ -302,7 +293,7 @@ bool ContactEvents::break_overloaded(Span* span) {
         return left.value / left.tolerance < right.value / right.tolerance;
       });
   if (worst == loads.end() || worst->value >= -worst->tolerance) return true;
-  ++done_.events;
+  stepper_.count_event();
   break_joint(*span, worst->joint);
   return settle(span, {}, false);
 }

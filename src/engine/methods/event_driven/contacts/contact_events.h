@@ -16,7 +16,7 @@
 #include "engine/methods/event_driven/contacts/counted_solver.h"
 #include "engine/methods/event_driven/contacts/overlap_closing.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/event_stepper.h"
 
 namespace constraint_sim::engine {
 
@@ -45,7 +45,7 @@ class ContactEvents {
                             double most_work, List<BodyState>* states);
 
   // ---- results since begin()
-  std::uint32_t events() const { return done_.events; }
+  std::uint32_t events() const { return stepper_.events(); }
   double driven_work() const { return equations_.driven_work(); }  ///< work of kinematic bodies [J]
   double work() const { return solver_.work(); }  ///< cost, in substeps of a group of one point
   const List<ContactPair>& pairs() const { return pairs_.list(); }
@@ -59,8 +59,7 @@ class ContactEvents {
   using Watched = ContactWatched;
   /// Counts since begin().
   struct Done {
-    std::uint32_t events = 0, breaks = 0, jams = 0;
-    int unchanged = 0;   ///< events that changed nothing
+    std::uint32_t breaks = 0, jams = 0;
     int missed = 0;      ///< substeps rejected for overlaps of boxes or for poor accuracy
     bool spans = false;  ///< an interval was advanced
   };
@@ -80,12 +79,11 @@ class ContactEvents {
   bool repeat(Span* span, double t, double h, bool is_start);
   bool advance_to_event(Span* span);
   bool end_jam(Span* span);
-  bool finish_event(Span* span, const Watched& watched, std::size_t which);
-
   bool go_straight(bool is_straight);
   bool take_first(Span* span, double* step);
 
   // ---- at events
+  bool change_states(Span* span, const Watched& event, bool* is_changed);
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
   void break_joint(const Span& span, std::size_t joint);
   bool break_overloaded(Span* span);
@@ -98,7 +96,7 @@ class ContactEvents {
   bool has_stages_ = false;  // whether stages of the last substep are stored
   bool closes_ = false;      // whether the next interval closes overlaps
   ContactWatch watch_;
-  WatchedSubstep<Watched> watched_;
+  EventStepper<Watched> stepper_;
   Done done_;
   double error_ = 0.0;  // estimated error of the last repeated substep [m]
   CountedSolver solver_;

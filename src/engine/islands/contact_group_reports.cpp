@@ -123,24 +123,25 @@ void add_group_events(const Model& model, const ContactGroup& group, double end,
     return to_index(joints[joints.coordinates()[coordinate].joint].index);
   };
   const auto body_of = [&](std::size_t place) { return bodies[place].index; };
-  for (const ContactReports::Told& told : by_events.reports().told()) {
-    const double t = std::min(told.time, end);  // by rounding after the end of the step
-    if (told.joint >= 0) {
-      const std::size_t j = to_index(joints[told.joint].index);
+  for (const ContactReports::Report& report : by_events.reports().list()) {
+    const double t = std::min(report.time, end);  // by rounding after the end of the step
+    if (report.joint >= 0) {
+      const std::size_t j = to_index(joints[report.joint].index);
       events->push_back(
-          {told.kind, t, model.joints[j].body_a, model.joints[j].body_b, model.joint_ids[j]});
+          {report.kind, t, model.joints[j].body_a, model.joints[j].body_b, model.joint_ids[j]});
       continue;
     }
-    if (told.pair < 0) {
-      const std::size_t j = joint_of(to_index(told.coordinate));
-      const OneSidedLaw& law = joints.coordinates()[told.coordinate].law;
-      events->push_back({told.kind, t, model.joints[j].body_a, model.joints[j].body_b,
-                         model.joint_ids[j], law.is_distance ? -1 : law.coordinate, told.impulse});
+    if (report.pair < 0) {
+      const std::size_t j = joint_of(to_index(report.coordinate));
+      const OneSidedLaw& law = joints.coordinates()[report.coordinate].law;
+      events->push_back({report.kind, t, model.joints[j].body_a, model.joints[j].body_b,
+                         model.joint_ids[j], law.is_distance ? -1 : law.coordinate,
+                         report.impulse});
       continue;
     }
-    const ContactPair& pair = by_events.pairs()[told.pair];
-    events->push_back({told.kind, t, model.body_ids[body_of(pair.a)],
-                       model.body_ids[body_of(pair.b)], std::nullopt, -1, told.impulse});
+    const ContactPair& pair = by_events.pairs()[report.pair];
+    events->push_back({report.kind, t, model.body_ids[body_of(pair.a)],
+                       model.body_ids[body_of(pair.b)], std::nullopt, -1, report.impulse});
   }
 }
 

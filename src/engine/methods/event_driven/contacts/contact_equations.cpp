@@ -109,17 +109,17 @@ void ContactEquations::derivative(std::size_t stage, double t, const double* y, 
   bodies_.place(y);
   bodies_.find_free_accelerations(y, &free_);
   set_rows(true, true);
-  Stage& told = stages_[stage];
-  told.clear();
+  Stage& forces = stages_[stage];
+  forces.clear();
   if (!rows_.list().empty()) rows_.factor(bodies_, stage == 0);
   pushed_.set_zero(bodies_.movable());
-  if (!joints_.coordinates().empty()) add_soft_forces(&told);
-  if (!rows_.list().empty()) solve_forces(&told);
+  if (!joints_.coordinates().empty()) add_soft_forces(&forces);
+  if (!rows_.list().empty()) solve_forces(&forces);
   bodies_.write_derivative(y, free_, pushed_, dydt);
 }
 
 // Adds the forces of springs, dampers and laws at their bounds.
-void ContactEquations::add_soft_forces(Stage* told) {
+void ContactEquations::add_soft_forces(Stage* forces) {
   for (const GroupCoordinate& of : joints_.coordinates()) {
     if (of.is_prescribed) continue;
     const GroupJoints::Reading now = joints_.read(bodies_, of, nullptr);
@@ -131,13 +131,13 @@ void ContactEquations::add_soft_forces(Stage* told) {
     row.inv_M_F = bodies_.accelerations(row.a, row.b, now.J);
     row.push(force, bodies_.movable(), &pushed_);
     if (bodies_.has_movers())
-      told->driven_power += force * bodies_.driven_power(row.a, row.b, now.J);
-    told->joint[of.joint][of.law.function] += force;
+      forces->driven_power += force * bodies_.driven_power(row.a, row.b, now.J);
+    forces->joint[of.joint][of.law.function] += force;
   }
 }
 
 // Solves for the forces of the rows, and adds them.
-void ContactEquations::solve_forces(Stage* told) {
+void ContactEquations::solve_forces(Stage* forces) {
   const List<ContactRow>& rows = rows_.list();
   const std::size_t movable = bodies_.movable();
   lambda_.resize(rows.size());
@@ -149,13 +149,13 @@ void ContactEquations::solve_forces(Stage* told) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const ContactRow& row = rows[i];
     row.push(lambda_[i], movable, &pushed_);
-    if (bodies_.has_movers()) told->driven_power += lambda_[i] * driven_power(row);
+    if (bodies_.has_movers()) forces->driven_power += lambda_[i] * driven_power(row);
     if (row.contact >= 0) {
-      told->contact[row.contact] += lambda_[i] * row.along;
-      if (row.is_normal) told->normal[row.contact] = lambda_[i];
+      forces->contact[row.contact] += lambda_[i] * row.along;
+      if (row.is_normal) forces->normal[row.contact] = lambda_[i];
     } else {
-      told->joint[row.joint][row.function] += lambda_[i];
-      if (row.coordinate >= 0) told->coordinate[row.coordinate] = lambda_[i];
+      forces->joint[row.joint][row.function] += lambda_[i];
+      if (row.coordinate >= 0) forces->coordinate[row.coordinate] = lambda_[i];
     }
   }
 }

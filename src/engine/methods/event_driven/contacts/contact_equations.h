@@ -131,8 +131,8 @@ class ContactEquations {
 
   void set_rows(bool with_slip, bool with_tangents);
   void add_contact_rows(std::size_t contact, bool with_slip, bool with_tangents);
-  void add_soft_forces(Stage* told);
-  void solve_forces(Stage* told);
+  void add_soft_forces(Stage* forces);
+  void solve_forces(Stage* forces);
   double driven_power(const ContactRow& row) const;
   void add_impulses(double weight, std::size_t stage);
 

@@ -78,7 +78,7 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
   bool is_done = settle(&span, {}, true);
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
   if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0 &&
-      reports_.told().empty() && stepper_.events() == 0)
+      reports_.list().empty() && stepper_.events() == 0)
     unchanged_.end(equations_);
   equations_.joints().integrate_angles(equations_.bodies());
   reports_.end_interval(equations_);

@@ -52,7 +52,7 @@ void ContactReports::end_interval(const ContactEquations& equations) {
 }
 
 void ContactReports::add_break(double t, std::size_t joint) {
-  told_.push_back({EventKind::kBroken, t, -1, -1, 0.0, static_cast<int>(joint)});
+  list_.push_back({EventKind::kBroken, t, -1, -1, 0.0, static_cast<int>(joint)});
 }
 
 void ContactReports::add(const ContactChange& change, const ContactEquations& equations,
@@ -110,12 +110,12 @@ void ContactReports::add_pair(const ContactChange& change, const ContactEquation
 }
 
 // Adds a reported event. An event now replaces a rest reported for later.
-void ContactReports::add(const Told& told, double rests_in) {
-  for (Told& other : told_)
-    if (other.pair == told.pair && other.coordinate == told.coordinate)
-      other.time = std::min(other.time, told.time);
-  told_.push_back(told);
-  told_.back().time += rests_in;
+void ContactReports::add(const Report& report, double rests_in) {
+  for (Report& other : list_)
+    if (other.pair == report.pair && other.coordinate == report.coordinate)
+      other.time = std::min(other.time, report.time);
+  list_.push_back(report);
+  list_.back().time += rests_in;
 }
 
 void ContactReports::write(const ContactEquations& equations, std::size_t c,

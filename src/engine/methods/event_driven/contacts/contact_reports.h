@@ -25,7 +25,7 @@ struct ContactChange {
 /// Reports the events of a contact group, by comparing states before and after each change.
 class ContactReports {
  public:
-  struct Told {
+  struct Report {
     EventKind kind;
     double time;     ///< simulated [s]
     int pair;        ///< −1: event of a joint
@@ -33,8 +33,8 @@ class ContactReports {
     double impulse;  ///< impulse of an impact [N s or N m s]
     int joint = -1;  ///< index in ContactEquations of a joint that broke
   };
-  const List<Told>& told() const { return told_; }
-  void clear() { told_.clear(); }
+  const List<Report>& list() const { return list_; }
+  void clear() { list_.clear(); }
 
   /// Infers the states of coordinates before the step, as far as the motion shows them.
   void begin_step(const ContactEquations& equations);
@@ -50,9 +50,9 @@ class ContactReports {
  private:
   void add_pair(const ContactChange& change, const ContactEquations& equations, std::size_t p,
                 ContactPair* pair);
-  void add(const Told& told, double rests_in);
+  void add(const Report& report, double rests_in);
 
-  List<Told> told_;
+  List<Report> list_;
   List<OneSidedState> last_states_;  // per coordinate, at the end of the previous interval
   List<char> was_saturated_;         // per coordinate, at the end of the previous interval
 };

@@ -16,7 +16,8 @@ constexpr double kAtRest = 1e-8;      // share of the largest acceleration; less
 constexpr double kLeastScale = 0.01;  // [m/s²] least largest acceleration, where nothing pulls
 constexpr double kSameTime = 1e-6;    // share of an interval
 
-// Deceleration of a coordinate by half of the force of its motor, while other motors hold.
+// Deceleration of a coordinate by half of the force of its motor, while other motors hold; zero
+// where joints hold the coordinate.
 double braking_of(std::size_t c, const ContactEquations& equations) {
   const GroupJoints& joints = equations.joints();
   ContactResponses responses;
@@ -25,6 +26,7 @@ double braking_of(std::size_t c, const ContactEquations& equations) {
     if (d != c && joints.coordinates()[d].is_one_sided && joints.coordinates()[d].law.drive > 0.0)
       responses.add_coordinate(d);
   responses.find(equations);
+  if (!responses.is_free(0)) return 0.0;
   List<Eigen::Index> others;
   const std::size_t n = responses.columns();
   for (std::size_t k = 1; k < n; ++k)

@@ -23,7 +23,8 @@ namespace constraint_sim::engine {
 /// Advances a small group of bodies that may touch, with the joints on them, from event to event:
 /// flight with watched gaps, impacts, resting contacts as rows that stick or slip, and one-sided
 /// laws of coordinates as in EventDriven. Results depend only on the states of bodies and on what
-/// joint states report of motors; between intervals only impulses accumulate.
+/// joint states report of motors; between intervals only impulses accumulate. README.md of this
+/// folder lists the owners of the parts in the order of their calls.
 class ContactEvents {
  public:
   static constexpr std::size_t kMostLaws = 32;  ///< groups with more coordinates use another method

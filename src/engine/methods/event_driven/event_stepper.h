@@ -20,7 +20,7 @@ namespace constraint_sim::engine {
 ///   bool repeat(double h, bool is_start);  repeats the substep with length h, or only returns to
 ///                                          its start; false: impossible
 ///   void watch(List<Watched>* list);       lists the values at the present state
-///   bool is_good(double h);                whether a substep of length h is accepted
+///   bool accept(double h);                 whether a substep of length h may stay
 ///   bool change(const Watched& event, bool* is_changed);  false: no solution
 template <class Watched>
 class EventStepper {
@@ -37,9 +37,9 @@ class EventStepper {
 
   /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
   /// found, where the states at the event have no solution, or after more than `most_events`.
-  template <class Repeat, class Watch, class IsGood, class Change>
+  template <class Repeat, class Watch, class Accept, class Change>
   bool end_substep(const SubstepSpan& start, std::uint32_t most_events, const Repeat& repeat,
-                   const Watch& watch, const IsGood& is_good, const Change& change,
+                   const Watch& watch, const Accept& accept, const Change& change,
                    SubstepSpan* left) {
     const double h = start.left - left->left;
     watch(&watched_.after);
@@ -51,7 +51,7 @@ class EventStepper {
       return true;
     };
     if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
-    if (!is_good(h)) return go_to(0.0, true);
+    if (!accept(h)) return go_to(0.0, true);
     std::swap(watched_.before, watched_.after);
     if (event) return change_at(event->which, most_events, change);
     watched_.is_muted.clear();

@@ -193,7 +193,7 @@ bool ContactEvents::advance_to_event(Span* span) {
     has_stages_ = span->accuracy.order == 8;
     watch(list);
   };
-  const auto is_good = [&](double length) {
+  const auto accept = [&](double length) {
     // Where a slip is about to end or turn, a substep may be accepted by luck; the error of its
     // repeated part shows it.
     const double tolerance = span->accuracy.tolerance;
@@ -207,7 +207,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   const auto change = [&](const Watched& event, bool* is_changed) {
     return change_states(span, event, is_changed);
   };
-  return stepper_.end_substep(start, kMostEvents, repeat_to, look, is_good, change, &span->left) &&
+  return stepper_.end_substep(start, kMostEvents, repeat_to, look, accept, change, &span->left) &&
          done_.missed <= kMostMissed;
 }
 

@@ -38,8 +38,7 @@ std::size_t place_of(const Vector3d& position, const TouchingPair& pair) {
 }
 
 /// Contacts of a pair that hold, or had an impulse within the step, in the order of bodies.
-TouchingPair contacts_of(const ContactEvents& by_events, const ContactPair& of) {
-  const ContactEquations& equations = by_events.equations();
+TouchingPair contacts_of(const ContactEquations& equations, const ContactPair& of) {
   const int a = equations.bodies()[of.a].index, b = equations.bodies()[of.b].index;
   const bool is_swapped = a > b;
   TouchingPair pair;
@@ -49,7 +48,7 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactPair& of) 
   for (const bool acts : {true, false}) {  // contacts that act now come first
     for (std::size_t c = of.first; c < of.first + of.count; ++c) {
       const ContactEquations::Contact& contact = equations.contacts()[c];
-      if (!by_events.has_touched(c) || acts != (contact.acts != ContactEquations::Acts::kOpen))
+      if (!contact.has_touched() || acts != (contact.acts != ContactEquations::Acts::kOpen))
         continue;
       const bool has_moved_on = !acts && of.is_of_boxes();  // to other features
       const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
@@ -152,7 +151,7 @@ void add_group_contacts(const Model& model, const List<BodyState>& states,
     add_sphere_contacts(model, states, *group.spheres, touching);
   } else {
     for (const ContactPair& of : group.events->pairs()) {
-      const TouchingPair pair = contacts_of(*group.events.get(), of);
+      const TouchingPair pair = contacts_of(group.events->equations(), of);
       if (pair.manifold.count > 0) touching->push_back(pair);
     }
   }

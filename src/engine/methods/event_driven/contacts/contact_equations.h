@@ -36,6 +36,9 @@ class ContactEquations {
     double normal_share = 1.0, tangent_share = 1.0;
     Eigen::Vector3d impulse = Eigen::Vector3d::Zero();  ///< accumulated in the step, on A [N s]
     ContactFeature touched;                             ///< feature of the last impulse
+
+    /// Whether the contact acts now, or had an impulse in this step.
+    bool has_touched() const { return acts != Acts::kOpen || !impulse.isZero(0.0); }
   };
 
   GroupBodies& bodies() { return bodies_; }

@@ -27,11 +27,6 @@ bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   return pairs_.begin(closes, &equations_);
 }
 
-bool ContactEvents::has_touched(std::size_t contact) const {
-  const ContactEquations::Contact& of = equations_.contacts()[contact];
-  return of.acts != Acts::kOpen || !of.impulse.isZero(0.0);
-}
-
 // ---- an interval
 
 // Starts the prescribed motions of joints.

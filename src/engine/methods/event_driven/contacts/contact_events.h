@@ -47,12 +47,9 @@ class ContactEvents {
 
   // ---- results since begin()
   std::uint32_t events() const { return stepper_.events(); }
-  double driven_work() const { return equations_.driven_work(); }  ///< work of kinematic bodies [J]
   double work() const { return solver_.work(); }  ///< cost, in substeps of a group of one point
   const List<ContactPair>& pairs() const { return pairs_.list(); }
   const ContactEquations& equations() const { return equations_; }
-  /// Whether a contact acts now, or had an impulse in this step.
-  bool has_touched(std::size_t contact) const;
   const ContactReports& reports() const { return reports_; }
 
  private:

@@ -14,15 +14,15 @@ namespace constraint_sim::engine {
 struct ContactRow {
   std::size_t a, b;
   Jacobian J;
-  Jacobian inv_M_F;          // accelerations by a unit force
-  bool is_symmetric = true;  // F equals J
+  Jacobian inv_M_F;          ///< accelerations by a unit force
+  bool is_symmetric = true;  ///< whether F equals J
   double gamma = 0.0, value = 0.0, rate = 0.0, reference = 0.0;
-  double share = 1.0;              // weight against rows that depend on this row
-  int joint = -1, function = 0;    // joint and its function; -1: none
-  int coordinate = -1;             // coordinate held by the row; -1: none
-  int contact = -1;                // contact; -1: none
-  bool is_normal = false;          // normal row of the contact
-  Eigen::Vector3d along{0, 0, 0};  // force on A by a unit multiplier of a contact
+  double share = 1.0;              ///< weight against rows that depend on this row
+  int joint = -1, function = 0;    ///< joint and its function; -1: none
+  int coordinate = -1;             ///< coordinate held by the row; -1: none
+  int contact = -1;                ///< contact; -1: none
+  bool is_normal = false;          ///< normal row of the contact
+  Eigen::Vector3d along{0, 0, 0};  ///< force on A by a unit multiplier of a contact
 
   /// Returns J times the motions of `movable` bodies.
   double times(const GroupMotions& motions, std::size_t movable) const;

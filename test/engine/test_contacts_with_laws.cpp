@@ -408,5 +408,33 @@ TEST(ContactsWithLaws, AnEventCostsAtMostFiveSubsteps) {
   }
 }
 
+// A position motor whose coordinate a motor without force limit moves has no deceleration of its
+// own, also after a ball has hit the cart. The deceleration is the response of the coordinate to
+// the motor, which is zero but for rounding; a rounding would count as a motor that brakes, at some
+// masses but not at others.
+TEST(ContactsWithLaws, AMotorThatAnotherOneMovesHasNoDeceleration) {
+  for (const double mass : {2.0, 3.3}) {
+    World world(by_events(0.1));
+    Body cart = make_body("cart", Box{{0.4, 0.4, 0.2}}, mass, Vector3d::Zero());
+    cart.state.linear_velocity.x() = 0.5;
+    const BodyId id = world.add_body(with_surface(cart, 0.0, 0.5));
+    Joint goal = slider_along_x(id, Vector3d::Zero()), drive = goal;
+    goal.coordinates[0].motor.emplace();
+    goal.coordinates[0].motor->position = 0.0;
+    goal.coordinates[0].motor->max_force = 50.0;
+    drive.name = "drive";
+    drive.coordinates[0].motor.emplace();
+    drive.coordinates[0].motor->bias = 0.5;
+    const JointId motor = world.add_joint(goal);
+    world.add_joint(drive);
+    Body ball = make_body("ball", Sphere{0.1}, 1.0, {0.05, 0.0, 0.25});
+    ball.state.linear_velocity.z() = -1.0;
+    world.add_body(with_surface(ball, 0.0, 0.5));
+    world.step();
+    EXPECT_GT(world.report().events, 0u);
+    EXPECT_EQ(world.joint_state(motor).coordinates[0].braking, 0.0) << mass;
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

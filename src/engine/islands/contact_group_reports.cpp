@@ -38,9 +38,8 @@ std::size_t place_of(const Vector3d& position, const TouchingPair& pair) {
 }
 
 /// Contacts of a pair that hold, or had an impulse within the step, in the order of bodies.
-TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pair& of) {
-  const ContactEquations& equations = by_events.equations();
-  const int a = equations.bodies[of.a].index, b = equations.bodies[of.b].index;
+TouchingPair contacts_of(const ContactEquations& equations, const ContactPair& of) {
+  const int a = equations.bodies()[of.a].index, b = equations.bodies()[of.b].index;
   const bool is_swapped = a > b;
   TouchingPair pair;
   pair.a = std::min(a, b);
@@ -48,12 +47,12 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
   const double sign = is_swapped ? -1.0 : 1.0;
   for (const bool acts : {true, false}) {  // contacts that act now come first
     for (std::size_t c = of.first; c < of.first + of.count; ++c) {
-      const ContactEquations::Contact& contact = equations.contacts[c];
-      if (!by_events.has_touched(c) || acts != (contact.acts != ContactEquations::Acts::kOpen))
+      const ContactEquations::Contact& contact = equations.contacts()[c];
+      if (!contact.has_touched() || acts != (contact.acts != ContactEquations::Acts::kOpen))
         continue;
       const bool has_moved_on = !acts && of.is_of_boxes();  // to other features
       const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
-      const ContactMotion now = equations.motion(contact, feature);
+      const ContactMotion now = equations.bodies().motion(of.a, of.b, feature);
       const Vector3d position = is_swapped ? now.p : Vector3d(now.p - now.gap * now.n);
       const std::size_t k =
           of.is_of_boxes() ? place_of(position, pair) : to_index(pair.manifold.count);
@@ -117,29 +116,31 @@ void add_group_events(const Model& model, const ContactGroup& group, double end,
     return;
   }
   const ContactEvents& by_events = *group.events.get();
-  const ContactEquations& equations = by_events.equations();
+  const GroupBodies& bodies = by_events.equations().bodies();
+  const GroupJoints& joints = by_events.equations().joints();
   const auto joint_of = [&](std::size_t coordinate) {
-    return to_index(equations.joints[equations.coordinates[coordinate].joint].index);
+    return to_index(joints[joints.coordinates()[coordinate].joint].index);
   };
-  const auto body_of = [&](std::size_t place) { return equations.bodies[place].index; };
-  for (const ContactEvents::Told& told : by_events.told()) {
-    const double t = std::min(told.time, end);  // by rounding after the end of the step
-    if (told.joint >= 0) {
-      const std::size_t j = to_index(equations.joints[told.joint].index);
+  const auto body_of = [&](std::size_t place) { return bodies[place].index; };
+  for (const ContactReports::Report& report : by_events.reports().list()) {
+    const double t = std::min(report.time, end);  // by rounding after the end of the step
+    if (report.joint >= 0) {
+      const std::size_t j = to_index(joints[report.joint].index);
       events->push_back(
-          {told.kind, t, model.joints[j].body_a, model.joints[j].body_b, model.joint_ids[j]});
+          {report.kind, t, model.joints[j].body_a, model.joints[j].body_b, model.joint_ids[j]});
       continue;
     }
-    if (told.pair < 0) {
-      const std::size_t j = joint_of(to_index(told.coordinate));
-      const OneSidedLaw& law = equations.coordinates[told.coordinate].law;
-      events->push_back({told.kind, t, model.joints[j].body_a, model.joints[j].body_b,
-                         model.joint_ids[j], law.is_distance ? -1 : law.coordinate, told.impulse});
+    if (report.pair < 0) {
+      const std::size_t j = joint_of(to_index(report.coordinate));
+      const OneSidedLaw& law = joints.coordinates()[report.coordinate].law;
+      events->push_back({report.kind, t, model.joints[j].body_a, model.joints[j].body_b,
+                         model.joint_ids[j], law.is_distance ? -1 : law.coordinate,
+                         report.impulse});
       continue;
     }
-    const ContactEvents::Pair& pair = by_events.pairs()[told.pair];
-    events->push_back({told.kind, t, model.body_ids[body_of(pair.a)],
-                       model.body_ids[body_of(pair.b)], std::nullopt, -1, told.impulse});
+    const ContactPair& pair = by_events.pairs()[report.pair];
+    events->push_back({report.kind, t, model.body_ids[body_of(pair.a)],
+                       model.body_ids[body_of(pair.b)], std::nullopt, -1, report.impulse});
   }
 }
 
@@ -149,8 +150,8 @@ void add_group_contacts(const Model& model, const List<BodyState>& states,
   if (group.spheres != nullptr) {
     add_sphere_contacts(model, states, *group.spheres, touching);
   } else {
-    for (const ContactEvents::Pair& of : group.events->pairs()) {
-      const TouchingPair pair = contacts_of(*group.events.get(), of);
+    for (const ContactPair& of : group.events->pairs()) {
+      const TouchingPair pair = contacts_of(group.events->equations(), of);
       if (pair.manifold.count > 0) touching->push_back(pair);
     }
   }

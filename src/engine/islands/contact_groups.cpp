@@ -27,15 +27,15 @@ bool can_be_beside_contacts(const Joint& joint) {
   return !has_length(joint.kind) || length_spring(joint).is_none() || !joint.motor.is_moving();
 }
 
-/// Adds the coordinates of a joint of `equations` on which a law acts.
-void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquations* equations) {
-  ContactEquations::BodyJoint& of = equations->joints[j];
+/// Adds the coordinates of a joint on which a law acts.
+void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, GroupJoints* joints) {
+  GroupJoint& of = joints->list()[j];
   const Joint& joint = of.joint;
   List<OneSidedLaw>& laws = *of_joint;
   laws.clear();
   add_one_sided_laws(joint, j, &laws);
-  const auto add = [&](const OneSidedLaw& law) -> ContactEquations::Coordinate& {
-    ContactEquations::Coordinate& coordinate = equations->coordinates.emplace_back();
+  const auto add = [&](const OneSidedLaw& law) -> GroupCoordinate& {
+    GroupCoordinate& coordinate = joints->coordinates().emplace_back();
     coordinate.joint = j;
     coordinate.law = law;
     return coordinate;
@@ -69,7 +69,7 @@ void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquation
     }
     const bool acts = found != laws.end() || is_held(from) || !law.soft.is_none();
     if (!acts) continue;
-    ContactEquations::Coordinate& coordinate = add(law);
+    GroupCoordinate& coordinate = add(law);
     coordinate.is_prescribed = is_held(from);
     coordinate.is_one_sided = found != laws.end();
   }
@@ -79,7 +79,7 @@ void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquation
 /// point. `mass`: reduced mass of the pair [kg], which turns a rounding of velocity into an
 /// impulse.
 void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends, double mass,
-                      ContactEvents::Pair* pair) {
+                      ContactPair* pair) {
   constexpr double kAtCone = 1e-6;
   constexpr double kRounding = 1e-12;  // [m/s]
   const auto found = std::lower_bound(
@@ -151,7 +151,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
       is_all ? kInfinity : reach.of(spheres.front().body) / model.options.time_step;
   group->spheres =
       std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
-  if (group->spheres->begin(state.states, ContactEvents::kMostOverlap)) return true;
+  if (group->spheres->begin(state.states, ContactPairs::kMostOverlap)) return true;
   group->spheres.reset();
   return false;
 }
@@ -273,15 +273,15 @@ bool ContactGroups::compile(const StepContext& step, const State& state, const R
   group->events.make();
   ContactEquations& equations = group->events->equations();
   const bool is_compiled = compile_events(step, rollback, lists, touching_before, *group);
-  for (const ContactEquations::Body& body : equations.bodies) place_[body.index] = -1;
+  for (const GroupBody& body : equations.bodies().list()) place_[body.index] = -1;
   return is_compiled && group->events->begin(state.states, group->closes);
 }
 
-std::size_t ContactGroups::add_body(const Model& model, int body, ContactEquations* equations) {
+std::size_t ContactGroups::add_body(const Model& model, int body, GroupBodies* bodies) {
   int& place = place_[body];
   if (place < 0) {
-    place = static_cast<int>(equations->bodies.size());
-    ContactEquations::Body& added = equations->bodies.emplace_back();
+    place = static_cast<int>(bodies->list().size());
+    GroupBody& added = bodies->list().emplace_back();
     added.index = body;
     added.mass = model.masses[body];
     added.shape_pose = model.bodies[body].shape_pose;
@@ -295,37 +295,38 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
                                    const List<TouchingPair>& touching_before,
                                    const ContactGroup& group) {
   const Model& model = step.model;
-  ContactEquations& equations = group.events->equations();
-  equations.bodies.clear();
-  equations.coordinates.clear();
+  GroupBodies& bodies = group.events->equations().bodies();
+  GroupJoints& joints = group.events->equations().joints();
+  bodies.list().clear();
+  joints.coordinates().clear();
   for (const int i : group.islands)
-    for (const int body : lists.island_parts[i].members.bodies) add_body(model, body, &equations);
-  equations.movable = equations.bodies.size();
+    for (const int body : lists.island_parts[i].members.bodies) add_body(model, body, &bodies);
+  bodies.set_movable(bodies.list().size());
   std::size_t count = 0;
   for (const int i : group.islands) {
     for (const int index : lists.island_parts[i].members.joints) {
-      if (count == equations.joints.size()) equations.joints.emplace_back();
-      ContactEquations::BodyJoint& joint = equations.joints[count];
+      if (count == joints.list().size()) joints.list().emplace_back();
+      GroupJoint& joint = joints.list()[count];
       const auto [a, b] = step.topology.ends(index);
       Joint storage = std::move(joint.joint);  // reused; everything else is made anew
-      joint = {index, add_body(model, static_cast<int>(a), &equations),
-               add_body(model, static_cast<int>(b), &equations), std::move(storage)};
+      joint = {index, add_body(model, static_cast<int>(a), &bodies),
+               add_body(model, static_cast<int>(b), &bodies), std::move(storage)};
       joint.joint = model.joints[index];
       joint.was_saturated = rollback.joint_states()[index].saturated;
-      add_coordinates(count, &laws_, &equations);
+      add_coordinates(count, &laws_, &joints);
       ++count;
     }
   }
-  equations.joints.resize(count);
-  return equations.coordinates.size() <= ContactEvents::kMostLaws &&
+  joints.list().resize(count);
+  return joints.coordinates().size() <= ContactEvents::kMostLaws &&
          add_pairs(step, touching_before, group);
 }
 
 bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>& touching_before,
                               const ContactGroup& group) {
   const Model& model = step.model;
-  ContactEquations& equations = group.events->equations();
-  List<ContactEvents::Pair>& pairs = group.events->pairs();
+  GroupBodies& bodies = group.events->equations().bodies();
+  List<ContactPair>& pairs = group.events->pairs();
   pairs.clear();
   for (auto [a, b] : group.pairs) {
     if (!has_features(model.bodies[a].shape, model.bodies[b].shape)) std::swap(a, b);
@@ -333,8 +334,8 @@ bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>&
     const Body& body_b = model.bodies[b];
     if (!has_features(body_a.shape, body_b.shape)) return false;
     const ContactSurface surface(body_a, body_b);
-    const std::size_t place_a = add_body(model, a, &equations);
-    const std::size_t place_b = add_body(model, b, &equations);
+    const std::size_t place_a = add_body(model, a, &bodies);
+    const std::size_t place_b = add_body(model, b, &bodies);
     pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
                      surface.restitution, 0, 0,
                      std::min(thickness(body_a.shape), thickness(body_b.shape)),
@@ -383,7 +384,7 @@ std::uint32_t ContactGroups::events_of(std::size_t island) const {
 double ContactGroups::driven_work_of(std::size_t island) const {
   const ContactGroup& group = groups_[group_of_[island]];
   if (group.islands.front() != static_cast<int>(island) || group.spheres != nullptr) return 0.0;
-  return group.events->driven_work();
+  return group.events->equations().driven_work();
 }
 
 }  // namespace constraint_sim::engine

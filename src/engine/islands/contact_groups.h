@@ -19,9 +19,9 @@
 
 namespace constraint_sim::engine {
 
-class ContactEquations;
 class ContactEvents;
 class ElasticSpheres;
+class GroupBodies;
 
 /// Islands that may touch each other, or immovable bodies, within a step.
 struct ContactGroup {
@@ -91,7 +91,7 @@ class ContactGroups {
                const List<TouchingPair>& touching_before, ContactGroup* group);
   bool compile_events(const StepContext& step, const Rollback& rollback, const IslandLists& lists,
                       const List<TouchingPair>& touching_before, const ContactGroup& group);
-  std::size_t add_body(const Model& model, int body, ContactEquations* equations);
+  std::size_t add_body(const Model& model, int body, GroupBodies* bodies);
   bool add_pairs(const StepContext& step, const List<TouchingPair>& touching_before,
                  const ContactGroup& group);
   double most_work_of(const WorldOptions& options, const ContactGroup& of) const;

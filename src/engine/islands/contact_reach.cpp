@@ -6,7 +6,7 @@
 
 #include "engine/collision/narrowphase.h"
 #include "engine/islands/motion_bounds.h"
-#include "engine/methods/event_driven/contacts/contact_events.h"
+#include "engine/methods/event_driven/contacts/contact_pairs.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -147,9 +147,9 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
       if (!model.is_movable(to_index(body))) size.reach = std::max(size.reach, reach_[body]);
     // Points count where the pair can touch without a third body that hits one of both.
     if (gap <= own_reach_[pair.first] + own_reach_[pair.second])
-      size.points += ContactEvents::most_points(model.bodies[pair.first].shape,
-                                                model.bodies[pair.second].shape);
-    if (gap >= -ContactEvents::kMostOverlap) continue;
+      size.points += ContactPairs::most_points(model.bodies[pair.first].shape,
+                                               model.bodies[pair.second].shape);
+    if (gap >= -ContactPairs::kMostOverlap) continue;
     size.overlaps = true;
     size.is_settled = size.is_settled && is_settled(step, state, pair, gap);
   }

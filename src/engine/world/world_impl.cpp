@@ -230,13 +230,15 @@ void World::Impl::report_contact_groups(JointStep step) {
     add_group_contacts(*this, states, group, &touching);
     if (group.spheres != nullptr) continue;
     const ContactEquations& equations = group.events->equations();
-    for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
-      group.events->write(c, &joint_states[equations.joints[equations.coordinates[c].joint].index]);
-    for (std::size_t j = 0; j < equations.joints.size(); ++j) {
-      const ContactEquations::BodyJoint& joint = equations.joints[j];
+    const GroupJoints& joints = equations.joints();
+    for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
+      group.events->reports().write(equations, c,
+                                    &joint_states[joints[joints.coordinates()[c].joint].index]);
+    for (std::size_t j = 0; j < joints.list().size(); ++j) {
+      const GroupJoint& joint = joints[j];
       if (joint.is_broken) joint_states[joint.index].broken = true;
       positions.fill(std::numeric_limits<double>::quiet_NaN());
-      equations.angles.read(j, &positions);
+      joints.angles().read(j, &positions);
       step.counted = positions.data();
       read_smooth_joint(to_index(joint.index), step, joint.impulse, 0.0);
     }

@@ -1,64 +1,41 @@
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
-#include <utility>
 
 #include "constraint_sim/engine/event.h"
 #include "engine/constraints/joint.h"
 #include "engine/dynamics/method.h"
-#include "engine/math/cone_problem.h"
 #include "engine/math/integrate.h"
-#include "engine/math/least_norm_solver.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/contacts/contact_impacts.h"
+#include "engine/methods/event_driven/contacts/contact_pairs.h"
+#include "engine/methods/event_driven/contacts/contact_reports.h"
+#include "engine/methods/event_driven/contacts/contact_states.h"
+#include "engine/methods/event_driven/contacts/contact_watch.h"
+#include "engine/methods/event_driven/contacts/counted_solver.h"
+#include "engine/methods/event_driven/contacts/overlap_closing.h"
+#include "engine/methods/event_driven/contacts/unchanged_interval.h"
+#include "engine/methods/event_driven/event_stepper.h"
 
 namespace constraint_sim::engine {
 
 /// Advances a small group of bodies that may touch, with the joints on them, from event to event:
 /// flight with watched gaps, impacts, resting contacts as rows that stick or slip, and one-sided
 /// laws of coordinates as in EventDriven. Results depend only on the states of bodies and on what
-/// joint states report of motors; between intervals only impulses accumulate.
+/// joint states report of motors; between intervals only impulses accumulate. README.md of this
+/// folder lists the owners of the parts in the order of their calls.
 class ContactEvents {
  public:
   static constexpr std::size_t kMostLaws = 32;  ///< groups with more coordinates use another method
   static constexpr std::uint32_t kMostEvents = 5000;  ///< per step
-  /// Overlap that is accepted and closed [m]: by rounding, or left by another method.
-  static constexpr double kMostOverlap = 1e-7;
-  /// Speed below which a slip ends; the error is no more than rounding [m/s].
-  static constexpr double kEndOfSlip = 1e-7;
-  static constexpr double kSlipping = 1e-9;  ///< [m/s]; a slower slip has no direction of its own
-
-  /// Pair of bodies with shapes that may touch, by index in `equations`, with A first as
-  /// has_features() requires. Contacts of a pair are consecutive.
-  struct Pair {
-    std::size_t a, b;
-    Shape shape_a, shape_b;
-    double friction, restitution;
-    std::size_t first = 0, count = 0;  ///< range of its contacts
-    double thickness = 0.0;            ///< thickness of the thinner shape [m]
-    double assumed_speed = 0.0;        ///< mean speed of approach that the step assumes [m/s]
-    bool touched = false;              ///< during the previous step
-    bool held = false, stuck = false;  ///< state at the end of the previous step
-    bool is_still = false;  ///< some contact did not slip, at the end of the previous step
-
-    bool is_of_boxes() const {
-      return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);
-    }
-    /// Whether the features in contact do not depend on the pose.
-    bool has_fixed_features() const { return !std::holds_alternative<Box>(shape_b); }
-  };
 
   /// Bodies, joints and pairs of the group; set before begin(), without contacts.
   ContactEquations& equations() { return equations_; }
-  List<Pair>& pairs() { return pairs_; }
-
-  /// Largest number of points at which two shapes touch.
-  static std::size_t most_points(const Shape& a, const Shape& b);
+  List<ContactPair>& pairs() { return pairs_.list(); }
 
   /// Finds the contacts, all open, and clears the results. Returns false where two shapes overlap
-  /// by more than kMostOverlap, unless the first interval `closes` overlaps.
+  /// by more than ContactPairs::kMostOverlap, unless the first interval `closes` overlaps.
   bool begin(const List<BodyState>& states, bool closes);
   /// Advances the group as method.h describes. Gives up after too many events, or at an event
   /// without a solution; the states are then those of any time in the interval. `joint_step`,
@@ -69,132 +46,20 @@ class ContactEvents {
                             double most_work, List<BodyState>* states);
 
   // ---- results since begin()
-  std::uint32_t events() const { return done_.events; }
-  double driven_work() const { return equations_.driven_work; }  ///< work of kinematic bodies [J]
-  double work() const { return done_.work; }  ///< cost, in substeps of a group of one point
-  struct Told {
-    EventKind kind;
-    double time;     ///< simulated [s]
-    int pair;        ///< −1: event of a joint
-    int coordinate;  ///< index in equations(), for events of joints
-    double impulse;  ///< impulse of an impact [N s or N m s]
-    int joint = -1;  ///< index in equations() of a joint that broke
-  };
-  const List<Told>& told() const { return told_; }
-  const List<Pair>& pairs() const { return pairs_; }
+  std::uint32_t events() const { return stepper_.events(); }
+  double work() const { return solver_.work(); }  ///< cost, in substeps of a group of one point
+  const List<ContactPair>& pairs() const { return pairs_.list(); }
   const ContactEquations& equations() const { return equations_; }
-  /// Whether a contact acts now, or had an impulse in this step.
-  bool has_touched(std::size_t contact) const;
-  /// Writes the positions where motors with a force limit hold, and whether these are saturated.
-  void write(std::size_t coordinate, JointState* state) const;
+  const ContactReports& reports() const { return reports_; }
 
  private:
   using Acts = ContactEquations::Acts;
-  struct Watched : WatchedValue {
-    enum class Kind : char {
-      kNothing,
-      kGap,     ///< gap of an open contact
-      kForce,   ///< normal force of an acting contact
-      kCone,    ///< margin of a sticking contact to its friction cone
-      kSlip,    ///< slip speed of a contact along its initial direction
-      kMargin,  ///< margin of the feature of a contact
-      kLimit,   ///< gap of a coordinate to a limit
-      kHeld,    ///< margin of the holding force of a coordinate to a bound
-      /// Rate of a slipping coordinate, a saturated or braking motor or a yielding limit; servo
-      /// force
-      kRate,
-      kBreak,  ///< margin of the load of a joint to its breaking load
-    };
-    Kind kind = Kind::kNothing;
-    std::size_t contact = 0;
-    std::size_t coordinate = 0;  ///< index, for kLimit, kHeld and kRate
-    std::size_t joint = 0;       ///< index, for kBreak
-    signed char side = 0;        ///< bound of a holding force: -1 lower, +1 upper
-
-    bool is_of_contact() const { return kind != Kind::kNothing && kind < Kind::kLimit; }
-  };
-  /// Limit in an impact. `direction`: +1 for a lower limit, −1 for an upper limit.
-  struct LimitHit {
-    std::size_t coordinate;
-    double direction;
-    double gap, rate;
-    double restitution;
-  };
-  struct ContactHit {
-    std::size_t contact;
-    ContactMotion motion;
-  };
-  struct Hits {
-    List<ContactHit> contacts;
-    List<LimitHit> limits;
-
-    bool empty() const { return contacts.empty() && limits.empty(); }
-    void clear() {
-      contacts.clear();
-      limits.clear();
-    }
-  };
-  /// Values per contact and per coordinate, such as impulses or flags of those that no longer
-  /// bounce.
-  template <class Number>
-  struct Of {
-    List<Number> contacts, coordinates;
-
-    void reset(std::size_t contact_count, std::size_t coordinate_count) {
-      contacts.assign(contact_count, Number{});
-      coordinates.assign(coordinate_count, Number{});
-    }
-  };
-  /// State before the impacts, to repeat them.
-  struct BeforeImpacts {
-    List<double> numbers;
-    double driven_work = 0.0;
-    List<ContactEquations::Contact> contacts;
-    List<ContactEquations::BodyJoint> joints;
-    List<ContactEquations::Coordinate> coordinates;
-  };
-  /// Coordinate that moves at the rate of a law that may hold it.
-  struct Candidate {
-    std::size_t coordinate;
-    Hold hold;
-    double rate, acceleration;
-    ForceBounds bounds;
-  };
-  /// Loaded contact in the problem of load sharing.
-  struct Share {
-    std::size_t contact;
-    std::size_t column;  ///< column of the normal force
-    double friction;
-    bool is_rough, sticks;
-    Eigen::Vector2d direction;  ///< slip direction along the tangents
-  };
-  /// Contacts whose force has just reached a bound.
-  struct AtBound {
-    List<std::size_t> contacts;
-    double since = 0.0;  ///< time of the first of them [s]
-
-    bool has(std::size_t contact) const {
-      return std::find(contacts.begin(), contacts.end(), contact) != contacts.end();
-    }
-  };
+  using Watched = ContactWatched;
   /// Counts since begin().
   struct Done {
-    std::uint32_t events = 0, impacts = 0, breaks = 0, jams = 0;
-    int unchanged = 0;   ///< events that changed nothing
+    std::uint32_t breaks = 0, jams = 0;
     int missed = 0;      ///< substeps rejected for overlaps of boxes or for poor accuracy
-    double work = 0.0;   ///< cost of substeps taken and problems solved
     bool spans = false;  ///< an interval was advanced
-  };
-  /// Interval without motion: the state at its start, and the results of its contacts.
-  struct Still {
-    bool is_known = false;
-    Eigen::Vector3d gravity{0, 0, 0};
-    double h = 0.0;
-    List<double> numbers;  ///< state of the movable bodies
-    List<ContactEquations::Body> bodies;
-    List<BodyState> states;  ///< states at the end of the interval
-    List<Pair> pairs;
-    List<ContactEquations::Contact> contacts;  ///< contacts at the end of the interval
   };
   struct Span {
     const Interval& all;
@@ -203,139 +68,43 @@ class ContactEvents {
     IntegrationResult progress;
   };
 
-  double find_overlaps(double margin);
-  double beyond_limits() const;
-  bool close_found(bool met);
-  bool close_overlaps(Span* span, List<BodyState>* states);
-  // ---- intervals without motion (contact_stillness.cpp)
-  bool is_as_when_still(const Interval& span) const;
-  void note_beginning(const Interval& span);
-  void note_stillness();
-  void go_on_as_when_still(List<BodyState>* states);
-
-  void begin_joints(const Span& span, const JointStep& step, const List<JointState>& states);
-  void note_last_states();
-  void note_angles();
-  void give_way(std::size_t coordinate);
-  void add_contacts();
-  void find_features(bool all, bool is_within = false);
-  void keep_places(const Pair& pair, bool all, List<ContactFeature>* found) const;
-  bool has_changed() const;
-  bool has_missed();
-  double gap_of_boxes(const Pair& pair) const;
+  void begin_joints(const JointStep& step, const List<JointState>& states);
   double* derivative();
 
   // ---- between events
-  double longest_substep(double left) const;
-  void set_directions();
-  void watch_forces(std::size_t contact, List<Watched>* list) const;
-  void watch_held(std::size_t coordinate, List<Watched>* list) const;
-  void watch_coordinate(std::size_t coordinate, List<Watched>* list) const;
-  void watch_breaking(std::size_t joint, List<Watched>* list) const;
   void watch(List<Watched>* list);
   bool take(Span* span, SubstepSpan* left, double tolerance, double* step);
   bool repeat(Span* span, double t, double h, bool is_start);
   bool advance_to_event(Span* span);
   bool end_jam(Span* span);
-  bool finish_event(Span* span, const Watched& watched, std::size_t which);
-
-  // ---- slow slips (contact_straight.cpp)
-  bool turns_fast(double h) const;
-  bool was_straight(double h, double tolerance) const;
   bool go_straight(bool is_straight);
   bool take_first(Span* span, double* step);
 
-  // ---- forces of redundant contacts (contact_sharing.cpp)
-  void list_sharing();
-  double mean_beside(const Share& of, const List<double>& force) const;
-  double least_margin(const List<double>& force) const;
-  bool find_shares(double beyond);
-  void share_forces();
-
-  // ---- at events (contact_states.cpp)
+  // ---- at events
+  bool change_states(Span* span, const Watched& event, bool* is_changed);
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
-  bool have_impacts(double left, Of<double>* hit);
-  bool is_hit(double gap, double rate) const;
-  void find_hits(const Of<char>& rests, Hits* hits) const;
-  void add_touching_limits(const Of<char>& rests, bool only_slow, List<LimitHit>* hits) const;
-  std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
-  bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
-  bool solve_counted();
-  bool does_work(const ContactEquations::Responses& responses) const;
-  bool have_jam(Of<double>* hit);
-  bool let_rest(double left, const Of<double>& hit, Of<char>* rests, bool* is_settled);
   void break_joint(const Span& span, std::size_t joint);
   bool break_overloaded(Span* span);
-  void note_bounds(const Span& span, const Watched& event);
-  bool decide(const Watched& event);
-  bool decide(const Watched& event, double least_slip);
-  void find_lost();
-  double braking_of(std::size_t coordinate);
-  void choose_servos();
-  bool find_candidates(List<Candidate>* candidates);
-  void begin_problem();
-  static void set_rate(const ContactEquations::Touching& of, const Eigen::Vector3d& rate,
-                       List<double>* all);
-  void set_problem(double least_slip);
-  void choose_acts();
-  void find_solved_accelerations();
-  void choose_holds(const Watched& event);
-  void take_forces();
-  bool is_within_bounds();
-  void hold_coordinates(bool is_begin);
-  void tell(const Span& span, const List<Acts>& before, const Of<double>& hit, bool is_begin);
-  void report_pair(double t, std::size_t pair, const List<Acts>& before, const Of<double>& hit,
-                   bool is_begin);
-  void add_told(const Told& told, double rests_in);
-  bool is_saturated(std::size_t coordinate, const OneSidedState& state) const;
 
   ContactEquations equations_;
-  List<Pair> pairs_;
-  List<std::size_t> pair_of_;  // per contact
-  List<double> numbers_;       // storage of StageMemory
-  List<double> kept_;          // state and derivative at the start of the substep
-  double step_ = 0.0;          // first guess of the next substep [s]
-  bool has_stages_ = false;    // whether stages of the last substep are stored
-  bool closes_ = false;        // whether the next interval closes overlaps
-  bool begins_ = false;        // whether settle() is at the start of an interval
-  ContactEquations::Accelerations rates_;
-  List<double> gap_acceleration_;         // per contact, as of decide()
-  List<double> coordinate_acceleration_;  // per coordinate, as of decide()
-  List<OneSidedState> states_before_;     // per coordinate, before the event
-  List<OneSidedState> last_states_;       // per coordinate, at the end of the previous interval
-  List<char> was_saturated_;              // per coordinate, at the end of the previous interval
-  Of<double> rests_in_;                   // times until bounces that are not followed are over [s]
-  WatchedSubstep<Watched> watched_;
+  ContactPairs pairs_;
+  List<double> numbers_;     // storage of StageMemory
+  List<double> kept_;        // state and derivative at the start of the substep
+  double step_ = 0.0;        // first guess of the next substep [s]
+  bool has_stages_ = false;  // whether stages of the last substep are stored
+  bool closes_ = false;      // whether the next interval closes overlaps
+  ContactWatch watch_;
+  EventStepper<Watched> stepper_;
   Done done_;
   double error_ = 0.0;  // estimated error of the last repeated substep [m]
-  double most_work_ = 0.0;
-  StopFlag stop_ = nullptr;    // stop flag of the current interval
-  List<double> depth_;         // overlap per pair of boxes at the start of the substep [m]
-  List<double> depth_now_;     // overlap per pair of boxes at the end of the substep [m]
-  AtBound at_cone_, at_zero_;  // contacts at the friction bound, and at zero normal force
-  List<Told> told_;
-  Still still_;  // last interval without motion
+  CountedSolver solver_;
+  OverlapClosing closing_;
+  ContactImpacts impacts_;
+  ContactStates states_;
+  ContactReports reports_;
+  UnchangedInterval unchanged_;
 
-  // ---- storage for one event
-  ContactEquations::Responses responses_;
-  ConeProblem problem_;
-  ConeSolver solver_;
-  List<double> force_, rate_, solved_;  // forces, rates before and rates after, of problem_
-  List<Share> shares_;
-  List<double> shared_;
-  LeastNormSolver sharing_;
-  List<Candidate> held_;
-  Hits hits_;
-  Of<char> rests_;
-  Of<double> hit_;
-  BeforeImpacts before_impacts_;
-  List<Acts> acts_before_;
-  List<std::uint32_t> features_before_;  // ids of features
-  List<Watched> forces_;
-  List<double> free_;            // derivative without acting rows, or with the chosen states
-  bool has_derivative_ = false;  // whether free_ is the derivative with the chosen states
   List<double> before_projection_;
-  List<ContactFeature> found_;
 };
 
 }  // namespace constraint_sim::engine

@@ -1,15 +1,9 @@
-// Impacts of ContactEvents, of contacts and limits that are hit. With w the rates of contacts along
-// normals and tangents, and A the response to impulses while the joints hold:
-//   w⁺ = w + A p,  0 ≤ p_n ⊥ w_n⁺ + e w_n⁻ ≥ 0,  p in its friction cone
-// Coordinates with one-sided laws are rows of the same problem, as in event_states.cpp.
+#include "engine/methods/event_driven/contacts/contact_impacts.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "engine/math/cone_problem.h"
-#include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
@@ -17,100 +11,108 @@ namespace {
 
 constexpr double kJam = 1e-9;  // [m/s] assumed approach speed of jammed contacts
 
-}  // namespace
-
-// Solves impacts one after the other until nothing is hit. Contacts and limits whose bounces are
-// too low to be followed lose their restitution; then all impacts are repeated.
-bool ContactEvents::have_impacts(double left, Of<double>* hit) {
-  Of<char>& rests = rests_;
-  rests.reset(equations_.contacts.size(), equations_.coordinates.size());
-  find_hits(rests, &hits_);
-  if (hits_.empty()) return true;
-  before_impacts_.numbers.assign(numbers_.data(), numbers_.data() + equations_.size());
-  before_impacts_.driven_work = equations_.driven_work;
-  before_impacts_.contacts = equations_.contacts;
-  before_impacts_.joints = equations_.joints;
-  before_impacts_.coordinates = equations_.coordinates;
-  for (bool is_settled = false;;) {
-    for (int count = 0; !hits_.empty(); ++count) {
-      if (count == kMostImpacts || !have_impact(hits_, rests, 0.0, hit)) return false;
-      find_hits(rests, &hits_);
-    }
-    ++done_.impacts;
-    if (!let_rest(left, *hit, &rests, &is_settled)) return false;
-    if (is_settled) return true;
-    std::copy(before_impacts_.numbers.begin(), before_impacts_.numbers.end(), numbers_.begin());
-    equations_.driven_work = before_impacts_.driven_work;
-    equations_.contacts = before_impacts_.contacts;
-    equations_.joints = before_impacts_.joints;
-    equations_.coordinates = before_impacts_.coordinates;
-    equations_.place(numbers_.data());
-    hit->reset(equations_.contacts.size(), equations_.coordinates.size());
-    find_hits(rests, &hits_);
-  }
+std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations& equations,
+                                              std::size_t coordinate) {
+  const GroupJoints& joints = equations.joints();
+  const GroupJoint& joint = joints[joints.coordinates()[coordinate].joint];
+  return std::minmax(joint.a, joint.b);
 }
 
-std::pair<std::size_t, std::size_t> ContactEvents::bodies_of(
-    const ContactEquations::Coordinate& of) const {
-  const ContactEquations::BodyJoint& joint = equations_.joints[of.joint];
-  return std::minmax(joint.a, joint.b);
+}  // namespace
+
+void ContactImpacts::begin_event(const ContactEquations& equations) {
+  impulses_.reset(equations);
+  rests_in_.reset(equations);
+}
+
+void ContactImpacts::keep(const ContactEquations& equations, const double* y) {
+  before_.numbers.assign(y, y + equations.size());
+  before_.driven_work = equations.driven_work();
+  before_.contacts = equations.contacts();
+  before_.joints = equations.joints().list();
+  before_.coordinates = equations.joints().coordinates();
+}
+
+void ContactImpacts::restore(ContactEquations* equations, double* y) const {
+  std::copy(before_.numbers.begin(), before_.numbers.end(), y);
+  equations->set_driven_work(before_.driven_work);
+  equations->contacts() = before_.contacts;
+  equations->joints().list() = before_.joints;
+  equations->joints().coordinates() = before_.coordinates;
+  equations->bodies().place(y);
+}
+
+bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& pairs,
+                                  ContactStates* states, CountedSolver* solver,
+                                  ContactEquations* equations, double* y) {
+  rests_.reset(*equations);
+  find_hits(begins, *equations);
+  if (hits_.empty()) return true;
+  keep(*equations, y);
+  for (bool is_settled = false;;) {
+    for (int count = 0; !hits_.empty(); ++count) {
+      if (count == kMostImpacts || !have_impact(0.0, solver, equations, y)) return false;
+      find_hits(begins, *equations);
+    }
+    ++count_;
+    if (!let_rest(left, pairs, states, solver, equations, y, &is_settled)) return false;
+    if (is_settled) return true;
+    restore(equations, y);
+    impulses_.reset(*equations);
+    find_hits(begins, *equations);
+  }
 }
 
 // Lists limits that are reached and not left: hit limits, and limits without restitution.
 // `only_slow`: no hit limits.
-void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
-                                        List<LimitHit>* hits) const {
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
-    const ContactEquations::Coordinate& of = equations_.coordinates[c];
+void ContactImpacts::add_touching_limits(bool only_slow, const ContactEquations& equations) {
+  const GroupBodies& bodies = equations.bodies();
+  const GroupJoints& joints = equations.joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    const GroupCoordinate& of = joints.coordinates()[c];
     if (!of.is_one_sided || std::isfinite(of.law.limit_force)) continue;
     for (const bool upper_one : {false, true}) {
       if (!std::isfinite(of.law.limit(upper_one))) continue;
-      const ContactEquations::Reading now = equations_.read(of, nullptr);
-      const Prescribed at_limit = equations_.limit(of, upper_one);
+      const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
+      const Prescribed at_limit = joints.limit(bodies, of, upper_one);
       const double direction = upper_one ? -1.0 : 1.0;
       const double gap = direction * (now.q - at_limit.value);
       if (gap > kTouching) continue;
       const double rate = direction * (now.rate - at_limit.rate);
       const bool is_hit = rate < -kResting;
-      const double restitution = rests.coordinates[c] ? 0.0 : of.law.restitution;
+      const double restitution = rests_.coordinates[c] ? 0.0 : of.law.restitution;
       if (only_slow ? rate > kResting : !is_hit && restitution > 0.0) continue;
-      hits->push_back({c, direction, gap, rate, is_hit ? restitution : 0.0});
+      hits_.limits.push_back({c, direction, gap, rate, is_hit ? restitution : 0.0});
     }
   }
 }
 
-// Whether a contact or limit is hit. At the start of an interval an open gap is no hit, since early
-// hits would end bounces too early.
-bool ContactEvents::is_hit(double gap, double rate) const {
-  return rate < -kResting && (!begins_ || gap <= 0.0);
-}
-
 // Lists the hits of the next impact: of contacts and limits with restitution the fastest hit, with
 // all others between the same two bodies; and all without restitution. Empty where nothing is hit.
-void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
-  Hits& hits = *found;
+void ContactImpacts::find_hits(bool begins, const ContactEquations& equations) {
+  Hits& hits = hits_;
   hits.clear();
   double fastest_rate = -kResting;
   std::pair<std::size_t, std::size_t> fastest;
   bool any_hit = false, any_bounce = false;
   const auto consider = [&](double gap, double rate, bool bounces, std::size_t a, std::size_t b) {
-    any_hit = any_hit || is_hit(gap, rate);
+    any_hit = any_hit || (rate < -kResting && (!begins || gap <= 0.0));
     if (!bounces || !(rate < fastest_rate)) return;
     any_bounce = true;
     fastest_rate = rate;
     fastest = std::minmax(a, b);
   };
-  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
-    const ContactEquations::Contact& contact = equations_.contacts[c];
-    const ContactMotion now = equations_.motion(contact);
+  for (std::size_t c = 0; c < equations.contacts().size(); ++c) {
+    const ContactEquations::Contact& contact = equations.contacts()[c];
+    const ContactMotion now = equations.motion(contact);
     if (now.gap > kTouching) continue;
     hits.contacts.push_back({c, now});
-    consider(now.gap, now.gap_rate(), contact.restitution > 0.0 && !rests.contacts[c], contact.a,
+    consider(now.gap, now.gap_rate(), contact.restitution > 0.0 && !rests_.contacts[c], contact.a,
              contact.b);
   }
-  add_touching_limits(rests, false, &hits.limits);
+  add_touching_limits(false, equations);
   for (const LimitHit& hit : hits.limits) {
-    const auto [a, b] = bodies_of(equations_.coordinates[hit.coordinate]);
+    const auto [a, b] = bodies_of(equations, hit.coordinate);
     consider(hit.gap, hit.rate, hit.restitution > 0.0, a, b);
   }
   if (!any_hit) {
@@ -118,15 +120,15 @@ void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
     return;
   }
   const auto waits = [&](const ContactHit& hit) {
-    const ContactEquations::Contact& contact = equations_.contacts[hit.contact];
-    return contact.restitution > 0.0 && !rests.contacts[hit.contact] &&
+    const ContactEquations::Contact& contact = equations.contacts()[hit.contact];
+    return contact.restitution > 0.0 && !rests_.contacts[hit.contact] &&
            !(any_bounce &&
              std::minmax(contact.a, contact.b) == std::minmax(fastest.first, fastest.second));
   };
   hits.contacts.erase(std::remove_if(hits.contacts.begin(), hits.contacts.end(), waits),
                       hits.contacts.end());
   const auto limit_waits = [&](const LimitHit& hit) {
-    return hit.restitution > 0.0 && bodies_of(equations_.coordinates[hit.coordinate]) != fastest;
+    return hit.restitution > 0.0 && bodies_of(equations, hit.coordinate) != fastest;
   };
   hits.limits.erase(std::remove_if(hits.limits.begin(), hits.limits.end(), limit_waits),
                     hits.limits.end());
@@ -135,34 +137,35 @@ void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
 // Solves an impact, with less restitution where kinetic energy would rise, or where joints or
 // friction allow no solution. `faster`: approach speed added to contacts at rest [m/s]. Returns
 // false where there is no solution.
-bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double faster,
-                                Of<double>* hit) {
-  ContactEquations::Responses& responses = responses_;
+bool ContactImpacts::have_impact(double faster, CountedSolver* solver, ContactEquations* equations,
+                                 double* y) {
+  const Hits& hits = hits_;
+  ContactResponses& responses = problem_.responses;
   responses.clear();
   for (const ContactHit& of : hits.contacts) responses.add(of.contact, of.motion);
-  for (const LimitHit& of : hits.limits) responses.coordinates.push_back(of.coordinate);
-  equations_.find_responses(&responses);
-  ConeProblem& problem = problem_;
-  begin_problem();
-  const std::size_t first = responses.of_contacts;
-  rate_.resize(responses.columns);
-  for (const ContactEquations::Touching& touching : responses.contacts)
+  for (const LimitHit& of : hits.limits) responses.add_coordinate(of.coordinate);
+  responses.find(*equations);
+  ConeProblem& problem = problem_.cone;
+  problem_.begin(*equations);
+  const std::size_t first = responses.of_contacts();
+  rate_.resize(responses.columns());
+  for (const TouchingContact& touching : responses.contacts())
     set_rate(touching, touching.frame.transpose() * touching.motion.w, &rate_);
   for (std::size_t k = 0; k < hits.limits.size(); ++k) {
     const LimitHit& of = hits.limits[k];
     rate_[first + k] = of.direction * of.rate;
     // Joints drive the coordinate into its limit.
-    if (!responses.is_free[k] && of.rate < -kResting) return false;
+    if (!responses.is_free(k) && of.rate < -kResting) return false;
     problem.rows.push_back(
         {of.direction > 0.0 ? 0.0 : -kInfinity, of.direction > 0.0 ? kInfinity : 0.0});
-    if (!responses.is_free[k]) problem.rows.back() = {};
+    if (!responses.is_free(k)) problem.rows.back() = {};
   }
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {
     problem.b = rate_;
-    for (const ContactEquations::Touching& touching : responses.contacts) {
+    for (const TouchingContact& touching : responses.contacts()) {
       double& normal = problem.b[touching.column];
       const std::size_t c = touching.contact;
-      const double e = rests.contacts[c] ? 0.0 : equations_.contacts[c].restitution;
+      const double e = rests_.contacts[c] ? 0.0 : equations->contacts()[c].restitution;
       if (normal < -kResting)
         normal *= 1.0 + share * e;
       else
@@ -170,103 +173,95 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
     }
     for (std::size_t k = 0; k < hits.limits.size(); ++k)
       problem.b[first + k] *= 1.0 + share * hits.limits[k].restitution;
-    if (!solve_counted()) {
+    if (!solver->solve(problem, &problem_.force)) {
       if (share == 0.0) return false;
       continue;
     }
-    if (!does_work(responses)) break;
+    if (!does_work()) break;
   }
-  equations_.apply(responses, force_.data(), numbers_.data());
-  for (const ContactEquations::Touching& touching : responses.contacts)
-    hit->contacts[touching.contact] += force_[touching.column];
+  responses.apply(problem_.force.data(), equations, y);
+  for (const TouchingContact& touching : responses.contacts())
+    impulses_.contacts[touching.contact] += problem_.force[touching.column];
   for (std::size_t k = 0; k < hits.limits.size(); ++k)
-    hit->coordinates[hits.limits[k].coordinate] += force_[first + k];
+    impulses_.coordinates[hits.limits[k].coordinate] += problem_.force[first + k];
   return true;
 }
 
-// Solves problem_ for force_. Returns false where the work limit of the step is used up, or the
-// step has to stop.
-bool ContactEvents::solve_counted() {
-  SolveEffort effort{most_work_ - done_.work, stop_};
-  const bool is_found = solver_.solve(problem_, &force_, &effort);
-  done_.work += effort.spent;
-  return is_found;
-}
-
 // Whether the impulses add kinetic energy, by the means of rates before and after.
-bool ContactEvents::does_work(const ContactEquations::Responses& responses) const {
-  const std::size_t n = responses.columns;
+bool ContactImpacts::does_work() const {
+  const ContactResponses& responses = problem_.responses;
+  const List<double>& force = problem_.force;
+  const std::size_t n = responses.columns();
   double work = 0.0, exchanged = 0.0;
   for (std::size_t j = 0; j < n; ++j) {
     double change = 0.0;
-    for (std::size_t i = 0; i < n; ++i) change += responses.A[n * j + i] * force_[i];
-    work += force_[j] * (rate_[j] + 0.5 * change);
-    exchanged += std::abs(force_[j]) * std::abs(rate_[j]);
+    for (std::size_t i = 0; i < n; ++i) change += responses.A()[n * j + i] * force[i];
+    work += force[j] * (rate_[j] + 0.5 * change);
+    exchanged += std::abs(force[j]) * std::abs(rate_[j]);
   }
   return !(work <= kNoWork * exchanged);
 }
 
-// Ends slips that friction drives into the other body (Painlevé), where no finite force suffices,
-// by an impulse without restitution.
-bool ContactEvents::have_jam(Of<double>* hit) {
-  Hits& touching = hits_;
-  touching.clear();
-  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
-    const ContactMotion now = equations_.motion(equations_.contacts[c]);
-    if (now.gap <= kTouching && now.gap_rate() <= kResting) touching.contacts.push_back({c, now});
+bool ContactImpacts::have_jam(CountedSolver* solver, ContactEquations* equations, double* y) {
+  hits_.clear();
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
+    const ContactMotion now = equations->motion(equations->contacts()[c]);
+    if (now.gap <= kTouching && now.gap_rate() <= kResting) hits_.contacts.push_back({c, now});
   }
-  if (touching.contacts.empty()) return false;
-  ++done_.impacts;
-  Of<char>& rests = rests_;
-  rests.reset(equations_.contacts.size(), equations_.coordinates.size());
-  std::fill(rests.contacts.begin(), rests.contacts.end(), 1);
-  std::fill(rests.coordinates.begin(), rests.coordinates.end(), 1);
-  add_touching_limits(rests, true, &touching.limits);
-  return have_impact(touching, rests, kJam, hit);
+  if (hits_.contacts.empty()) return false;
+  ++count_;
+  rests_.reset(*equations, 1);
+  add_touching_limits(true, *equations);
+  return have_impact(kJam, solver, equations, y);
 }
 
 // Finds the contacts and limits whose bounces are too low to be followed.
-bool ContactEvents::let_rest(double left, const Of<double>& hit, Of<char>* rests,
-                             bool* is_settled) {
+bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactStates* states,
+                              CountedSolver* solver, ContactEquations* equations, const double* y,
+                              bool* is_settled) {
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
+  const PerRow<double>& hit = impulses_;
   *is_settled = true;
   const auto is_bounce = [&](std::size_t c) {
-    return hit.contacts[c] > 0.0 && equations_.contacts[c].restitution > 0.0 && !rests->contacts[c];
+    return hit.contacts[c] > 0.0 && equations->contacts()[c].restitution > 0.0 &&
+           !rests_.contacts[c];
   };
   const auto is_limit_bounce = [&](std::size_t c) {
-    return hit.coordinates[c] != 0.0 && equations_.coordinates[c].law.restitution > 0.0 &&
-           !rests->coordinates[c];
+    return hit.coordinates[c] != 0.0 && joints.coordinates()[c].law.restitution > 0.0 &&
+           !rests_.coordinates[c];
   };
   bool any = false;
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) any = any || is_bounce(c);
   for (std::size_t c = 0; c < hit.coordinates.size(); ++c) any = any || is_limit_bounce(c);
   if (!any) return true;
-  if (!decide({})) return false;
+  if (!states->decide({}, y, pairs, solver, equations)) return false;
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) {
     if (!is_bounce(c)) continue;
-    const ContactMotion now = equations_.motion(equations_.contacts[c]);
+    const ContactMotion now = equations->motion(equations->contacts()[c]);
     if (now.gap > kTouching) continue;
-    const std::optional<double> rests_in = time_to_rest(now.gap_rate(), -gap_acceleration_[c],
-                                                        equations_.contacts[c].restitution, left);
+    const std::optional<double> rests_in = time_to_rest(
+        now.gap_rate(), -states->gap_acceleration(c), equations->contacts()[c].restitution, left);
     if (!rests_in) continue;
     rests_in_.contacts[c] = *rests_in;
-    rests->contacts[c] = 1;
+    rests_.contacts[c] = 1;
     *is_settled = false;
   }
   for (std::size_t c = 0; c < hit.coordinates.size(); ++c) {
     if (!is_limit_bounce(c)) continue;
-    const ContactEquations::Coordinate& of = equations_.coordinates[c];
+    const GroupCoordinate& of = joints.coordinates()[c];
     const bool upper_one = hit.coordinates[c] < 0.0;
     const double direction = upper_one ? -1.0 : 1.0;
-    const ContactEquations::Reading now = equations_.read(of, nullptr);
-    const Prescribed at_limit = equations_.limit(of, upper_one);
+    const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
+    const Prescribed at_limit = joints.limit(bodies, of, upper_one);
     if (direction * (now.q - at_limit.value) > kTouching) continue;
     const std::optional<double> rests_in =
         time_to_rest(direction * (now.rate - at_limit.rate),
-                     -direction * (coordinate_acceleration_[c] - at_limit.acceleration),
+                     -direction * (states->coordinate_acceleration(c) - at_limit.acceleration),
                      of.law.restitution, left);
     if (!rests_in) continue;
     rests_in_.coordinates[c] = *rests_in;
-    rests->coordinates[c] = 1;
+    rests_.coordinates[c] = 1;
     *is_settled = false;
   }
   return true;

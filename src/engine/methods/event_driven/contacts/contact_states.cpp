@@ -1,19 +1,10 @@
-// Changes of ContactEvents at an event: contacts and limits that are hit have impacts
-// (contact_impacts.cpp), then the cone problem of accelerations decides how each contact and
-// coordinate acts next. With w the rates of contacts along normals and tangents, and A the response
-// to impulses while the joints hold: ẇ = b + A f for touching contacts that do not part, with f in
-// its cone, or along the slip for slipping contacts. Coordinates with one-sided laws are rows of
-// the same problem, as in event_states.cpp.
+#include "engine/methods/event_driven/contacts/contact_states.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "engine/math/box_lcp.h"
-#include "engine/math/cone_problem.h"
-#include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/math/same_bits.h"
-#include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
@@ -25,260 +16,218 @@ constexpr double kAtRest = 1e-8;      // share of the largest acceleration; less
 constexpr double kLeastScale = 0.01;  // [m/s²] least largest acceleration, where nothing pulls
 constexpr double kSameTime = 1e-6;    // share of an interval
 
+// Deceleration of a coordinate by half of the force of its motor, while other motors hold; zero
+// where joints hold the coordinate.
+double braking_of(std::size_t c, const ContactEquations& equations) {
+  const GroupJoints& joints = equations.joints();
+  ContactResponses responses;
+  responses.add_coordinate(c);
+  for (std::size_t d = 0; d < joints.coordinates().size(); ++d)
+    if (d != c && joints.coordinates()[d].is_one_sided && joints.coordinates()[d].law.drive > 0.0)
+      responses.add_coordinate(d);
+  responses.find(equations);
+  if (!responses.is_free(0)) return 0.0;
+  List<Eigen::Index> others;
+  const std::size_t n = responses.columns();
+  for (std::size_t k = 1; k < n; ++k)
+    if (responses.is_free(k)) others.push_back(static_cast<Eigen::Index>(k));
+  const auto size = static_cast<Eigen::Index>(n);
+  const Eigen::Map<const Eigen::MatrixXd> A(responses.A().data(), size, size);
+  return 0.5 * joints.coordinates()[c].law.drive * response_beside(A, others, 0);
+}
+
+// Finds the motors that are not at rest at their goals, and their braking decelerations.
+// EventDriven compares with prescribed motions instead.
+void find_lost(ContactEquations* equations) {
+  GroupJoints& joints = equations->joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
+    if (!of.law.goal) continue;
+    const GroupJoints::Reading now = joints.read(equations->bodies(), of, nullptr);
+    if (std::abs(now.q - *of.law.goal) <= kTouching && std::abs(now.rate) <= kResting)
+      of.braking = 0.0;
+    else if (of.braking == 0.0)
+      of.braking = braking_of(c, *equations);
+  }
+}
+
 }  // namespace
 
-// Decides the states of all contacts and laws at an event. `event`: the watched value that passed
-// zero and ended the last substep; kNothing at the start of an interval. `jams`: slipping contacts
-// have no motion to continue.
-bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
-  double* const y = numbers_.data();
-  has_stages_ = equations_.is_straight = false;
-  begins_ = is_begin;
+void ContactStates::begin_step() {
+  for (AtBound* at : {&at_cone_, &at_zero_}) at->contacts.clear();
+}
+
+void ContactStates::begin_event(const ContactEquations& equations) {
   acts_before_.clear();
   features_before_.clear();
-  for (const ContactEquations::Contact& contact : equations_.contacts) {
+  for (const ContactEquations::Contact& contact : equations.contacts()) {
     acts_before_.push_back(contact.acts);
     features_before_.push_back(contact.feature.id);
   }
-  find_features(!is_begin && event.kind == Watched::Kind::kMargin);
-  note_bounds(*span, event);
-  states_before_.clear();
-  for (const ContactEquations::Coordinate& of : equations_.coordinates)
-    states_before_.push_back(of.state);
-  Of<double>& hit = hit_;
-  hit.reset(equations_.contacts.size(), equations_.coordinates.size());
-  rests_in_.reset(equations_.contacts.size(), equations_.coordinates.size());
-  if ((jams && !have_jam(&hit)) || !have_impacts(span->left.left, &hit)) return false;
-  if (!decide(event) && !(have_jam(&hit) && decide({}))) return false;
-  hold_coordinates(is_begin);
-  const double kinetic = equations_.kinetic_energy(), potential = equations_.potential_energy();
-  before_projection_.assign(y, y + equations_.size());
-  if (!equations_.project(span->left.t, y)) return false;
-  const bool is_known = has_derivative_ && equations_.coordinates.empty() &&
-                        have_same_bits(before_projection_.data(), y, equations_.size());
-  if (!equations_.restart(y, derivative(), is_known ? free_.data() : nullptr)) return false;
-  span->progress.projected += kinetic - equations_.kinetic_energy();
-  span->progress.corrected += equations_.potential_energy() - potential;
-  tell(*span, acts_before_, hit, is_begin);
-  return break_overloaded(span);
+  coordinates_before_.clear();
+  for (const GroupCoordinate& of : equations.joints().coordinates())
+    coordinates_before_.push_back(of.state);
 }
 
-void ContactEvents::break_joint(const Span& span, std::size_t joint) {
-  ++done_.breaks;
-  equations_.break_joint(joint);
-  told_.push_back(
-      {EventKind::kBroken, span.all.t + span.left.t, -1, -1, 0.0, static_cast<int>(joint)});
+bool ContactStates::has_changed(const ContactEquations& equations) const {
+  for (std::size_t c = 0; c < acts_before_.size(); ++c)
+    if (acts_before_[c] != equations.contacts()[c].acts ||
+        features_before_[c] != equations.contacts()[c].feature.id)
+      return true;
+  for (std::size_t c = 0; c < coordinates_before_.size(); ++c)
+    if (!(coordinates_before_[c] == equations.joints().coordinates()[c].state)) return true;
+  return false;
 }
 
-// Breaks joints that are overloaded, as after another joint let go. The most overloaded joint
-// breaks first, since it may relieve the others.
-bool ContactEvents::break_overloaded(Span* span) {
-  List<Watched> loads;
-  for (std::size_t j = 0; j < equations_.joints.size(); ++j) watch_breaking(j, &loads);
-  const auto worst =
-      std::min_element(loads.begin(), loads.end(), [](const Watched& left, const Watched& right) {
-        return left.value / left.tolerance < right.value / right.tolerance;
-      });
-  if (worst == loads.end() || worst->value >= -worst->tolerance) return true;
-  ++done_.events;
-  break_joint(*span, worst->joint);
-  return settle(span, {}, false);
-}
-
-// Notes contacts that reach a bound. Contacts that share a force reach their bounds together or
-// shortly after each other; each yields in turn, and none sticks again before it has slipped.
-void ContactEvents::note_bounds(const Span& span, const Watched& event) {
-  const double t = span.all.t + span.left.t;
-  const auto note = [&](Watched::Kind kind, bool is_over, AtBound* at) {
+void ContactStates::note_bounds(double t, double h, const ContactWatched& event,
+                                const ContactEquations& equations) {
+  const auto note = [&](ContactWatched::Kind kind, bool is_over, AtBound* at) {
     const auto is_done = [&](std::size_t c) {
-      const ContactEquations::Contact& contact = equations_.contacts[c];
-      return kind != Watched::Kind::kCone || contact.acts != Acts::kSlips ||
-             equations_.motion(contact).slip().norm() > kEndOfSlip;
+      const ContactEquations::Contact& contact = equations.contacts()[c];
+      return kind != ContactWatched::Kind::kCone || contact.acts != Acts::kSlips ||
+             equations.motion(contact).slip().norm() > kEndOfSlip;
     };
     List<std::size_t>& contacts = at->contacts;
     if (is_over)
       contacts.clear();
-    else if (t - at->since > kSameTime * span.all.h)
+    else if (t - at->since > kSameTime * h)
       contacts.erase(std::remove_if(contacts.begin(), contacts.end(), is_done), contacts.end());
     if (event.kind != kind) return;
     if (contacts.empty()) at->since = t;
     if (!at->has(event.contact)) contacts.push_back(event.contact);
   };
-  note(Watched::Kind::kCone, event.kind != Watched::Kind::kCone, &at_cone_);
-  note(Watched::Kind::kForce, false, &at_zero_);
+  note(ContactWatched::Kind::kCone, event.kind != ContactWatched::Kind::kCone, &at_cone_);
+  note(ContactWatched::Kind::kForce, false, &at_zero_);
 }
 
-// ---- states
-
-// Decides how contacts act at the current pose and velocities. A contact whose force has left its
-// bounds yields, as `event` says, where the force is still at the bound to rounding.
-bool ContactEvents::decide(const Watched& event) {
+bool ContactStates::decide(const ContactWatched& event, const double* y, const ContactPairs& pairs,
+                           CountedSolver* solver, ContactEquations* equations) {
   // Near the end of a slip its direction turns ever faster; contacts that can stick then stick.
-  if (event.kind == Watched::Kind::kSlip && decide(event, kEndOfSlip)) {
+  if (event.kind == ContactWatched::Kind::kSlip &&
+      decide(event, kEndOfSlip, y, pairs, solver, equations)) {
     bool all_stick = true;
-    for (const ContactEquations::Contact& contact : equations_.contacts) {
-      const double speed = equations_.motion(contact).slip().norm();
+    for (const ContactEquations::Contact& contact : equations->contacts()) {
+      const double speed = equations->motion(contact).slip().norm();
       all_stick = all_stick && (contact.acts != Acts::kSlips || contact.friction == 0.0 ||
                                 speed <= kResting || speed > kEndOfSlip);
     }
     if (all_stick) return true;
   }
-  return decide(event, kResting);
+  return decide(event, kResting, y, pairs, solver, equations);
 }
 
 // Decides as if contacts with a slip up to `least_slip` [m/s] did not slip.
-bool ContactEvents::decide(const Watched& event, double least_slip) {
+bool ContactStates::decide(const ContactWatched& event, double least_slip, const double* y,
+                           const ContactPairs& pairs, CountedSolver* solver,
+                           ContactEquations* equations) {
   has_derivative_ = false;
-  ContactEquations::Responses& responses = responses_;
-  responses.clear();
-  gap_acceleration_.assign(equations_.contacts.size(), 0.0);
-  for (ContactEquations::Contact& contact : equations_.contacts) {
+  for (ContactEquations::Contact& contact : equations->contacts()) {
     contact.acts = Acts::kOpen;
     contact.normal_share = contact.tangent_share = 1.0;
   }
-  find_lost();
-  if (!find_candidates(&held_)) return false;
-  free_.resize(equations_.size());
-  equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
-  equations_.find_accelerations(free_.data(), &rates_);
-  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
-    const ContactEquations::Contact& contact = equations_.contacts[c];
-    if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
-    const ContactMotion now = equations_.motion(contact);
-    gap_acceleration_[c] =
-        now.n_dot.dot(now.w) + now.n.dot(ContactEquations::slip_acceleration(now, contact, rates_));
-    if (now.gap <= kTouching && std::abs(now.gap_rate()) <= kResting) responses.add(c, now);
+  find_lost(equations);
+  if (!find_candidates(equations)) return false;
+  find_free_motion(y, equations);
+  ContactResponses& responses = problem_.responses;
+  if (!responses.contacts().empty() || !candidates_.empty()) {
+    for (const Candidate& row : candidates_) responses.add_coordinate(row.coordinate);
+    responses.find(*equations);
+    set_problem(least_slip, *equations);
+    if (!solver->solve(problem_.cone, &problem_.force)) return false;
+    choose_acts(equations);
+    choose_holds(event, equations);
+    has_derivative_ = is_within_bounds(y, equations);
+    if (!has_derivative_) {
+      sharing_.share(pairs, solver, &problem_, equations);
+      take_forces(equations);
+    }
   }
-  coordinate_acceleration_.clear();
-  for (const ContactEquations::Coordinate& of : equations_.coordinates)
-    coordinate_acceleration_.push_back(equations_.read(of, &rates_).acceleration);
-  if (responses.contacts.empty() && held_.empty()) {
-    choose_servos();
-    return true;
-  }
-
-  for (const Candidate& row : held_) responses.coordinates.push_back(row.coordinate);
-  equations_.find_responses(&responses);
-  set_problem(least_slip);
-  if (!solve_counted()) return false;
-  choose_acts();
-  choose_holds(event);
-  has_derivative_ = is_within_bounds();
-  if (!has_derivative_) {
-    share_forces();
-    take_forces();
-  }
-  choose_servos();
+  choose_servos(equations);
   return true;
 }
 
-// Begins a problem of rates or accelerations, without their values and without coordinates.
-void ContactEvents::begin_problem() {
-  problem_.A = responses_.A;
-  problem_.b.assign(responses_.columns, 0.0);
-  problem_.contacts.clear();
-  problem_.rows.clear();
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
-    if (touching.is_rough)
-      problem_.contacts.push_back({equations_.contacts[touching.contact].friction});
-    else
-      problem_.rows.push_back({0.0, kInfinity});
+// Finds the accelerations without acting rows, and the contacts that touch and do not part.
+void ContactStates::find_free_motion(const double* y, ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
+  derivative_.resize(equations->size());
+  equations->derivative(0, bodies.time(), y, derivative_.data());
+  bodies.find_accelerations(derivative_.data(), &rates_);
+  gap_acceleration_.assign(equations->contacts().size(), 0.0);
+  problem_.responses.clear();
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
+    const ContactEquations::Contact& contact = equations->contacts()[c];
+    if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
+    const ContactMotion now = equations->motion(contact);
+    gap_acceleration_[c] =
+        now.n_dot.dot(now.w) + now.n.dot(ContactEquations::slip_acceleration(now, contact, rates_));
+    if (now.gap <= kTouching && std::abs(now.gap_rate()) <= kResting)
+      problem_.responses.add(c, now);
   }
-}
-
-void ContactEvents::set_rate(const ContactEquations::Touching& of, const Vector3d& rate,
-                             List<double>* all) {
-  for (std::size_t k = 0; k < (of.is_rough ? 3 : 1); ++k)
-    (*all)[of.column + k] = rate[static_cast<Eigen::Index>(k)];
+  coordinate_acceleration_.clear();
+  for (const GroupCoordinate& of : joints.coordinates())
+    coordinate_acceleration_.push_back(joints.read(bodies, of, &rates_).acceleration);
 }
 
 // Sets up the problem of accelerations, as if contacts with a slip up to `least_slip` [m/s] did not
 // slip.
-void ContactEvents::set_problem(double least_slip) {
-  begin_problem();
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
+void ContactStates::set_problem(double least_slip, const ContactEquations& equations) {
+  problem_.begin(equations);
+  for (const TouchingContact& touching : problem_.responses.contacts()) {
     const ContactMotion& now = touching.motion;
     Vector3d b =
         touching.frame.transpose() *
-        ContactEquations::slip_acceleration(now, equations_.contacts[touching.contact], rates_);
+        ContactEquations::slip_acceleration(now, equations.contacts()[touching.contact], rates_);
     b[0] += now.n_dot.dot(now.w);
-    set_rate(touching, b, &problem_.b);
+    set_rate(touching, b, &problem_.cone.b);
     const Vector3d slip = now.slip();
     const double speed = slip.norm();
     if (!touching.is_rough || !(speed > least_slip)) continue;
-    ConeContact& cone = problem_.contacts[touching.column / 3];
+    ConeContact& cone = problem_.cone.contacts[touching.column / 3];
     cone.slips = true;
     cone.direction = touching.frame.rightCols<2>().transpose() * slip / speed;
   }
-  for (std::size_t k = 0; k < held_.size(); ++k) {
-    problem_.b[responses_.of_contacts + k] =
-        coordinate_acceleration_[held_[k].coordinate] - held_[k].acceleration;
-    problem_.rows.push_back({held_[k].bounds.least, held_[k].bounds.most});
-    if (!responses_.is_free[k]) problem_.rows.back() = {};
+  for (std::size_t k = 0; k < candidates_.size(); ++k) {
+    problem_.cone.b[problem_.responses.of_contacts() + k] =
+        coordinate_acceleration_[candidates_[k].coordinate] - candidates_[k].acceleration;
+    problem_.cone.rows.push_back({candidates_[k].bounds.least, candidates_[k].bounds.most});
+    if (!problem_.responses.is_free(k)) problem_.cone.rows.back() = {};
   }
 }
 
-// Finds the motors that are not at rest at their goals, and their braking decelerations.
-// EventDriven compares with prescribed motions instead.
-void ContactEvents::find_lost() {
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
-    ContactEquations::Coordinate& of = equations_.coordinates[c];
-    if (!of.law.goal) continue;
-    const ContactEquations::Reading now = equations_.read(of, nullptr);
-    if (std::abs(now.q - *of.law.goal) <= kTouching && std::abs(now.rate) <= kResting)
-      of.braking = 0.0;
-    else if (of.braking == 0.0)
-      of.braking = braking_of(c);
-  }
-}
-
-// Deceleration of a coordinate by half of the force of its motor, while other motors hold.
-double ContactEvents::braking_of(std::size_t c) {
-  ContactEquations::Responses responses;
-  responses.coordinates = {c};
-  for (std::size_t d = 0; d < equations_.coordinates.size(); ++d)
-    if (d != c && equations_.coordinates[d].is_one_sided &&
-        equations_.coordinates[d].law.drive > 0.0)
-      responses.coordinates.push_back(d);
-  equations_.find_responses(&responses);
-  List<Eigen::Index> others;
-  const std::size_t n = responses.columns;
-  for (std::size_t k = 1; k < n; ++k)
-    if (responses.is_free[k]) others.push_back(static_cast<Eigen::Index>(k));
-  const auto size = static_cast<Eigen::Index>(n);
-  const Eigen::Map<const Eigen::MatrixXd> A(responses.A.data(), size, size);
-  return 0.5 * equations_.coordinates[c].law.drive * response_beside(A, others, 0);
-}
-
-void ContactEvents::choose_servos() {
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
-    ContactEquations::Coordinate& of = equations_.coordinates[c];
+void ContactStates::choose_servos(ContactEquations* equations) const {
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
     if (!of.law.has_servo()) continue;
-    ContactEquations::Reading now = equations_.read(of, nullptr);
+    GroupJoints::Reading now = joints.read(bodies, of, nullptr);
     now.acceleration = coordinate_acceleration_[c];
-    of.state.servo = servo_from(of.law, states_before_[c].servo, now, equations_.rest(of));
+    of.state.servo = servo_from(of.law, coordinates_before_[c].servo, now, joints.rest(bodies, of));
   }
 }
 
 // Lists the coordinates that move at the rate of a law that may hold them, and sets the acting
 // forces of the others. Returns false where a coordinate passes a limit without force limit.
-bool ContactEvents::find_candidates(List<Candidate>* candidates) {
-  candidates->clear();
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
-    ContactEquations::Coordinate& of = equations_.coordinates[c];
+bool ContactStates::find_candidates(ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
+  candidates_.clear();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
     of.state = {};
     of.reference = 0.0;
     if (!of.is_one_sided) continue;
-    const ContactEquations::Reading now = equations_.read(of, nullptr);
-    const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
-    const auto zeta = [&] { return equations_.zeta(of); };
+    const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
+    const auto limit = [&](bool upper_one) { return joints.limit(bodies, of, upper_one); };
+    const auto zeta = [&] { return joints.zeta(bodies, of); };
     OneSidedState state;
     const bool is_lost = of.law.goal && of.braking > 0.0;
     const std::optional<Hold> hold =
-        find_hold(of.law, states_before_[c], now, limit, zeta, is_lost, false, &state);
+        find_hold(of.law, coordinates_before_[c], now, limit, zeta, is_lost, false, &state);
     if (hold) {
       const Prescribed at = rate_held_at(*hold, limit, zeta);
-      candidates->push_back(
+      candidates_.push_back(
           {c, *hold, at.rate, at.acceleration, force_bounds(of.law, *hold, at.rate, zeta().rate)});
       continue;
     }
@@ -290,18 +239,18 @@ bool ContactEvents::find_candidates(List<Candidate>* candidates) {
 
 // Decides how contacts act by the solved accelerations, and stores accelerations of all touching
 // contacts.
-void ContactEvents::choose_acts() {
+void ContactStates::choose_acts(ContactEquations* equations) {
   find_solved_accelerations();
   double scale = kLeastScale, largest = 0.0;
-  for (std::size_t i = 0; i < force_.size(); ++i) {
-    scale = std::max(scale, std::abs(problem_.b[i]));
-    largest = std::max(largest, std::abs(force_[i]));
+  for (std::size_t i = 0; i < problem_.force.size(); ++i) {
+    scale = std::max(scale, std::abs(problem_.cone.b[i]));
+    largest = std::max(largest, std::abs(problem_.force[i]));
   }
-  const double largest_force = equations_.largest_force();
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
-    const Vector3d f = touching.of(force_.data()), a = touching.of(solved_.data());
+  const double largest_force = equations->largest_force();
+  for (const TouchingContact& touching : problem_.responses.contacts()) {
+    const Vector3d f = touching.of(problem_.force.data()), a = touching.of(solved_.data());
     const std::size_t c = touching.contact;
-    ContactEquations::Contact& contact = equations_.contacts[c];
+    ContactEquations::Contact& contact = equations->contacts()[c];
     gap_acceleration_[c] = a[0];
     if (f[0] <= kAtRest * largest && a[0] > kAtRest * scale) continue;
     if (at_zero_.has(c) && f[0] <= kAtBound * largest_force) continue;
@@ -309,7 +258,7 @@ void ContactEvents::choose_acts() {
     contact.reference.setZero();
     contact.direction.setZero();
     if (!touching.is_rough) continue;
-    const ConeContact& cone = problem_.contacts[touching.column / 3];
+    const ConeContact& cone = problem_.cone.contacts[touching.column / 3];
     const Eigen::Vector2d a_t = a.tail<2>();
     if (cone.slips)
       contact.direction = touching.frame.rightCols<2>() * cone.direction;
@@ -321,52 +270,59 @@ void ContactEvents::choose_acts() {
 }
 
 // Computes b + A p of the problem.
-void ContactEvents::find_solved_accelerations() {
-  const std::size_t n = force_.size();
-  solved_ = problem_.b;
+void ContactStates::find_solved_accelerations() {
+  const std::size_t n = problem_.force.size();
+  solved_ = problem_.cone.b;
   for (std::size_t j = 0; j < n; ++j)
-    for (std::size_t i = 0; i < n; ++i) solved_[i] += problem_.A[n * j + i] * force_[j];
+    for (std::size_t i = 0; i < n; ++i)
+      solved_[i] += problem_.cone.A[n * j + i] * problem_.force[j];
 }
 
 // Decides how coordinates are held by the solved accelerations.
-void ContactEvents::choose_holds(const Watched& event) {
-  if (held_.empty()) return;
-  const std::size_t n = force_.size();
-  const auto root = [&](std::size_t i) { return std::sqrt(std::max(problem_.A[n * i + i], 0.0)); };
+void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* equations) {
+  GroupJoints& joints = equations->joints();
+  if (candidates_.empty()) return;
+  const std::size_t n = problem_.force.size();
+  const auto root = [&](std::size_t i) {
+    return std::sqrt(std::max(problem_.cone.A[n * i + i], 0.0));
+  };
   double largest = 0.0;
   for (std::size_t i = 0; i < n; ++i)
-    if (root(i) > 0.0) largest = std::max(largest, std::abs(problem_.b[i]) / root(i));
-  const double largest_force = equations_.largest_force();
-  for (std::size_t k = 0; k < held_.size(); ++k) {
-    const Candidate& row = held_[k];
-    const std::size_t i = responses_.of_contacts + k;
-    ContactEquations::Coordinate& of = equations_.coordinates[row.coordinate];
+    if (root(i) > 0.0) largest = std::max(largest, std::abs(problem_.cone.b[i]) / root(i));
+  const double largest_force = equations->largest_force();
+  for (std::size_t k = 0; k < candidates_.size(); ++k) {
+    const Candidate& row = candidates_[k];
+    const std::size_t i = problem_.responses.of_contacts() + k;
+    GroupCoordinate& of = joints.coordinates()[row.coordinate];
     coordinate_acceleration_[row.coordinate] = solved_[i] + row.acceleration;
-    if (!responses_.is_free[k]) continue;
+    if (!problem_.responses.is_free(k)) continue;
     const double least = std::max(kAtRest * largest * root(i), kAtRest * kLeastScale);
     signed char side = std::abs(solved_[i]) > least ? sign_of(solved_[i]) : sign_of(0.0);
     const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
-    const bool gives_way = event.kind == Watched::Kind::kHeld && event.coordinate == row.coordinate;
+    const bool gives_way =
+        event.kind == ContactWatched::Kind::kHeld && event.coordinate == row.coordinate;
     if (side == 0 && gives_way &&
-        std::abs(force_[i] - bound) <=
-            kAtBound * std::max({std::abs(bound), std::abs(force_[i]), largest_force}))
+        std::abs(problem_.force[i] - bound) <=
+            kAtBound * std::max({std::abs(bound), std::abs(problem_.force[i]), largest_force}))
       side = static_cast<signed char>(-event.side);
     if (side == 0)
       of.state.hold = row.hold;
     else
-      of.state = state_leaving(of.law, row.hold, row.rate, equations_.zeta(of).rate, side);
+      of.state = state_leaving(of.law, row.hold, row.rate,
+                               joints.zeta(equations->bodies(), of).rate, side);
   }
 }
 
 // Takes over the forces of the solution, where least-norm forces violate their bounds. Contacts and
 // laws at a bound yield.
-void ContactEvents::take_forces() {
-  for (std::size_t k = 0; k < held_.size(); ++k)
-    equations_.coordinates[held_[k].coordinate].reference = force_[responses_.of_contacts + k];
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
-    ContactEquations::Contact& contact = equations_.contacts[touching.contact];
+void ContactStates::take_forces(ContactEquations* equations) const {
+  for (std::size_t k = 0; k < candidates_.size(); ++k)
+    equations->joints().coordinates()[candidates_[k].coordinate].reference =
+        problem_.force[problem_.responses.of_contacts() + k];
+  for (const TouchingContact& touching : problem_.responses.contacts()) {
+    ContactEquations::Contact& contact = equations->contacts()[touching.contact];
     if (contact.acts == Acts::kOpen) continue;
-    const Vector3d f = touching.of(force_.data());
+    const Vector3d f = touching.of(problem_.force.data());
     contact.reference = touching.frame * f;
     const Eigen::Vector2d f_t = f.tail<2>();
     if (!at_cone_.has(touching.contact) || contact.acts != Acts::kSticks ||
@@ -378,105 +334,40 @@ void ContactEvents::take_forces() {
 }
 
 // Whether the forces of all acting rows are within their bounds, to rounding.
-bool ContactEvents::is_within_bounds() {
-  free_.resize(equations_.size());
-  equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
-  List<Watched>& forces = forces_;
+bool ContactStates::is_within_bounds(const double* y, ContactEquations* equations) {
+  GroupJoints& joints = equations->joints();
+  derivative_.resize(equations->size());
+  equations->derivative(0, equations->bodies().time(), y, derivative_.data());
+  List<ContactWatched>& forces = forces_;
   forces.clear();
-  for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
-    if (equations_.contacts[c].acts != Acts::kOpen) watch_forces(c, &forces);
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c)
-    if (equations_.coordinates[c].state.hold != Hold::kNone) watch_held(c, &forces);
-  return std::all_of(forces.begin(), forces.end(),
-                     [](const Watched& watched) { return watched.value >= -watched.tolerance; });
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c)
+    if (equations->contacts()[c].acts != Acts::kOpen)
+      watch_contact_forces(*equations, c, false, &forces);
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
+    if (joints.coordinates()[c].state.hold != Hold::kNone)
+      watch_held(*equations, c, false, &forces);
+  return std::all_of(forces.begin(), forces.end(), [](const ContactWatched& watched) {
+    return watched.value >= -watched.tolerance;
+  });
 }
 
 // Sets where coordinates are held from now on.
-void ContactEvents::hold_coordinates(bool is_begin) {
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
-    ContactEquations::Coordinate& of = equations_.coordinates[c];
-    const OneSidedState& before = states_before_[c];
+void ContactStates::hold_coordinates(bool is_begin, ContactEquations* equations) const {
+  const GroupBodies& bodies = equations->bodies();
+  GroupJoints& joints = equations->joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
+    const OneSidedState& before = coordinates_before_[c];
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
-    of.held = equations_.read(of, nullptr).q;
-    of.held_at = equations_.clock();
-    if (of.law.goal && of.state.drive != 0 && of.braking == 0.0) of.braking = braking_of(c);
+    of.held = joints.read(bodies, of, nullptr).q;
+    of.held_at = bodies.clock();
+    if (of.law.goal && of.state.drive != 0 && of.braking == 0.0)
+      of.braking = braking_of(c, *equations);
     if (of.state.hold == Hold::kBrake)
       of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
-    if (before.yield != 0) of.given_way += of.held - equations_.limit(of, before.yield > 0).value;
+    if (before.yield != 0)
+      of.given_way += of.held - joints.limit(bodies, of, before.yield > 0).value;
   }
-}
-
-// ---- reported events
-
-// Reports changes of contacts and coordinates; at the start of an interval against the end of the
-// last one.
-void ContactEvents::tell(const Span& span, const List<Acts>& before, const Of<double>& hit,
-                         bool is_begin) {
-  const double t = span.all.t + span.left.t;
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
-    const ContactEquations::Coordinate& of = equations_.coordinates[c];
-    if (!of.is_one_sided) continue;
-    OneSidedState then = is_begin ? last_states_[c] : states_before_[c];
-    if (is_begin && hit.coordinates[c] != 0.0) then.hold = Hold::kNone;
-    const bool was_saturated = is_begin ? was_saturated_[c] != 0 : is_saturated(c, then);
-    add_changes(
-        of.law, then, of.state, hit.coordinates[c], was_saturated, is_saturated(c, of.state),
-        is_begin && span.all.t <= 0.0, [&](EventKind kind, double impulse) {
-          const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;
-          add_told({kind, t, -1, static_cast<int>(c), impulse},
-                   rests ? rests_in_.coordinates[c] : 0.0);
-        });
-  }
-  for (std::size_t p = 0; p < pairs_.size(); ++p) report_pair(t, p, before, hit, is_begin);
-}
-
-void ContactEvents::report_pair(double t, std::size_t p, const List<Acts>& before,
-                                const Of<double>& hit, bool is_begin) {
-  Pair& pair = pairs_[p];
-  bool was = pair.held, is = false, stuck = pair.stuck, sticks = false;
-  double impulse = 0.0, rests_in = 0.0;
-  for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
-    const Acts now = equations_.contacts[c].acts;
-    was = was || before[c] != Acts::kOpen;
-    stuck = stuck || before[c] == Acts::kSticks;
-    is = is || now != Acts::kOpen;
-    sticks = sticks || now == Acts::kSticks;
-    impulse += hit.contacts[c];
-    rests_in = std::max(rests_in, rests_in_.contacts[c]);
-  }
-  // A contact that already exists at the first step is not reported as an event.
-  if (is_begin && !was && impulse == 0.0) {
-    was = is;
-    stuck = sticks;
-  }
-  // Friction of a sticking contact may be at its bound, as friction of a slipping contact is.
-  if (is_begin && pair.is_still && sticks) stuck = true;
-  pair.held = pair.stuck = pair.is_still = false;
-  const auto add = [&](EventKind kind, double of, double later) {
-    add_told({kind, t, static_cast<int>(p), -1, of}, later);
-  };
-  if (!was && (is || impulse > 0.0)) add(EventKind::kContactBegan, impulse, is ? rests_in : 0.0);
-  if (was && impulse > 0.0) add(EventKind::kHit, impulse, is ? rests_in : 0.0);
-  if ((was || impulse > 0.0) && !is) add(EventKind::kContactEnded, 0.0, 0.0);
-  if (was && is && stuck != sticks && pair.friction > 0.0)
-    add(sticks ? EventKind::kSticks : EventKind::kSlips, 0.0, 0.0);
-}
-
-// Adds a reported event. An event now replaces a rest reported for later.
-void ContactEvents::add_told(const Told& told, double rests_in) {
-  for (Told& other : told_)
-    if (other.pair == told.pair && other.coordinate == told.coordinate)
-      other.time = std::min(other.time, told.time);
-  told_.push_back(told);
-  told_.back().time += rests_in;
-}
-
-bool ContactEvents::is_saturated(std::size_t c, const OneSidedState& state) const {
-  const ContactEquations::Coordinate& of = equations_.coordinates[c];
-  return (equations_.joints[of.joint].is_at_end && of.is_one_sided) ||
-         is_at_force_limit(
-             of.law, state, [&](bool upper_one) { return equations_.limit(of, upper_one); },
-             [&] { return equations_.zeta(of); });
 }
 
 }  // namespace constraint_sim::engine

@@ -1,23 +1,16 @@
-// Load sharing of redundant contacts in ContactEvents. Where least-norm forces violate their
-// bounds, the cone problem gives forces within bounds; but some forces are at a bound, and would
-// exceed it a moment later although other contacts can bear more. Newton's method moves these
-// forces towards the analytic centre of all equivalent forces, the minimum of Σ −log(μ² f_n² −
-// f_t²) over sticking and −log f_n over slipping contacts, while the least margin grows. Later
-// changes are shared in proportion to normal forces, so that contacts that yield together reach
-// their bounds together.
+#include "engine/methods/event_driven/contacts/load_sharing.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 #include "engine/math/elementary.h"
-#include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/methods/event_driven/contacts/contact_events.h"
 
 namespace constraint_sim::engine {
 namespace {
 
+using Acts = ContactEquations::Acts;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
@@ -53,26 +46,26 @@ Matrix3d metric_in_cone(const Vector3d& x, double friction) {
 // Lists the acting contacts: one column along the normal, with slip friction, for a slipping
 // contact, three columns for a sticking contact. Held coordinates have a row only, since their
 // forces stay.
-void ContactEvents::list_sharing() {
-  List<Share>& shares = shares_;
-  shares.clear();
-  for (const ContactEquations::Touching& touching : responses_.contacts) {
-    const ContactEquations::Contact& contact = equations_.contacts[touching.contact];
+void LoadSharing::list_contacts(const ContactProblem& problem, const ContactEquations& equations) {
+  shares_.clear();
+  for (const TouchingContact& touching : problem.responses.contacts()) {
+    const ContactEquations::Contact& contact = equations.contacts()[touching.contact];
     if (contact.acts == Acts::kOpen) continue;
     Share share{touching.contact,  touching.column, contact.friction,
                 touching.is_rough, false,           Vector2d::Zero()};
     share.sticks = touching.is_rough && contact.acts == Acts::kSticks;
     if (touching.is_rough && !share.sticks)
       share.direction = touching.frame.rightCols<2>().transpose() * contact.direction;
-    shares.push_back(share);
+    shares_.push_back(share);
   }
 }
 
 // Mean normal force of the contacts between the two bodies of a contact.
-double ContactEvents::mean_beside(const Share& of, const List<double>& force) const {
+double LoadSharing::mean_beside(const ContactPairs& pairs, const Share& of,
+                                const List<double>& force) const {
   double sum = 0.0, count = 0.0;
   for (const Share& other : shares_) {
-    if (pair_of_[other.contact] != pair_of_[of.contact]) continue;
+    if (!pairs.are_of_one(other.contact, of.contact)) continue;
     sum += std::max(force[other.column], 0.0);
     count += 1.0;
   }
@@ -80,34 +73,37 @@ double ContactEvents::mean_beside(const Share& of, const List<double>& force) co
 }
 
 // Least margin of a contact to its nearest bound, as a share of the mean normal force.
-double ContactEvents::least_margin(const List<double>& force) const {
+double LoadSharing::least_margin(const ContactPairs& pairs, const List<double>& force) const {
   double least = kInfinity;
   for (const Share& of : shares_) {
     double left = force[of.column];
     if (of.sticks)
       left = std::min(left,
                       of.friction * left - math::hypot(force[of.column + 1], force[of.column + 2]));
-    const double mean = mean_beside(of, force);
+    const double mean = mean_beside(pairs, of, force);
     if (left != 0.0 || mean != 0.0) least = std::min(least, left / mean);
   }
   return least;
 }
 
-// Computes the search direction at the present forces, in `shared_`. With G the effect of forces on
+// Computes the search direction at the present forces, in `step_`. With G the effect of forces on
 // rows, x the forces and L Lᵀ the inverse Hessian of the barrier, Newton's step is x − L y, where y
 // is the least solution of G L y = G x. `beyond`: relaxation of bounds, as a share of the mean
 // normal force. Returns false where only one distribution exists.
-bool ContactEvents::find_shares(double beyond) {
-  const std::size_t n = force_.size();
+bool LoadSharing::find_step(const ContactPairs& pairs, const ContactProblem& problem,
+                            const ContactEquations& equations, double beyond) {
+  const List<double>&force = problem.force, &response = problem.cone.A;
+  const std::size_t n = force.size();
   List<std::size_t> rows;
   for (const Share& of : shares_)
     for (std::size_t k = 0; k < (of.sticks ? 3 : 1); ++k) rows.push_back(of.column + k);
   const std::size_t columns = rows.size();
-  for (std::size_t k = 0; k < held_.size(); ++k)
-    if (equations_.coordinates[held_[k].coordinate].state.hold != Hold::kNone)
-      rows.push_back(responses_.of_contacts + k);
+  const List<std::size_t>& coordinates = problem.responses.coordinates();
+  for (std::size_t k = 0; k < coordinates.size(); ++k)
+    if (equations.joints().coordinates()[coordinates[k]].state.hold != Hold::kNone)
+      rows.push_back(problem.responses.of_contacts() + k);
   const std::size_t count = rows.size();
-  double* const M = sharing_.resize(count);
+  double* const M = factors_.resize(count);
   std::fill_n(M, count * count, 0.0);
   List<double> right(count, 0.0);
   List<Matrix3d> metrics;
@@ -115,13 +111,13 @@ bool ContactEvents::find_shares(double beyond) {
   std::size_t first = 0;
   for (const Share& of : shares_) {
     const Eigen::Index size = of.sticks ? 3 : 1;
-    Vector3d x(force_[of.column] + beyond * mean_beside(of, force_), 0.0, 0.0);
-    if (of.sticks) x.tail<2>() << force_[of.column + 1], force_[of.column + 2];
+    Vector3d x(force[of.column] + beyond * mean_beside(pairs, of, force), 0.0, 0.0);
+    if (of.sticks) x.tail<2>() << force[of.column + 1], force[of.column + 2];
     places.push_back(x);
     metrics.push_back(metric_in_cone(x, of.sticks ? of.friction : 0.0));
     for (std::size_t i = 0; i < count; ++i) {
-      const double* const A = problem_.A.data() + n * of.column + rows[i];
-      const double own = problem_.A[n * rows[i] + rows[i]];
+      const double* const A = response.data() + n * of.column + rows[i];
+      const double own = response[n * rows[i] + rows[i]];
       Vector3d G(A[0], 0.0, 0.0);
       if (of.is_rough && !of.sticks)
         G[0] -= of.friction * (of.direction[0] * A[n] + of.direction[1] * A[2 * n]);
@@ -134,10 +130,10 @@ bool ContactEvents::find_shares(double beyond) {
     }
     first += static_cast<std::size_t>(size);
   }
-  sharing_.factor(kDependentShare);
-  if (sharing_.rank() == columns) return false;
-  sharing_.solve(right.data());
-  shared_.assign(n, 0.0);
+  factors_.factor(kDependentShare);
+  if (factors_.rank() == columns) return false;
+  factors_.solve(right.data());
+  step_.assign(n, 0.0);
   first = 0;
   for (std::size_t k = 0; k < shares_.size(); ++k) {
     const Share& of = shares_[k];
@@ -147,37 +143,37 @@ bool ContactEvents::find_shares(double beyond) {
     Vector3d step = places[k] - metrics[k] * y;
     if (of.is_rough && !of.sticks) step.tail<2>() = -of.friction * step[0] * of.direction;
     for (std::size_t i = 0; i < (of.is_rough ? 3 : 1); ++i)
-      shared_[of.column + i] = step[static_cast<Eigen::Index>(i)];
+      step_[of.column + i] = step[static_cast<Eigen::Index>(i)];
   }
   return true;
 }
 
-// Moves the forces of the solution away from their bounds without changing their effect, and sets
-// the shares of later changes.
-void ContactEvents::share_forces() {
-  list_sharing();
-  const double first = least_margin(force_);
+void LoadSharing::share(const ContactPairs& pairs, CountedSolver* solver, ContactProblem* problem,
+                        ContactEquations* equations) {
+  List<double>& force = problem->force;
+  list_contacts(*problem, *equations);
+  const double first = least_margin(pairs, force);
   double margin = first;
   List<double> next;
   double beyond = kBeyond;
   for (int round = 0; round < kMostSharingRounds; ++round, beyond *= kBeyond) {
-    done_.work += ConeSolver::cost_of_a_step(force_.size());
-    if (!find_shares(beyond)) return;
+    solver->add(ConeSolver::cost_of_a_step(force.size()));
+    if (!find_step(pairs, *problem, *equations, beyond)) return;
     const double before = margin;
     for (double step = 1.0; margin == before && step > kLeastStep; step *= 0.5) {
-      next = force_;
-      for (std::size_t i = 0; i < next.size(); ++i) next[i] += step * shared_[i];
-      const double now = least_margin(next);
+      next = force;
+      for (std::size_t i = 0; i < next.size(); ++i) next[i] += step * step_[i];
+      const double now = least_margin(pairs, next);
       if (now > 0.0 && now > kWorthwhile * margin) margin = now;
     }
     if (margin == before) break;
-    force_ = next;
+    force = next;
   }
   if (!(margin > first)) return;
   for (const Share& of : shares_) {
-    const double mean = mean_beside(of, force_);
-    ContactEquations::Contact& contact = equations_.contacts[of.contact];
-    if (mean > 0.0) contact.normal_share = std::max(force_[of.column] / mean, kLeastShare);
+    const double mean = mean_beside(pairs, of, force);
+    ContactEquations::Contact& contact = equations->contacts()[of.contact];
+    if (mean > 0.0) contact.normal_share = std::max(force[of.column] / mean, kLeastShare);
     contact.tangent_share = std::sqrt(contact.normal_share);
   }
 }

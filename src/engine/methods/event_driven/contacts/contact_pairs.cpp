@@ -1,0 +1,182 @@
+#include "engine/methods/event_driven/contacts/contact_pairs.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "engine/collision/box_features.h"
+#include "engine/collision/narrowphase.h"
+#include "engine/methods/event_driven/joints/event_watch.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
+constexpr double kFastShare = 0.25;  // share of a thickness that a substep may move by
+constexpr double kMostTurn = 1.0;    // [rad] rotation of a box in a substep
+constexpr double kOverlap = 1e-9;    // [m] a deeper overlap was missed
+
+double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) {
+  const GroupBodies& bodies = equations.bodies();
+  return separation_of_boxes(std::get<Box>(pair.shape_a).size, bodies.shape_state(pair.a),
+                             std::get<Box>(pair.shape_b).size, bodies.shape_state(pair.b))
+      .gap;
+}
+
+// Keeps known edge features in their places in the list of contacts.
+void keep_places(const ContactEquations& equations, const ContactPair& pair, bool all,
+                 List<ContactFeature>* found) {
+  std::array<ContactFeature, kBoxEdges> edges;
+  std::array<char, kBoxEdges> is_free;
+  std::copy(found->begin() + kBoxCorners, found->end(), edges.begin());
+  is_free.fill(1);
+  for (std::size_t k = 0; k < edges.size(); ++k) {
+    const ContactEquations::Contact& contact = equations.contacts()[pair.first + kBoxCorners + k];
+    if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
+    auto* const same = std::find_if(edges.begin(), edges.end(), [&](const ContactFeature& edge) {
+      return edge.id == contact.feature.id;
+    });
+    if (same == edges.end() && (all || contact.acts == ContactEquations::Acts::kOpen)) continue;
+    is_free[k] = 0;
+    (*found)[kBoxCorners + k] = contact.feature;
+    if (same == edges.end()) continue;
+    (*found)[kBoxCorners + k] = *same;
+    same->id = kTaken;
+  }
+  auto* next = edges.begin();
+  for (std::size_t k = 0; k < edges.size(); ++k) {
+    if (!is_free[k]) continue;
+    while (next != edges.end() && next->id == kTaken) ++next;
+    ContactFeature& place = (*found)[kBoxCorners + k];
+    place = {};
+    place.kind = ContactFeature::Kind::kNothing;
+    if (next != edges.end()) place = *next++;
+  }
+}
+
+}  // namespace
+
+std::size_t ContactPairs::most_points(const Shape& a, const Shape& b) {
+  const auto is_round = [](const Shape& shape) { return std::holds_alternative<Sphere>(shape); };
+  return is_round(a) || is_round(b) ? 1 : 8;
+}
+
+void ContactPairs::add_contacts(ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
+  equations->contacts().clear();
+  pair_of_.clear();
+  List<ContactFeature>& found = found_;
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    ContactPair& pair = pairs_[p];
+    found.clear();
+    add_features(pair.shape_a, bodies.shape_state(pair.a), pair.shape_b, bodies.shape_state(pair.b),
+                 &found);
+    pair.first = equations->contacts().size();
+    pair.count = found.size();
+    for (const ContactFeature& feature : found) {
+      ContactEquations::Contact& contact = equations->contacts().emplace_back();
+      contact.a = pair.a;
+      contact.b = pair.b;
+      contact.friction = pair.friction;
+      contact.restitution = pair.restitution;
+      contact.feature = feature;
+      pair_of_.push_back(p);
+    }
+  }
+}
+
+bool ContactPairs::begin(bool closes, ContactEquations* equations) {
+  add_contacts(equations);
+  depth_.assign(pairs_.size(), 0.0);
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    if (pairs_[p].is_of_boxes()) depth_[p] = -gap_of_boxes(*equations, pairs_[p]);
+    if (!closes && depth_[p] > kMostOverlap) return false;
+  }
+  for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
+    const double depth = -equations->motion(equations->contacts()[c]).gap;
+    if (!closes && depth > kMostOverlap) return false;
+    depth_[pair_of_[c]] = std::max(depth_[pair_of_[c]], depth);
+  }
+  note_step_before(*equations);
+  return true;
+}
+
+// Infers how pairs acted at the end of the previous step, as far as the motion shows it.
+void ContactPairs::note_step_before(const ContactEquations& equations) {
+  for (ContactPair& pair : pairs_) {
+    pair.is_still = false;
+    for (std::size_t c = pair.first; pair.touched && c < pair.first + pair.count; ++c) {
+      const ContactMotion now = equations.motion(equations.contacts()[c]);
+      if (now.gap > kTouching || std::abs(now.gap_rate()) > kResting) continue;
+      pair.held = true;
+      pair.is_still = pair.is_still || now.slip().norm() <= kResting;
+    }
+    pair.stuck = pair.stuck && pair.is_still;
+  }
+}
+
+void ContactPairs::find_features(bool all, bool is_within, ContactEquations* equations) {
+  const GroupBodies& bodies = equations->bodies();
+  List<ContactFeature>& found = found_;
+  for (const ContactPair& pair : pairs_) {
+    if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
+    found.clear();
+    add_features(pair.shape_a, bodies.shape_state(pair.a), pair.shape_b, bodies.shape_state(pair.b),
+                 &found);
+    if (pair.is_of_boxes()) keep_places(*equations, pair, all, &found);
+    for (std::size_t k = 0; k < pair.count; ++k) {
+      ContactEquations::Contact& contact = equations->contacts()[pair.first + k];
+      if (all || contact.acts == ContactEquations::Acts::kOpen) contact.feature = found[k];
+    }
+  }
+}
+
+bool ContactPairs::has_missed(const ContactEquations& equations) {
+  bool any = false;
+  List<double>& depth = depth_now_;
+  depth = depth_;
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    const ContactPair& pair = pairs_[p];
+    depth[p] = 0.0;
+    if (!pair.is_of_boxes()) {
+      for (std::size_t c = pair.first; c < pair.first + pair.count; ++c)
+        depth[p] = std::max(depth[p], -equations.motion(equations.contacts()[c]).gap);
+      any = any || depth[p] > std::max(kOverlap, depth_[p]);
+      continue;
+    }
+    // Features of only one box: a face separates the boxes.
+    const auto is_nothing = [&](std::size_t k) {
+      return equations.contacts()[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
+    };
+    if (is_nothing(0) != is_nothing(8)) continue;
+    depth[p] = -gap_of_boxes(equations, pair);
+    any = any || depth[p] > std::max(kOverlap, depth_[p]);
+  }
+  if (!any) depth_ = depth;
+  return any;
+}
+
+double ContactPairs::longest_substep(double left, const ContactEquations& equations) const {
+  const GroupBodies& bodies = equations.bodies();
+  double longest = left;
+  const double fall = left * bodies.gravity().norm();
+  for (std::size_t c = 0; c < equations.contacts().size(); ++c) {
+    const ContactEquations::Contact& contact = equations.contacts()[c];
+    const ContactPair& pair = of(c);
+    if (contact.acts != ContactEquations::Acts::kOpen ||
+        contact.feature.kind == ContactFeature::Kind::kNothing)
+      continue;
+    if (!contact.feature.on_a.isZero(0.0) || bodies.is_beside(contact.a))
+      longest = std::min(longest, kMostTurn / bodies.state(contact.a).angular_velocity.norm());
+    if (pair.is_of_boxes() || bodies.is_beside(contact.b))
+      longest = std::min(longest, kMostTurn / bodies.state(contact.b).angular_velocity.norm());
+    if (!std::isfinite(pair.thickness)) continue;
+    const ContactMotion now = equations.motion(contact);
+    const double way = std::max(now.gap, kFastShare * pair.thickness);
+    longest = std::min(longest, way / std::max(now.w.norm() + fall, pair.assumed_speed));
+  }
+  return longest;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "engine/math/integrate.h"
+#include "engine/math/list.h"
+#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/joints/law_events.h"
+
+namespace constraint_sim::engine {
+
+/// Ends substeps at events, and counts the events of a step. An event is where a watched value
+/// passes its level; the substep is repeated to end there, and the system changes its states. A
+/// value whose event has changed nothing is muted until something changes.
+///
+/// Watched is derived from WatchedValue. Functions of the system are
+///   bool repeat(double h, bool is_start);  repeats the substep with length h, or only returns to
+///                                          its start; false: impossible
+///   void watch(List<Watched>* list);       lists the values at the present state
+///   bool accept(double h);                 whether a substep of length h may stay
+///   bool change(const Watched& event, bool* is_changed);  false: no solution
+template <class Watched>
+class EventStepper {
+ public:
+  void begin_step() {
+    events_ = 0;
+    unchanged_ = 0;
+  }
+  void begin_interval() { watched_.is_muted.clear(); }
+  /// Values at the start of the next substep.
+  List<Watched>* before() { return &watched_.before; }
+  void count_event() { ++events_; }
+  std::uint32_t events() const { return events_; }
+
+  /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
+  /// found, where the states at the event have no solution, or after more than `most_events`.
+  template <class Repeat, class Watch, class Accept, class Change>
+  bool end_substep(const SubstepSpan& start, std::uint32_t most_events, const Repeat& repeat,
+                   const Watch& watch, const Accept& accept, const Change& change,
+                   SubstepSpan* left) {
+    const double h = start.left - left->left;
+    watch(&watched_.after);
+    std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
+    const auto go_to = [&](double share, bool is_start) {
+      if (!repeat(share * h, is_start)) return false;
+      *left = is_start ? start : gone_on(start, share * h);
+      watch(&watched_.after);
+      return true;
+    };
+    if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
+    if (!accept(h)) return go_to(0.0, true);
+    std::swap(watched_.before, watched_.after);
+    if (event) return change_at(event->which, most_events, change);
+    watched_.is_muted.clear();
+    return true;
+  }
+
+ private:
+  template <class Change>
+  bool change_at(std::size_t which, std::uint32_t most_events, const Change& change) {
+    if (++events_ > most_events) return false;
+    const Watched event = watched_.before[which];
+    const std::size_t count = watched_.before.size();
+    bool is_changed = false;
+    if (!change(event, &is_changed)) return false;
+    if (is_changed) {
+      watched_.is_muted.clear();
+      return true;
+    }
+    watched_.is_muted.resize(count, 0);
+    watched_.is_muted[which] = 1;
+    return ++unchanged_ <= kMostUnchanged;
+  }
+
+  WatchedSubstep<Watched> watched_;
+  std::uint32_t events_ = 0;
+  int unchanged_ = 0;  // events that changed nothing
+};
+
+}  // namespace constraint_sim::engine

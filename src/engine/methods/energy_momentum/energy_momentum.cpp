@@ -145,7 +145,7 @@ IntegrationResult EnergyMomentum::advance(const Interval& span, const Integrator
     step_before_ = 0.0;
     for (auto& unknowns : found_) std::fill(unknowns.begin(), unknowns.end(), 0.0);
   }
-  step_equations_.scatter_state(*equations, states);
+  step_equations_.motion().scatter_state(*equations, states);
   return progress;
 }
 
@@ -168,7 +168,7 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
   unknowns_ = found_[stage];
   ++progress->substeps;
   if (!find_end(progress)) return false;
-  const double off = step_equations_.worst_momentary_row() / step_equations_.scale();
+  const double off = step_equations_.system().worst_momentary_row() / step_equations_.scale();
   found_[stage] = unknowns_;
   if (off > kMomentaryMet) {
     step_equations_.leave_out_momentary_rows(false, *equations);
@@ -192,10 +192,11 @@ bool EnergyMomentum::find_end(IntegrationResult* progress) {
   for (int i = 0; i < kMostStepIterations; ++i) {
     if (is_set(stop_)) return false;
     step_equations_.evaluate(unknowns_);
-    const double worst_row = step_equations_.worst_row();
-    for (std::size_t u = 0; u < change_.size(); ++u) change_[u] = -step_equations_.residual()[u];
+    const double worst_row = step_equations_.system().worst_row();
+    for (std::size_t u = 0; u < change_.size(); ++u)
+      change_[u] = -step_equations_.system().residual()[u];
     ++progress->iterations;
-    if (!step_equations_.solve(change_.data())) return false;
+    if (!step_equations_.system().solve(change_.data())) return false;
     const double moved = step_equations_.add(change_.data(), &unknowns_) / step_equations_.scale();
     const bool diverges = i > 1 && moved > kDiverged && moved > before;
     if (!std::isfinite(moved) || diverges) return false;

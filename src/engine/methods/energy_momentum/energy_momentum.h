@@ -5,7 +5,7 @@
 #include "constraint_sim/engine/body.h"
 #include "engine/dynamics/endpoint_estimate.h"
 #include "engine/dynamics/equations_of_motion.h"
-#include "engine/dynamics/implicit_step.h"
+#include "engine/dynamics/implicit/implicit_step.h"
 #include "engine/dynamics/method.h"
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"

@@ -71,6 +71,11 @@ class EnergyMomentum {
 
   bool start(const Interval& span, EquationsOfMotion* equations, List<BodyState>* states,
              IntegrationResult* progress);
+  bool project(const Interval& span, double most, EquationsOfMotion* equations,
+               List<BodyState>* states, IntegrationResult* progress);
+  bool try_steps(const Interval& span, const IntegratorOptions& accuracy,
+                 const List<BodyState>& states, EquationsOfMotion* equations,
+                 IntegrationResult* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
             IntegrationResult* progress);
   bool find_end(IntegrationResult* progress);

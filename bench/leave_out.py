@@ -87,7 +87,7 @@ LEFT_OUT = {
     'wrenches': ['world/world.cpp find_acting_wrenches', 'methods/sequential_impulses/sequential_impulses.cpp apply_wrenches'],
     'runge_kutta': ['math/integrate.h', 'math/embedded_pairs.h', 'dynamics/kernels/chain_of_rods.',
                     'dynamics/kernels/chain_of_bodies.cpp', 'dynamics/kernels/tree_of_bodies.cpp'],
-    'energy_momentum': ['methods/energy_momentum/energy_momentum.cpp', 'dynamics/implicit_step.', 'math/saddle_lu.'],
+    'energy_momentum': ['methods/energy_momentum/energy_momentum.cpp', 'dynamics/implicit/', 'math/saddle_lu.'],
     'event_driven': ['methods/event_driven/joints/event_', 'constraints/one_sided_law.', 'math/box_lcp.',
                      'dynamics/held_response.cpp'],
     'sequential_impulses': ['methods/sequential_impulses/sequential_impulses.cpp', 'methods/sequential_impulses/row_solver.cpp',

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "counted_allocations.h"
-#include "engine/dynamics/implicit_step.h"
+#include "engine/dynamics/implicit/implicit_step.h"
 #include "engine/islands/island_motion.h"
 #include "engine/math/list.h"
 #include "problems.h"
@@ -165,10 +165,10 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
         step.add(change.data(), &moved);
         step.evaluate(moved);
         for (std::size_t i = 0; i < difference.size(); ++i)
-          difference[i] += sign * step.residual()[i] / (2.0 * epsilon);
+          difference[i] += sign * step.system().residual()[i] / (2.0 * epsilon);
       }
       step.evaluate(unknowns);
-      ASSERT_TRUE(step.solve(difference.data()));
+      ASSERT_TRUE(step.system().solve(difference.data()));
       for (std::size_t i = 0; i < difference.size(); ++i)
         EXPECT_NEAR(difference[i], i == e ? 1.0 : 0.0, 1e-6) << i << " by " << e;
     }

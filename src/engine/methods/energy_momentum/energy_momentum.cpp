@@ -70,83 +70,93 @@ int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance)
 
 IntegrationResult EnergyMomentum::advance(const Interval& span, const IntegratorOptions& accuracy,
                                           EquationsOfMotion* equations, List<BodyState>* states) {
-  const ImplicitMode mode = accuracy.mode;
   IntegrationResult progress;
-  bool is_new = !has_started_ || span.is_edited || mode != mode_;
-  mode_ = mode;
+  was_first_ = !has_started_ || span.is_edited || accuracy.mode != mode_;
+  mode_ = accuracy.mode;
   stop_ = span.stop;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
-  was_first_ = is_new = is_new || equations->inputs().has_jumped();
-  if (is_new) {
-    List<BodyState> before;
-    if (std::isfinite(accuracy.most_projected)) before = states_of(*equations, *states);
-    has_started_ = start(span, equations, states, &progress);
-    if (!has_started_) {
-      progress.done = false;
-      progress.is_inconsistent = true;
-      return progress;
-    }
-    const double left = kinetic_energy(*equations, numbers_.data());
-    if (progress.projected > accuracy.most_projected * (left + progress.projected)) {
-      // Too much energy; the midpoint rule can start from velocities that are off the joints.
-      for (std::size_t i = 0; i < before.size(); ++i)
-        (*states)[static_cast<std::size_t>(equations->bodies()[i])] = before[i];
-      progress.projected = 0.0;
-    }
+  was_first_ = was_first_ || equations->inputs().has_jumped();
+  if (was_first_ && !project(span, accuracy.most_projected, equations, states, &progress)) {
+    progress.done = false;
+    progress.is_inconsistent = true;
+    return progress;
   }
-  const bool composes = mode == ImplicitMode::kOrder4 && !step_equations_.has_dampers();
-  const int least = composes ? -1 : 0;
+  const bool composes = mode_ == ImplicitMode::kOrder4 && !step_equations_.has_dampers();
   if (++spans_since_ > kSpansUntilLonger) {
     --refinement_;
     spans_since_ = 0;
   }
-  refinement_ = std::max(refinement_, least);
-  for (;; ++refinement_) {
-    if (refinement_ > accuracy.most_halvings) {
-      has_started_ = false;
-      progress.done = false;
-      progress.is_inconsistent = equations->redundant().is_inconsistent();
+  refinement_ = std::max(refinement_, composes ? -1 : 0);
+  for (; refinement_ <= accuracy.most_halvings; ++refinement_) {
+    if (try_steps(span, accuracy, *states, equations, &progress)) {
+      step_equations_.motion().scatter_state(*equations, states);
       return progress;
     }
-    step_equations_.gather_state(*states, *equations);
-    int parts = parts_for_turning(span.h, refinement_ < 0, accuracy.tolerance)
-                << std::max(refinement_, 0);
-    if (is_new) {  // two halves at least, for the estimate
-      parts += parts % 2;
-      step_equations_.write_points(estimate_.start());
-    }
-    const double h = span.h / parts;
-    equations->keep_impulses();
-    bool done = true;
-    for (int k = 0; k < parts && done; ++k) {
-      const double t = span.t + k * h;
-      done = refinement_ < 0 ? composition(t, h, equations, &progress)
-                             : step(t, h, 0, equations, &progress);
-      if (is_new && 2 * (k + 1) == parts) step_equations_.write_points(estimate_.middle());
-    }
-    const std::size_t redundant = equations->delassus().redundant();
-    if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
-      done = false;
-      if (equations->redundant().is_inconsistent()) refinement_ = accuracy.most_halvings;
-      // Repeat with all rows that are needed.
-      if (equations->delassus().redundant() < redundant) --refinement_;
-    }
-    if (done) {
-      step_equations_.write_points(estimate_.end());
-      const bool is_order_4 = refinement_ < 0;
-      const std::size_t bodies = equations->bodies().size();
-      progress.local_error = is_new ? estimate_.first(span.h, is_order_4, parts, bodies)
-                                    : estimate_.next(span.h, is_order_4, parts, bodies);
-      break;
-    }
-    equations->restore_impulses();
     ++progress.rejected;
     spans_since_ = 0;
     step_before_ = 0.0;
     for (auto& unknowns : found_) std::fill(unknowns.begin(), unknowns.end(), 0.0);
   }
-  step_equations_.scatter_state(*equations, states);
+  has_started_ = false;
+  progress.done = false;
+  progress.is_inconsistent = equations->redundant().is_inconsistent();
   return progress;
+}
+
+// Projects the velocities onto the joints and starts without history. Where more than `most` of the
+// kinetic energy would be lost, keeps the velocities: the midpoint rule can start from velocities
+// that are off the joints.
+bool EnergyMomentum::project(const Interval& span, double most, EquationsOfMotion* equations,
+                             List<BodyState>* states, IntegrationResult* progress) {
+  List<BodyState> before;
+  if (std::isfinite(most)) before = states_of(*equations, *states);
+  has_started_ = start(span, equations, states, progress);
+  if (!has_started_) return false;
+  const double left = kinetic_energy(*equations, numbers_.data());
+  if (progress->projected > most * (left + progress->projected)) {
+    for (std::size_t i = 0; i < before.size(); ++i)
+      (*states)[static_cast<std::size_t>(equations->bodies()[i])] = before[i];
+    progress->projected = 0.0;
+  }
+  return true;
+}
+
+// Advances the interval by steps as refinement_ says. Returns false, without impulses, where the
+// next refinement has to repeat it.
+bool EnergyMomentum::try_steps(const Interval& span, const IntegratorOptions& accuracy,
+                               const List<BodyState>& states, EquationsOfMotion* equations,
+                               IntegrationResult* progress) {
+  step_equations_.gather_state(states, *equations);
+  const bool composes = refinement_ < 0;
+  int parts = parts_for_turning(span.h, composes, accuracy.tolerance) << std::max(refinement_, 0);
+  if (was_first_) {  // two halves at least, for the estimate
+    parts += parts % 2;
+    step_equations_.write_points(estimate_.start());
+  }
+  const double h = span.h / parts;
+  equations->keep_impulses();
+  bool done = true;
+  for (int k = 0; k < parts && done; ++k) {
+    const double t = span.t + k * h;
+    done = composes ? composition(t, h, equations, progress) : step(t, h, 0, equations, progress);
+    if (was_first_ && 2 * (k + 1) == parts) step_equations_.write_points(estimate_.middle());
+  }
+  const std::size_t redundant = equations->delassus().redundant();
+  if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
+    done = false;
+    if (equations->redundant().is_inconsistent()) refinement_ = accuracy.most_halvings;
+    // Repeat with all rows that are needed.
+    if (equations->delassus().redundant() < redundant) --refinement_;
+  }
+  if (!done) {
+    equations->restore_impulses();
+    return false;
+  }
+  step_equations_.write_points(estimate_.end());
+  const std::size_t bodies = equations->bodies().size();
+  progress->local_error = was_first_ ? estimate_.first(span.h, composes, parts, bodies)
+                                     : estimate_.next(span.h, composes, parts, bodies);
+  return true;
 }
 
 bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equations,
@@ -168,7 +178,7 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
   unknowns_ = found_[stage];
   ++progress->substeps;
   if (!find_end(progress)) return false;
-  const double off = step_equations_.worst_momentary_row() / step_equations_.scale();
+  const double off = step_equations_.system().worst_momentary_row() / step_equations_.scale();
   found_[stage] = unknowns_;
   if (off > kMomentaryMet) {
     step_equations_.leave_out_momentary_rows(false, *equations);
@@ -192,10 +202,11 @@ bool EnergyMomentum::find_end(IntegrationResult* progress) {
   for (int i = 0; i < kMostStepIterations; ++i) {
     if (is_set(stop_)) return false;
     step_equations_.evaluate(unknowns_);
-    const double worst_row = step_equations_.worst_row();
-    for (std::size_t u = 0; u < change_.size(); ++u) change_[u] = -step_equations_.residual()[u];
+    const double worst_row = step_equations_.system().worst_row();
+    for (std::size_t u = 0; u < change_.size(); ++u)
+      change_[u] = -step_equations_.system().residual()[u];
     ++progress->iterations;
-    if (!step_equations_.solve(change_.data())) return false;
+    if (!step_equations_.system().solve(change_.data())) return false;
     const double moved = step_equations_.add(change_.data(), &unknowns_) / step_equations_.scale();
     const bool diverges = i > 1 && moved > kDiverged && moved > before;
     if (!std::isfinite(moved) || diverges) return false;

@@ -5,7 +5,7 @@
 #include "constraint_sim/engine/body.h"
 #include "engine/dynamics/endpoint_estimate.h"
 #include "engine/dynamics/equations_of_motion.h"
-#include "engine/dynamics/implicit_step.h"
+#include "engine/dynamics/implicit/implicit_step.h"
 #include "engine/dynamics/method.h"
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"
@@ -71,6 +71,11 @@ class EnergyMomentum {
 
   bool start(const Interval& span, EquationsOfMotion* equations, List<BodyState>* states,
              IntegrationResult* progress);
+  bool project(const Interval& span, double most, EquationsOfMotion* equations,
+               List<BodyState>* states, IntegrationResult* progress);
+  bool try_steps(const Interval& span, const IntegratorOptions& accuracy,
+                 const List<BodyState>& states, EquationsOfMotion* equations,
+                 IntegrationResult* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
             IntegrationResult* progress);
   bool find_end(IntegrationResult* progress);

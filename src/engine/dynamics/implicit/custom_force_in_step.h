@@ -1,0 +1,23 @@
+#pragma once
+
+#include "engine/dynamics/implicit/implicit_motion.h"
+#include "engine/dynamics/implicit/joint_slopes.h"
+#include "engine/dynamics/implicit/link_in_step.h"
+
+namespace constraint_sim::engine {
+
+/// Forces of a general joint: force on B, torques on A and B, and their derivatives by the
+/// displacements of both ends.
+struct GeneralForces {
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();
+  std::array<Eigen::Vector3d, 2> torque{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  std::array<JacobianSlopes, 2> slopes;
+};
+
+/// Adds the custom force of a link, with rates where forces are taken: Δx/h (midpoint) or
+/// (3 Δx − Δx₋)/2h (BDF2).
+void add_custom_force(const ImplicitLink& link, const LinkInStep& state, const JointInStep& joint,
+                      const ImplicitMotion& motion, const List<double>& unknowns,
+                      GeneralForces* forces);
+
+}  // namespace constraint_sim::engine

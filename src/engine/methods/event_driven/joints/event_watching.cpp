@@ -1,0 +1,111 @@
+#include "engine/methods/event_driven/joints/event_watching.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/methods/event_driven/joints/law_events.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr std::size_t kStagesWatched = 12;
+
+// Watches the force with which a row holds a coordinate against its bounds; `reading`: the
+// coordinate.
+void watch_force(const EventMotions& motions, std::size_t c, const EventReading& reading, double t,
+                 int order, const EquationsOfMotion& equations, List<WatchedByJoints>* list) {
+  const OneSidedLaw& law = motions.laws()[c];
+  const auto found =
+      std::find(equations.joints().begin(), equations.joints().end(), static_cast<int>(law.joint));
+  const auto link = static_cast<std::size_t>(found - equations.joints().begin());
+  const Hold hold = motions.states()[c].hold;
+  double soft = law.soft.force(reading.q, reading.rate);
+  if (law.servo_most > 0.0) soft += clamped_servo_force(law, reading, motions.rest(c, t));
+  const auto zeta_of = [&] { return motions.zeta(c, t, reading.q); };
+  const double rate =
+      rate_held_at(
+          hold, [&](bool upper_one) { return motions.limit(c, upper_one, t); }, zeta_of)
+          .rate;
+  const ForceBounds bounds = force_bounds(law, hold, rate, zeta_of().rate);
+  WatchedByJoints watched;
+  watched.law = static_cast<int>(c);
+  watched.tolerance = kForceShare * equations.largest_force();
+  const auto watch_side = [&](double bound, signed char side) {
+    if (!std::isfinite(bound)) return;
+    const auto margin = [&](double force) { return side * (bound - force + soft); };
+    watched.side = side;
+    watched.value = margin(equations.forces().force(equations, link, 0)[law.function]);
+    watched.early = 0.0;
+    // Stages show a force that leaves its bounds within the substep and returns.
+    const bool is_alone = law.soft.is_none() && law.servo_most == 0.0;
+    for (std::size_t i = 1; is_alone && watched.early == 0.0 && i < kStagesWatched; ++i)
+      if (order == 8 &&
+          margin(equations.forces().force(equations, link, i)[law.function]) < -watched.tolerance)
+        watched.early = DormandPrince8::kC[i];
+    list->push_back(watched);
+  };
+  watch_side(bounds.least, -1);
+  watch_side(bounds.most, 1);
+}
+
+void watch_breaking(const EventMotions& motions, const EventBodies& bodies, double t,
+                    const EquationsOfMotion& equations, List<WatchedByJoints>* list) {
+  const EventJoints& joints = motions.joints();
+  for (const EventJoints::Breaking& breaking : joints.breaking()) {
+    const auto found = std::find(equations.joints().begin(), equations.joints().end(),
+                                 static_cast<int>(breaking.joint));
+    if (found == equations.joints().end()) continue;
+    const RowVector force = equations.forces().force(
+        equations, static_cast<std::size_t>(found - equations.joints().begin()), 0);
+    const Joint& joint = joints[breaking.joint];
+    WatchedByJoints watched;
+    watched.breaks = static_cast<int>(breaking.joint);
+    double strongest = std::abs(force[0]), turning = 0.0;
+    if (!has_length(joint.kind)) {
+      const auto [a, b] = joints.ends(breaking.joint);
+      const World::JointWrench wrench =
+          wrench_of(joint, bodies.at(a, t), bodies.at(b, t), force, 1.0);
+      strongest = wrench.force.norm();
+      turning = wrench.torque.norm();
+    }
+    for (const auto& [most, is] :
+         {std::pair(breaking.force, strongest), std::pair(breaking.torque, turning)}) {
+      if (!std::isfinite(most)) continue;
+      watched.value = most - is;
+      watched.tolerance = kForceShare * most;
+      list->push_back(watched);
+    }
+  }
+}
+
+}  // namespace
+
+void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t, int order,
+                  const RungeKutta& motion, Motions* rates, List<WatchedByJoints>* list) {
+  list->clear();
+  const EquationsOfMotion& equations = motion.equations();
+  find_accelerations(equations, motion.state(), motion.derivative(), rates);
+  for (std::size_t c = 0; c < motions.laws().size(); ++c) {
+    const OneSidedLaw& law = motions.laws()[c];
+    const OneSidedState& state = motions.states()[c];
+    if (motions.is_broken(law.joint)) continue;
+    const EventReading reading = read_law(motions, bodies, law, t, equations, *rates);
+    const auto limit_of = [&](bool upper_one) { return motions.limit(c, upper_one, t); };
+    const auto zeta_of = [&] { return motions.zeta(c, t, reading.q); };
+    const auto add = [&](const WatchedValue& value) {
+      WatchedByJoints watched;
+      static_cast<WatchedValue&>(watched) = value;
+      watched.law = static_cast<int>(c);
+      list->push_back(watched);
+    };
+    watch_limits(law, state, reading, limit_of, add);
+    if (state.hold != Hold::kNone) watch_force(motions, c, reading, t, order, equations, list);
+    watch_rates(law, state, motions.braking(c), reading, limit_of, zeta_of, add);
+    if (law.has_servo()) watch_servo(law, state, reading, motions.rest(c, t), add);
+    if (state.hold == Hold::kBrake) add(watched_end(motions.held(c) - t, motions.braking(c)));
+  }
+  if (!motions.joints().breaking().empty() && equations.delassus().redundant() == 0)
+    watch_breaking(motions, bodies, t, equations, list);
+}
+
+}  // namespace constraint_sim::engine

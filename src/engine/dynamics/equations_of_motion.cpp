@@ -46,13 +46,13 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
   delassus_.compile(*this, redundant_.is_redundant());
   forces_.sort(delassus_.unknown());
   acceleration_.assign(points(), Vector3d::Zero());
-  for (auto* list : {&torque_, &angular_acceleration_}) list->assign(rotating(), Vector3d::Zero());
-  solution_.assign(rows(), 0.0);
-  if (is_chain()) {
-    tridiagonal_.resize(rows());
-    falls_.resize(rows());
+  for (auto* list : {&torque_, &angular_acceleration_}) list->assign(rotating_, Vector3d::Zero());
+  solution_.assign(rows_.size(), 0.0);
+  if (is_chain_) {
+    tridiagonal_.resize(rows_.size());
+    falls_.resize(rows_.size());
   }
-  if (is_chain_of_bodies()) pairs_ = pairs_of_chain(*this);
+  if (is_chain_of_bodies_) pairs_ = pairs_of_chain(*this);
   tree_ = tree_of(*this);
 }
 
@@ -74,26 +74,25 @@ void EquationsOfMotion::begin(double t, const List<BodyState>& states, const Vec
   coordinates_.set_time(t);
   energy_.forget();
   fixed_scale_ = inputs_.scale();
-  for (std::size_t p = bodies().size(); p < points(); ++p)
+  for (std::size_t p = bodies_.size(); p < points(); ++p)
     fixed_scale_ = std::max(fixed_scale_, kinematics_.position()[p].cwiseAbs().maxCoeff());
 }
 
 void EquationsOfMotion::add_custom_loads(double t, const List<BodyState>& states) {
-  if (!has_custom_forces()) return;
+  if (!has_custom_forces_) return;
   List<double> y(size());
   gather_state(*this, states, y.data());
   kinematics_.place(*this, t, y.data(), &inputs_);
   kinematics_.move(*this, inputs_, y.data());
   for_each_custom_force(*this, kinematics_, t,
                         [&](std::size_t point, const Vector3d& force, const Vector3d& torque) {
-                          if (point < bodies().size())
-                            inputs_.add_load(*this, point, force, torque);
+                          if (point < bodies_.size()) inputs_.add_load(*this, point, force, torque);
                         });
 }
 
 // Largest coordinate of bodies in y, and of coupled coordinates as last noted [m].
 double EquationsOfMotion::largest_coordinate(const double* y) const {
-  const auto n = static_cast<Eigen::Index>(3 * bodies().size());
+  const auto n = static_cast<Eigen::Index>(3 * bodies_.size());
   return std::max(Eigen::VectorXd::Map(y, n).cwiseAbs().maxCoeff(),
                   coordinates_.largest_coupled(*this));
 }
@@ -157,14 +156,14 @@ void EquationsOfMotion::move_with_time(double t) {
 void EquationsOfMotion::read_pose(const List<Vector3d>& positions,
                                   const List<Quaterniond>& orientations) {
   pose_.resize(size());
-  for (std::size_t i = 0; i < bodies().size(); ++i) Vector(pose_.data() + 3 * i) = positions[i];
-  for (std::size_t i = 0; i < rotating(); ++i)
+  for (std::size_t i = 0; i < bodies_.size(); ++i) Vector(pose_.data() + 3 * i) = positions[i];
+  for (std::size_t i = 0; i < rotating_; ++i)
     Eigen::Map<Eigen::Vector4d>(pose_.data() + layout().q_at + 4 * i) = orientations[i].coeffs();
 }
 
 bool EquationsOfMotion::find_dependent(double t, const List<Vector3d>& positions,
                                        const List<Quaterniond>& orientations, double least,
-                                       List<char>* marks) {
+                                       List<char>* rows) {
   read_pose(positions, orientations);
   place(t, pose_.data());
   factor(least);
@@ -177,9 +176,9 @@ bool EquationsOfMotion::find_dependent(double t, const List<Vector3d>& positions
     factor(least);
     delassus_.forget_factors();
   }
-  marks->assign(rows(), 0);
-  for (std::size_t i = 0; i < rows(); ++i)
-    (*marks)[i] =
+  rows->assign(rows_.size(), 0);
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    (*rows)[i] =
         redundant_.is_redundant()[i] ? kRedundant : (delassus_.is_left_out(i) ? kMomentary : '\0');
   delassus_.count_dependent();
   return true;
@@ -197,20 +196,20 @@ bool EquationsOfMotion::redundant_rows_are_met(double t, const List<Vector3d>& p
 void EquationsOfMotion::add_response(const Motions& change, const List<double>& impulses,
                                      double share, double* y) {
   energy_.forget();
-  for (std::size_t i = 0; i < bodies().size(); ++i)
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
     Vector(y + layout().v_at + 3 * i) += share * change.linear[i];
-  for (std::size_t i = 0; i < rotating(); ++i)
+  for (std::size_t i = 0; i < rotating_; ++i)
     Vector(y + layout().L_at + 3 * i) +=
         share * kinematics_.inverse_inertia()[i].inverse() * change.angular[i];
-  for (std::size_t i = 0; i < rows(); ++i) forces_.impulses()[i] += share * impulses[i];
+  for (std::size_t i = 0; i < rows_.size(); ++i) forces_.impulses()[i] += share * impulses[i];
 }
 
 // ---- results
 
 double EquationsOfMotion::largest_force() const {
   double largest = forces_.largest();
-  for (std::size_t i = 0; i < bodies().size(); ++i)
-    largest = std::max(largest, inputs_.acceleration()[i].norm() / inverse_mass(i));
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    largest = std::max(largest, inputs_.acceleration()[i].norm() / inverse_mass_[i]);
   return largest;
 }
 
@@ -227,7 +226,7 @@ void EquationsOfMotion::place(double t, const double* y) {
 }
 
 void EquationsOfMotion::factor(double least) {
-  if (rows() == 0) return;
+  if (rows_.empty()) return;
   delassus_.evaluate(kinematics_);
   delassus_.factor(least);
   if (delassus_.left_out() > 0 && redundant_.has_chosen())
@@ -238,30 +237,30 @@ void EquationsOfMotion::factor(double least) {
 void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) const {
   const List<std::size_t>& unknown = delassus_.unknown();
   const List<Vector3d>& J = kinematics_.J_linear();
-  for (std::size_t l = 0; l < first().armed; ++l) {
-    const Link& link = links()[l];
-    const Vector3d d_dot = kinematics_.velocity()[link.b] - kinematics_.velocity()[link.a];
-    b[unknown[l]] = -d_dot.squaredNorm() - J[l].dot(free[link.b] - free[link.a]);
+  for (std::size_t l = 0; l < first_.armed; ++l) {
+    const Row& row = rows_[l];
+    const Vector3d d_dot = kinematics_.velocity()[row.b] - kinematics_.velocity()[row.a];
+    b[unknown[l]] = -d_dot.squaredNorm() - J[l].dot(free[row.b] - free[row.a]);
   }
-  for (std::size_t l = first().armed; l < first().ball; ++l) {
-    const Link& link = links()[l];
-    const Vector3d a = free[link.b] - free[link.a] + kinematics_.separation_bias(*this, l);
+  for (std::size_t l = first_.armed; l < first_.ball; ++l) {
+    const Row& row = rows_[l];
+    const Vector3d a = free[row.b] - free[row.a] + kinematics_.separation_bias(*this, l);
     b[unknown[l]] = -kinematics_.separation_rate(*this, l).squaredNorm() - J[l].dot(a);
   }
-  for (std::size_t l = first().ball; l < first().general; ++l) {
-    const Link& link = links()[l];
+  for (std::size_t l = first_.ball; l < first_.general; ++l) {
+    const Link& link = links_[l];
     Vector3d a = free[link.b] - free[link.a];
     if (link.has_arms) a += kinematics_.separation_bias(*this, l);
     for (std::size_t k = 0; k < 3; ++k)
       b[unknown[row_of(l) + k]] = -a[static_cast<Eigen::Index>(k)];
   }
-  for (const GeneralRow& row : general_rows()) {
-    const Row& of = part(row.row);
+  for (const GeneralRow& row : general_rows_) {
+    const Row& of = rows_[row.row];
     b[unknown[row.row]] =
         -gamma(row.form, kinematics_.vectors(row.link), kinematics_.motion(row.link)) -
         J[row.row].dot(free[of.b] - free[of.a]);
   }
-  for (const CoupledRow& coupled : coupled_rows()) {
+  for (const CoupledRow& coupled : coupled_) {
     double& sum = b[unknown[coupled.row]] = 0.0;
     for (const CoupledRow::Term& term : coupled.terms) {
       const Row& of = part(term.part);
@@ -272,7 +271,7 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
   }
   delassus_.subtract_angular(*this, kinematics_, angular_acceleration_, b);
   if (inputs_.motions().empty()) return;
-  for (std::size_t i = 0; i < rows(); ++i) b[unknown[i]] += inputs_.acceleration_target()[i];
+  for (std::size_t i = 0; i < rows_.size(); ++i) b[unknown[i]] += inputs_.acceleration_target()[i];
 }
 
 void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* dydt) {
@@ -280,20 +279,21 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   double* const lambda = forces_.stage(stage);
   std::copy(inputs_.torque().begin(), inputs_.torque().end(), torque_.begin());
   const Vector3d* free = inputs_.acceleration().data();  // accelerations of bodies without the rows
-  if (first().spring < links().size() || !soft_coordinates().empty() || has_custom_forces()) {
+  if (first_.spring < links_.size() || !softs_.empty() || has_custom_forces_) {
     std::copy(inputs_.acceleration().begin(), inputs_.acceleration().end(), acceleration_.begin());
     free = acceleration_.data();
-    if (first().spring < links().size())
-      add_spring_forces(*this, inputs_, kinematics_, lambda + rows(), &acceleration_, &torque_);
+    if (first_.spring < links_.size())
+      add_spring_forces(*this, inputs_, kinematics_, lambda + rows_.size(), &acceleration_,
+                        &torque_);
     add_soft_forces(*this, kinematics_, coordinates_, lambda + forces_.of_soft(*this, 0),
                     &acceleration_, &torque_);
     for_each_custom_force(*this, kinematics_, kinematics_.time(),
                           [&](std::size_t point, const Vector3d& force, const Vector3d& torque) {
-                            acceleration_[point] += inverse_mass(point) * force;
+                            acceleration_[point] += inverse_mass_[point] * force;
                             if (rotates(point)) torque_[point] += torque;
                           });
   }
-  for (std::size_t i = 0; i < rotating(); ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Vector3d gyroscopic =
         ConstVector(y + L_at + 3 * i).cross(kinematics_.angular_velocity()[i]);
     angular_acceleration_[i] = kinematics_.inverse_inertia()[i] * (torque_[i] + gyroscopic);
@@ -303,11 +303,11 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   delassus_.apply_transpose(*this, kinematics_, lambda);
   delassus_.multipliers_to_forces(*this, inputs_, lambda);
 
-  const std::size_t n = bodies().size();
-  copy_few(y + v_at, 3 * n, dydt);
-  for (std::size_t i = 0; i < n; ++i)
-    Vector(dydt + v_at + 3 * i) = free[i] + inverse_mass(i) * delassus_.force()[i];
-  for (std::size_t i = 0; i < rotating(); ++i) {
+  const std::size_t bodies = bodies_.size();
+  copy_few(y + v_at, 3 * bodies, dydt);
+  for (std::size_t i = 0; i < bodies; ++i)
+    Vector(dydt + v_at + 3 * i) = free[i] + inverse_mass_[i] * delassus_.force()[i];
+  for (std::size_t i = 0; i < rotating_; ++i) {
     write_quaternion_rate(kinematics_.angular_velocity()[i], y + q_at + 4 * i, dydt + q_at + 4 * i);
     Vector(dydt + L_at + 3 * i) = torque_[i] + delassus_.torque()[i];
   }
@@ -325,13 +325,13 @@ double EquationsOfMotion::rounding() const { return 4.0 * kEpsilon * scale_; }
 double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
   double largest = 0.0;
   const auto consider = [&](double square) { largest = larger(largest, square); };
-  for (std::size_t i = 0; i < bodies().size(); ++i) {
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
     consider(ConstVector(dy + 3 * i).squaredNorm());
     consider(h * h * ConstVector(dy + layout().v_at + 3 * i).squaredNorm());
   }
   const double* dq = dy + layout().q_at;
-  for (std::size_t i = 0; i < rotating(); ++i) {
-    const double turned = 2.0 * radius_of_gyration(i);
+  for (std::size_t i = 0; i < rotating_; ++i) {
+    const double turned = 2.0 * radius_of_gyration_[i];
     const double norm = Eigen::Map<const Eigen::Vector4d>(dq + 4 * i).squaredNorm();
     consider(turned * turned * norm);
   }
@@ -378,7 +378,7 @@ bool EquationsOfMotion::meet(double t, double* y) {
 // Makes Newton steps with the factors of the last stage, and with new factors where those do not
 // converge. Leaves kinematics evaluated at y.
 bool EquationsOfMotion::fit_positions(double t, double* y) {
-  const std::size_t n = bodies().size();
+  const std::size_t bodies = bodies_.size();
   double* const q = y + layout().q_at;
   time_ = t;
   inputs_.update(*this, t);
@@ -386,7 +386,7 @@ bool EquationsOfMotion::fit_positions(double t, double* y) {
   double rounding = 0.0;
   bool factors_are_near = true;
   for (int i = 0;; ++i) {
-    for (std::size_t k = 0; k < rotating(); ++k) Eigen::Map<Eigen::Vector4d>(q + 4 * k).normalize();
+    for (std::size_t k = 0; k < rotating_; ++k) Eigen::Map<Eigen::Vector4d>(q + 4 * k).normalize();
     kinematics_.place(*this, t, y, &inputs_);
     const double error = find_values();
     if (i == 0) rounding = kEpsilon * std::max(scale_, error);  // scale_ is 0 for a single point
@@ -402,12 +402,13 @@ bool EquationsOfMotion::fit_positions(double t, double* y) {
       return error <= kProjectionFailed * scale_ && !restore_redundant_if_off();
     before = error;
 
-    for (std::size_t r = 0; r < rows(); ++r)
+    for (std::size_t r = 0; r < rows_.size(); ++r)
       solution_[delassus_.unknown()[r]] = -kinematics_.value()[r];
     delassus_.solve(solution_.data());
     delassus_.apply_transpose(*this, kinematics_, solution_.data());
-    for (std::size_t k = 0; k < n; ++k) Vector(y + 3 * k) += inverse_mass(k) * delassus_.force()[k];
-    for (std::size_t k = 0; k < rotating(); ++k) {
+    for (std::size_t k = 0; k < bodies; ++k)
+      Vector(y + 3 * k) += inverse_mass_[k] * delassus_.force()[k];
+    for (std::size_t k = 0; k < rotating_; ++k) {
       double rate[4];
       write_quaternion_rate(kinematics_.inverse_inertia()[k] * delassus_.torque()[k], q + 4 * k,
                             rate);
@@ -422,7 +423,7 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
   delassus_.keep_none();
   factor(kLeastPivotOfProjections);
   kinematics_.move(*this, inputs_, y);
-  if (rows() > 0) {
+  if (!rows_.empty()) {
     const double projected = projected_energy_;
     project_velocities(y);
     if (delassus_.redundant() > 0) {
@@ -456,17 +457,17 @@ void EquationsOfMotion::project_velocities(double* y) {
   const List<double>& target = inputs_.rate_target();
   const List<double>& rate = kinematics_.rate();
   kinematics_.find_rates(*this);
-  for (std::size_t i = 0; i < rows(); ++i) solution_[unknown[i]] = target[i] - rate[i];
+  for (std::size_t i = 0; i < rows_.size(); ++i) solution_[unknown[i]] = target[i] - rate[i];
   delassus_.solve(solution_.data());
   delassus_.apply_transpose(*this, kinematics_, solution_.data());
-  for (std::size_t k = 0; k < bodies().size(); ++k)
-    Vector(y + layout().v_at + 3 * k) += inverse_mass(k) * delassus_.force()[k];
-  for (std::size_t k = 0; k < rotating(); ++k)
+  for (std::size_t k = 0; k < bodies_.size(); ++k)
+    Vector(y + layout().v_at + 3 * k) += inverse_mass_[k] * delassus_.force()[k];
+  for (std::size_t k = 0; k < rotating_; ++k)
     Vector(y + layout().L_at + 3 * k) += delassus_.torque()[k];
-  for (std::size_t i = 0; i < rows(); ++i)
+  for (std::size_t i = 0; i < rows_.size(); ++i)
     projected_energy_ += 0.5 * solution_[unknown[i]] * (target[i] - rate[i]);
   delassus_.multipliers_to_forces(*this, inputs_, solution_.data());
-  for (std::size_t i = 0; i < rows(); ++i) forces_.impulses()[i] += solution_[i];
+  for (std::size_t i = 0; i < rows_.size(); ++i) forces_.impulses()[i] += solution_[i];
   kinematics_.move(*this, inputs_, y);
 }
 
@@ -491,7 +492,7 @@ bool EquationsOfMotion::prescribed_rates_are_met() {
   kinematics_.find_rates(*this);
   if (!inputs_.is_time_dependent()) return true;
   const double most = kLeftOutRatesAgree * kinematics_.largest_speed(*this);
-  for (std::size_t i = 0; i < rows(); ++i) {
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
     const double off = std::abs(kinematics_.rate()[i] - inputs_.rate_target()[i]);
     if (!redundant_.is_redundant()[i] && off > most * inputs_.row_length(*this, i)) return false;
   }

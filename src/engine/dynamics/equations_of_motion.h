@@ -147,8 +147,7 @@ class EquationsOfMotion : public IslandModel {
   /// rows whose pivot falls below the share `least` of its diagonal entry. Returns false where
   /// redundant rows are so far off that the last step has to be repeated with a shorter one.
   bool find_dependent(double t, const List<Eigen::Vector3d>& positions,
-                      const List<Eigen::Quaterniond>& orientations, double least,
-                      List<char>* marks);
+                      const List<Eigen::Quaterniond>& orientations, double least, List<char>* rows);
   /// Whether the redundant rows are met at the given pose. Unmet ones become ordinary rows again.
   bool redundant_rows_are_met(double t, const List<Eigen::Vector3d>& positions,
                               const List<Eigen::Quaterniond>& orientations);

@@ -143,7 +143,7 @@ class IslandModel {
   bool has_custom_forces() const { return has_custom_forces_; }
   /// Number of points: bodies and fixed points.
   std::size_t points() const { return inverse_mass_.size(); }
-  const double& inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
+  double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
   const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
   double radius_of_gyration(std::size_t turning) const { return radius_of_gyration_[turning]; }
   const List<AngularBlock>& angular_blocks() const { return angular_blocks_; }
@@ -171,24 +171,6 @@ class IslandModel {
               const List<MassProperties>& masses, const List<CoupledTerms>& couplings,
               const List<int>& idle, const List<char>& open);
 
- private:
-  using Places = std::unordered_map<std::size_t, std::size_t>;  // place in bodies_, by movable body
-
-  void find_bodies(const List<Joint>& all_joints, const Ends& ends,
-                   const List<MassProperties>& masses, const List<int>& idle,
-                   const List<char>& open);
-  bool order_as_chain(const List<Joint>& all_joints, const Ends& ends,
-                      const List<MassProperties>& masses);
-  void turn_along_chain();
-  void sort_joints(const List<Joint>& all_joints, const Ends& ends, const Places& places,
-                   const List<char>& open);
-  void add_links(const List<Joint>& all_joints, const Ends& ends,
-                 const List<MassProperties>& masses, const Places& places);
-  void add_coordinates(const Joint& joint, Link* link);
-  void add_all_rows();
-  Row new_row(const Link& link, std::size_t part);
-  void add_coupled_rows(const List<Joint>& all_joints, const List<CoupledTerms>& couplings);
-
   List<int> joints_;
   List<int> bodies_;
   std::size_t rotating_ = 0;
@@ -207,6 +189,24 @@ class IslandModel {
   List<double> radius_of_gyration_;  // per rotating body [m]
   bool is_chain_ = false, is_chain_of_bodies_ = false;
   bool has_custom_forces_ = false;
+
+ private:
+  using Places = std::unordered_map<std::size_t, std::size_t>;  // place in bodies_, by movable body
+
+  void find_bodies(const List<Joint>& all_joints, const Ends& ends,
+                   const List<MassProperties>& masses, const List<int>& idle,
+                   const List<char>& open);
+  bool order_as_chain(const List<Joint>& all_joints, const Ends& ends,
+                      const List<MassProperties>& masses);
+  void turn_along_chain();
+  void sort_joints(const List<Joint>& all_joints, const Ends& ends, const Places& places,
+                   const List<char>& open);
+  void add_links(const List<Joint>& all_joints, const Ends& ends,
+                 const List<MassProperties>& masses, const Places& places);
+  void add_coordinates(const Joint& joint, Link* link);
+  void add_all_rows();
+  Row new_row(const Link& link, std::size_t part);
+  void add_coupled_rows(const List<Joint>& all_joints, const List<CoupledTerms>& couplings);
 };
 
 }  // namespace constraint_sim::engine

@@ -7,6 +7,7 @@ namespace constraint_sim::engine {
 /// Pointers to the data of EquationsOfMotion that kernels share, valid for one interval. A kernel
 /// implements System for islands of one common shape.
 struct KernelView {
+  const IslandModel::Row* rows;
   const std::size_t* unknown;                       ///< per row
   std::size_t v_at, q_at, L_at;                     ///< offsets in a state vector; x is at 0
   const Prescribed* lengths;                        ///< per link
@@ -51,12 +52,13 @@ inline void Kinematics::lend(KernelView* view) {
 inline KernelView EquationsOfMotion::kernel_view() {
   KernelView view{};
   kinematics_.lend(&view);
+  view.rows = rows_.data();
   view.unknown = delassus_.unknown().data();
   view.v_at = layout().v_at;
   view.q_at = layout().q_at;
   view.L_at = layout().L_at;
   view.lengths = inputs_.length().data();
-  view.inverse_mass = &inverse_mass(0);
+  view.inverse_mass = inverse_mass_.data();
   view.applied_acceleration = inputs_.acceleration().data();
   view.applied_torque = inputs_.torque().data();
   view.rate_target = inputs_.rate_target().data();

@@ -90,7 +90,7 @@ class ChainOfRods {
         last_(equations.links().back().b),
         starts_with_body_(first_ < bodies_),
         ends_with_body_(last_ < bodies_),
-        rows_(&equations.part(0)),
+        rows_(view.rows),
         unknown_(view.unknown),
         lengths_(view.lengths),
         position_(view.position),

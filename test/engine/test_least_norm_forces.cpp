@@ -276,7 +276,7 @@ RowVector impulse_of(const LeastNormForces& told, const EquationsOfMotion& equat
   return told.impulse(equations, l);
 }
 RowVector impulse_of(const EquationsOfMotion& told, const EquationsOfMotion&, std::size_t l) {
-  return told.impulse(l);
+  return told.forces().impulse(told, l);
 }
 
 template <class Forces>

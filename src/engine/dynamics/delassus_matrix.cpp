@@ -117,8 +117,9 @@ void DelassusMatrix::evaluate(const Kinematics& kinematics) {
   const List<Vector3d>& J = kinematics.J_linear();
   for (const LinearCoupling& c : linear_couplings_)
     A[c.slot] += c.inverse_mass * J[c.i].dot(J[c.j]);
+  const List<Vector3d>&J_angular = kinematics.J_angular(), &M_inv_Jt = kinematics.M_inv_Jt();
   for (const AngularCoupling& c : angular_couplings_)
-    A[c.slot] += kinematics.J_angular()[c.p].dot(kinematics.M_inv_Jt()[c.q]);
+    A[c.slot] += J_angular[c.p].dot(M_inv_Jt[c.q]);
 }
 
 void DelassusMatrix::factor(double least) {
@@ -127,8 +128,8 @@ void DelassusMatrix::factor(double least) {
 }
 
 void DelassusMatrix::solve(double* b) {
-  count_dependent();
-  if (redundant() > 0) std::fill(b + kept_, b + unknown_.size(), 0.0);
+  if (left_out_ > dependent_) dependent_ = left_out_;
+  if (kept_ < unknown_.size()) std::fill(b + kept_, b + unknown_.size(), 0.0);
   ldlt_.solve(b);
 }
 

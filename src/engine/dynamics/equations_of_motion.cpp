@@ -122,12 +122,12 @@ void EquationsOfMotion::scatter_state(const double* y, List<BodyState>* states) 
 
 void EquationsOfMotion::keep_impulses() {
   forces_.keep();
-  coordinates_.keep();
+  if (!coordinates_.empty()) coordinates_.keep();
 }
 
 void EquationsOfMotion::restore_impulses() {
   forces_.restore();
-  coordinates_.restore();
+  if (!coordinates_.empty()) coordinates_.restore();
 }
 
 void EquationsOfMotion::keep_first_stage() {
@@ -269,13 +269,13 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
              J[term.part].dot(free[of.b] - free[of.a]);
     }
   }
-  delassus_.subtract_angular(*this, kinematics_, angular_acceleration_, b);
+  if (rotating_ > 0) delassus_.subtract_angular(*this, kinematics_, angular_acceleration_, b);
   if (inputs_.motions().empty()) return;
   for (std::size_t i = 0; i < rows_.size(); ++i) b[unknown[i]] += inputs_.acceleration_target()[i];
 }
 
 void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* dydt) {
-  const auto [v_at, q_at, L_at, size] = layout();
+  const auto& [v_at, q_at, L_at, size] = layout();
   double* const lambda = forces_.stage(stage);
   std::copy(inputs_.torque().begin(), inputs_.torque().end(), torque_.begin());
   const Vector3d* free = inputs_.acceleration().data();  // accelerations of bodies without the rows
@@ -285,13 +285,14 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
     if (first_.spring < links_.size())
       add_spring_forces(*this, inputs_, kinematics_, lambda + rows_.size(), &acceleration_,
                         &torque_);
-    add_soft_forces(*this, kinematics_, coordinates_, lambda + forces_.of_soft(*this, 0),
-                    &acceleration_, &torque_);
-    for_each_custom_force(*this, kinematics_, kinematics_.time(),
-                          [&](std::size_t point, const Vector3d& force, const Vector3d& torque) {
-                            acceleration_[point] += inverse_mass_[point] * force;
-                            if (rotates(point)) torque_[point] += torque;
-                          });
+    if (!softs_.empty())
+      add_soft_forces(*this, kinematics_, coordinates_, lambda + forces_.of_soft(*this, 0),
+                      &acceleration_, &torque_);
+    const auto add = [&](std::size_t point, const Vector3d& force, const Vector3d& torque) {
+      acceleration_[point] += inverse_mass_[point] * force;
+      if (rotates(point)) torque_[point] += torque;
+    };
+    if (has_custom_forces_) for_each_custom_force(*this, kinematics_, kinematics_.time(), add);
   }
   for (std::size_t i = 0; i < rotating_; ++i) {
     const Vector3d gyroscopic =
@@ -313,7 +314,9 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   }
 }
 
-void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y, double* dydt) {
+// Flattened, since the calls between classes would take a twentieth of a small island's step.
+[[gnu::flatten]] void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y,
+                                                    double* dydt) {
   place(t, y);
   factor(kLeastPivotOfForces);
   kinematics_.move(*this, inputs_, y);

@@ -338,8 +338,9 @@ bool RedundantRows::is_choice_due(const PlacedRows& rows, const DelassusMatrix& 
 
 // ---- momentary rows
 
-void RedundantRows::verify_left_out(const PlacedRows& rows, double least,
-                                    DelassusMatrix* delassus) {
+// Not inlined, since few stages call it.
+[[gnu::noinline]] void RedundantRows::verify_left_out(const PlacedRows& rows, double least,
+                                                      DelassusMatrix* delassus) {
   for (bool any_kept = true; any_kept && delassus->left_out() > 0;) {
     any_kept = false;
     for (std::size_t i = 0; i < is_redundant_.size(); ++i) {

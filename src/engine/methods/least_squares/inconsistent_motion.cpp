@@ -180,6 +180,7 @@ Vector3d InconsistentMotion::ball_offset(std::size_t joint,
 IntegrationResult InconsistentMotion::advance(const Interval& span, EquationsOfMotion* equations,
                                               List<BodyState>* states) {
   IntegrationResult progress;
+  progress.local_error = std::numeric_limits<double>::quiet_NaN();  // the method has no estimate
   equations_ = equations;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   equations->add_custom_loads(span.t, *states);

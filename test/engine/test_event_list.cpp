@@ -379,7 +379,8 @@ TEST_P(EventList, FrictionOpposesTheMotionThatJointsLeave) {
     const BodyId id = world.add_body(body);
     Joint joint = make_joint("slider", kWorldBody, {0.0, 1.0, 0.101}, id, {0.0, 1.0, 0.0},
                              JointKind::kSlider);
-    joint.frame_a = joint.frame_b = frame_along(Vector3d::UnitX());
+    joint.frame_a = frame_along(Vector3d::UnitX());
+    joint.frame_b = joint.frame_a;
     joint.coordinates[0].friction = kFriction;
     world.add_joint(joint);
     std::vector<Event> events = events_of(&world, 1.0);

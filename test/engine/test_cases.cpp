@@ -53,7 +53,9 @@ INSTANTIATE_TEST_SUITE_P(
                     Place{"parallel_keeps_momentum", 1.0, "tray", {1.0, 2.0, 3.0}},
                     Place{"spring_gun_through_wall", 1.0, "ball", {0.2, 0.0, 0.0}},
                     Place{"wrench_through_wall", 0.5, "ball", {0.03, 0.0, 0.0}},
-                    Place{"motor_through_wall", 0.5, "ball", {0.03, 0.0, 0.0}}),
+                    Place{"motor_through_wall", 0.5, "ball", {0.03, 0.0, 0.0}},
+                    // the ring falls from rest when the ball has fallen 0.2 m
+                    Place{"break_by_impact", 1.0, "ring", {0.0, 0.0, -4.1240911177}}),
     [](const auto& place) { return std::string(place.param.scene); });
 
 // A gear keeps the fingers from being event-driven. Impulses hold the box between them, to two

@@ -211,9 +211,7 @@ bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const Ro
             double h, const JointState& state) {
   if (joint.break_force == 0.0 && joint.break_torque == 0.0) return false;
   if (couples_joints(joint.kind)) return std::abs(state.coupling.effort) > joint.break_force;
-  const World::JointWrench wrench = wrench_of(joint, a, b, impulse, h);
-  return (joint.break_force > 0.0 && wrench.force.norm() > joint.break_force) ||
-         (joint.break_torque > 0.0 && wrench.torque.norm() > joint.break_torque);
+  return load_of(joint, a, b, impulse / h).breaks(joint);
 }
 
 bool is_overloaded(const Joint& joint, const BodyState& a, const BodyState& b,
@@ -349,6 +347,13 @@ World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyS
   const Eigen::Matrix3d to_joint = kind.has_frames ? Eigen::Matrix3d(vectors.axes_B.transpose())
                                                    : b.orientation.toRotationMatrix().transpose();
   return {to_joint * sum.j3, to_joint * (sum.j4 - vectors.r_B.cross(sum.j3))};
+}
+
+JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b,
+                  const RowVector& rows) {
+  if (has_length(joint.kind)) return {std::abs(rows[0]), 0.0};
+  const World::JointWrench wrench = wrench_of(joint, a, b, rows, 1.0);
+  return {wrench.force.norm(), wrench.torque.norm()};
 }
 
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,

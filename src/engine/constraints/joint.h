@@ -84,6 +84,23 @@ void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& 
 World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyState& b,
                              const RowVector& impulse, double h);
 
+/// Magnitudes that `break_force` and `break_torque` bound: [N] and [N m] of forces, [N s] and
+/// [N m s] of impulses.
+struct JointLoad {
+  double force = 0.0, torque = 0.0;
+
+  /// Whether `share` of the load is more than the joint bears.
+  bool breaks(const Joint& joint, double share = 1.0) const {
+    return (joint.break_force > 0.0 && share * force > joint.break_force) ||
+           (joint.break_torque > 0.0 && share * torque > joint.break_torque);
+  }
+};
+
+/// Returns the load of a joint that couples no joints. `rows`: forces or impulses per row and
+/// coordinate.
+JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b,
+                  const RowVector& rows);
+
 /// Returns the elastic energy of the springs of a joint [J].
 double elastic_energy(const Joint& joint, const JointState& state);
 

@@ -9,6 +9,7 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/islands/compile.h"
 #include "engine/islands/method_choice.h"
+#include "engine/math/larger.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
@@ -439,8 +440,10 @@ void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval
     const IntegrationResult progress =
         groups->advance(g, span, accuracy_within(in, kInfinity), model.options, state);
     const bool is_done = add_result(lists, to_index(group.islands.front()), progress);
-    if (group.islands.size() > 1)  // they exchange energy
-      for (const int i : group.islands) lists->island_parts[i].energy.has_changed = true;
+    for (const int i : group.islands) {
+      if (i != group.islands.front()) lists->islands[i].local_error += progress.local_error;
+      if (group.islands.size() > 1) lists->island_parts[i].energy.has_changed = true;  // exchanged
+    }
     if (is_done) continue;
     groups->mark_failed(g);
     for (const int i : group.islands) reject(in, to_index(i), MethodReason::kContactsGivenUp);
@@ -483,7 +486,7 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
     if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
       island.unresolved_bodies = find_unresolved(model, lists->motions[parts.motion], nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
-    report.local_error = std::max(report.local_error, island.local_error);
+    report.local_error = larger(report.local_error, island.local_error);
     report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);
     report.substeps += island.substeps;
     report.rejected += island.rejected;

@@ -112,15 +112,26 @@ struct VerifiedRun {
           estimates[body] += local_error;
       }
     }
-    for (const Contact& contact : world.contacts()) {
-      const std::size_t a = contact.body_a.value, b = contact.body_b.value;
-      if (!impl.is_movable(impl.index(contact.body_a)) ||
-          !impl.is_movable(impl.index(contact.body_b)))
-        continue;
+    for (const auto& [a, b] : touching()) {
       estimates[a] = estimates[b] = std::max(estimates[a], estimates[b]);
       leave_without(a, without_estimate[b]);
       leave_without(b, without_estimate[a]);
     }
+  }
+
+  // Movable bodies that touch each other at the end of the last step or touched within it, by id.
+  List<std::pair<std::size_t, std::size_t>> touching() const {
+    List<std::pair<std::size_t, std::size_t>> found;
+    const auto& impl = insides();
+    const auto add = [&](BodyId a, BodyId b) {
+      if (a != b && impl.is_movable(impl.index(a)) && impl.is_movable(impl.index(b)))
+        found.push_back({a.value, b.value});
+    };
+    for (const Contact& contact : world.contacts()) add(contact.body_a, contact.body_b);
+    for (const Event& event : world.events())
+      if (event.kind == EventKind::kContactBegan || event.kind == EventKind::kHit)
+        add(event.body_a, event.body_b);
+    return found;
   }
 
   void leave_without(std::size_t body, const std::string& why) {
@@ -132,10 +143,10 @@ struct VerifiedRun {
   }
   const std::string& why_without(BodyId body) const { return without_estimate[body.value]; }
   const BodyState& state(BodyId body) const { return insides().states[insides().index(body)]; }
-  const Island& island_of(BodyId body) const {
-    const int island = insides().topology.island_of(insides().index(body));
-    return insides().islands[static_cast<std::size_t>(island)];
+  std::size_t island_number(BodyId body) const {
+    return static_cast<std::size_t>(insides().topology.island_of(insides().index(body)));
   }
+  const Island& island_of(BodyId body) const { return insides().islands[island_number(body)]; }
 };
 
 /// Runs and compares.
@@ -268,15 +279,55 @@ class Verification {
   }
 
   void compare() {
+    find_other_errors();
+    leave_out_half_steps();
     for (std::size_t k = 0; k < bodies_.size(); ++k) compare(bodies_[k], &report_.bodies[k]);
+  }
+
+  // Finds the largest distance so far between the runs of the other method, for all bodies of an
+  // island: two wrong runs may coincide for a moment, and bodies of an island share their errors.
+  void find_other_errors() {
+    other_errors_.assign(base_.insides().islands.size(), 0.0);
+    for (std::size_t k = 0; k < bodies_.size(); ++k) {
+      const Tracked& body = bodies_[k];
+      double& largest = other_errors_[base_.island_number(body.id)];
+      const double known = report_.bodies[k].figures.other_error;
+      largest = std::max(
+          {largest, std::isnan(known) ? 0.0 : known, distance_between(other_, other_half_, body)});
+    }
+  }
+
+  // Leaves out the comparison with h/2 for bodies that only the first run has an estimate for, and
+  // for all that touch them.
+  void leave_out_half_steps() {
+    for (std::size_t k = 0; k < bodies_.size(); ++k) {
+      const BodyId id = bodies_[k].id;
+      std::string& why = report_.bodies[k].no_half_step;
+      if (why.empty()) why = half_.end;
+      if (why.empty() && std::isnan(half_.estimate(id)) && !std::isnan(base_.estimate(id)))
+        why = half_.why_without(id);
+    }
+    const auto why_of = [&](std::size_t id) -> std::string* {
+      for (std::size_t k = 0; k < bodies_.size(); ++k)
+        if (bodies_[k].id.value == id) return &report_.bodies[k].no_half_step;
+      return nullptr;  // added by a command
+    };
+    for (const VerifiedRun* const run : {&base_, &half_}) {
+      for (const auto& [a, b] : run->touching()) {
+        std::string* const of_a = why_of(a);
+        std::string* const of_b = why_of(b);
+        if (of_a == nullptr || of_b == nullptr) continue;
+        if (of_a->empty()) *of_a = *of_b;
+        if (of_b->empty()) *of_b = *of_a;
+      }
+    }
   }
 
   void compare(const Tracked& body, VerifiedBody* verified) {
     if (verified->chaotic_from) return;
-    const auto distance_between = [&](const VerifiedRun& a, const VerifiedRun& b) {
-      return verified_distance(a.state(body.id), b.state(body.id), body.radius);
+    const auto distance_to = [&](const VerifiedRun& of) {
+      return distance_between(base_, of, body);
     };
-    const auto distance_to = [&](const VerifiedRun& of) { return distance_between(base_, of); };
     VerifiedFigures& figures = verified->figures;
     figures.time = base_.world.time();
     figures.estimate = base_.estimate(body.id);
@@ -288,24 +339,22 @@ class Verification {
       return;
     }
     const double half_estimate = half_.estimate(body.id);
-    if (verified->no_half_step.empty()) verified->no_half_step = half_.end;
-    if (verified->no_half_step.empty() && std::isnan(half_estimate) &&
-        !std::isnan(figures.estimate))
-      verified->no_half_step = half_.why_without(body.id);
     figures.half_step =
         verified->no_half_step.empty() ? distance_to(half_) : VerifiedFigures::kNone;
     if (verified->no_other_method.empty()) verified->no_other_method = why_not_other(body.id);
     const bool has_other = verified->no_other_method.empty();
     figures.other_method = has_other ? distance_to(other_half_) : VerifiedFigures::kNone;
-    // The largest distance so far, since two wrong runs may coincide for a moment.
-    const double known = std::isnan(figures.other_error) ? 0.0 : figures.other_error;
     figures.other_error =
-        has_other ? std::max(known, distance_between(other_, other_half_)) : VerifiedFigures::kNone;
+        has_other ? other_errors_[base_.island_number(body.id)] : VerifiedFigures::kNone;
     if (verified->exceeded) return;
     const double own = estimate_or_zero(figures.estimate);
     if (exceeds(figures.half_step, figures.growth * (own + estimate_or_zero(half_estimate)), 0.0) ||
         exceeds(figures.other_method, figures.growth * own, kOtherMargin * figures.other_error))
       verified->exceeded = figures;
+  }
+
+  static double distance_between(const VerifiedRun& a, const VerifiedRun& b, const Tracked& of) {
+    return verified_distance(a.state(of.id), b.state(of.id), of.radius);
   }
 
   // Returns 0 for a missing estimate: a run without an estimate claims to be exact.
@@ -352,6 +401,7 @@ class Verification {
   }
 
   const VerifyOptions& options_;
+  List<double> other_errors_;  // [m], by island of base_
   VerifiedRun base_, half_, other_, other_half_, twin_;
   List<Tracked> bodies_;
   VerifyReport report_;

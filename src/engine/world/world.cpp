@@ -251,11 +251,18 @@ void World::Impl::finish_impulses(const StepContext& step) {
 }
 
 // Sets the error estimates of islands that impulses advance, and of the step, to NaN: impulses have
-// no estimate.
+// no estimate. Neither have islands that may hit something while no group locates the hit.
 void World::Impl::leave_out_estimates() {
-  for (const int body : integration.partition().impulse_bodies)
-    islands[static_cast<std::size_t>(topology.island_of(static_cast<std::size_t>(body)))]
-        .local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
+  const auto leave_out = [&](int body, bool in_groups) {
+    const int island = topology.island_of(static_cast<std::size_t>(body));
+    if (island < 0 || islands[island].why == MethodReason::kAtRest ||
+        (!in_groups && groups.contains(to_index(island))))
+      return;
+    islands[island].local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
+  };
+  for (const int body : integration.partition().impulse_bodies) leave_out(body, true);
+  for (const auto& [pair, gap] : reach.watched_pairs())
+    for (const int body : {pair.first, pair.second}) leave_out(body, false);
 }
 
 ImpulseStep World::Impl::impulse_step(const StepContext& step) const {

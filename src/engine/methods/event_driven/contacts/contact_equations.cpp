@@ -179,6 +179,21 @@ bool ContactEquations::project(double t, double* y) {
   }
 }
 
+std::optional<double> ContactEquations::fit_joints(double* y, double least) {
+  bodies_.place(y);
+  rows_.clear();
+  joints_.add_rows(bodies_, &rows_);
+  joints_.add_held_rows(bodies_, &rows_);
+  double greatest = 0.0;
+  for (const ContactRow& row : rows_.list()) greatest = larger(greatest, std::abs(row.rate));
+  if (greatest <= least) return 0.0;
+  const double before = bodies_.kinetic_energy();
+  if (!rows_.find_change(bodies_, &ContactRow::rate, &pushed_)) return std::nullopt;
+  bodies_.add_velocities(pushed_, y);
+  bodies_.place(y);
+  return before - bodies_.kinetic_energy();
+}
+
 bool ContactEquations::restart(double* y, double* dydt, const double* known) {
   bodies_.place(y);
   set_rows(false, true);

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <optional>
 
 #include "engine/collision/contact_feature.h"
 #include "engine/constraints/joint.h"
@@ -63,6 +64,10 @@ class ContactEquations {
     for (std::size_t j = 0; j < Pair::kStages; ++j)
       if (Pair::kA[Pair::kStages][j] != 0.0) add_impulses(h * Pair::kA[Pair::kStages][j], j);
   }
+  /// Projects velocities onto the rows of joints and held coordinates where a rate is off by more
+  /// than `least` [m/s or rad/s]. Returns the kinetic energy that is lost [J]; none where the rows
+  /// have no solution.
+  std::optional<double> fit_joints(double* y, double least);
   /// Projects velocities and evaluates the derivative. `known`: the derivative, where already
   /// known.
   bool restart(double* y, double* dydt, const double* known = nullptr);

@@ -243,10 +243,16 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   const double t = span->all.t + span->left.t;
   has_stages_ = false;
   equations_.set_straight(false);
+  if (is_begin && !equations_.joints().list().empty()) {  // else rates may be those of no motion
+    const std::optional<double> lost = equations_.fit_joints(y, kResting);
+    if (!lost) return false;
+    span->progress.projected += *lost;
+  }
   states_.begin_event(equations_);
   pairs_.find_features(!is_begin && event.kind == Watched::Kind::kMargin, false, &equations_);
   states_.note_bounds(t, span->all.h, event, equations_);
   impacts_.begin_event(equations_);
+  for (GroupJoint& joint : equations_.joints().list()) joint.impact.setZero();
   const auto decide = [&](const Watched& at) {
     return states_.decide(at, y, pairs_, &solver_, &equations_);
   };
@@ -255,6 +261,7 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   if (!impacts_.have_impacts(span->left.left, is_begin, pairs_, &states_, &solver_, &equations_, y))
     return false;
   if (!decide(event) && !(have_jam() && decide({}))) return false;
+  span->progress.local_error += 0.5 * states_.indeterminate() * span->left.left * span->left.left;
   states_.hold_coordinates(is_begin, &equations_);
   const double kinetic = equations_.bodies().kinetic_energy(),
                potential = equations_.potential_energy();
@@ -268,13 +275,30 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   reports_.add({span->all.t, t, is_begin, states_.acts_before(), states_.coordinates_before(),
                 impacts_.impulses(), impacts_.rests_in()},
                equations_, &pairs_);
-  return break_overloaded(span);
+  return break_hit(span) ? settle(span, {}, false) : break_overloaded(span);
 }
 
 void ContactEvents::break_joint(const Span& span, std::size_t joint) {
   ++done_.breaks;
   equations_.joints().break_joint(joint);
   reports_.add_break(span.all.t + span.left.t, joint);
+}
+
+// Breaks joints whose impulses by impacts are more than they bear. Returns whether any broke.
+bool ContactEvents::break_hit(Span* span) {
+  const GroupBodies& bodies = equations_.bodies();
+  const List<GroupJoint>& joints = equations_.joints().list();
+  bool any = false;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const GroupJoint& of = joints[j];
+    if (of.is_broken || of.impact.isZero(0.0)) continue;
+    const JointLoad load = load_of(of.joint, bodies.state(of.a), bodies.state(of.b), of.impact);
+    if (!load.breaks(of.joint, 1.0 / kImpactDuration)) continue;
+    break_joint(*span, j);
+    any = true;
+  }
+  if (any) stepper_.count_event();
+  return any;
 }
 
 // Breaks joints that are overloaded, as after another joint let go. The most overloaded joint

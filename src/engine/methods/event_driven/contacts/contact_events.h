@@ -17,6 +17,7 @@
 #include "engine/methods/event_driven/contacts/overlap_closing.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/event_stepper.h"
+#include "engine/methods/event_driven/joints/event_watch.h"
 
 namespace constraint_sim::engine {
 
@@ -84,6 +85,7 @@ class ContactEvents {
   bool change_states(Span* span, const Watched& event, bool* is_changed);
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
   void break_joint(const Span& span, std::size_t joint);
+  bool break_hit(Span* span);
   bool break_overloaded(Span* span);
 
   ContactEquations equations_;

@@ -107,6 +107,10 @@ void ContactResponses::apply(const double* p, ContactEquations* equations, doubl
   List<GroupJoint>& joints = equations->joints().list();
   const List<ContactRow>&rows = held_.list(), &directions = directions_.list();
   const std::size_t movable = bodies.movable(), held = columns_ > 0 ? joints_.size() / columns_ : 0;
+  const auto add = [&](std::size_t joint, int function, double impulse) {
+    joints[joint].impulse[function] += impulse;
+    joints[joint].impact[function] += impulse;
+  };
   GroupMotions& change = motions_;
   change.set_zero(movable);
   for (std::size_t j = 0; j < columns_; ++j) {
@@ -116,7 +120,7 @@ void ContactResponses::apply(const double* p, ContactEquations* equations, doubl
       change.angular[i] += p[j] * ConstVector(velocity + 6 * i + 3);
     }
     for (std::size_t i = 0; i < held; ++i)
-      joints[to_index(rows[i].joint)].impulse[rows[i].function] += p[j] * joints_[held * j + i];
+      add(to_index(rows[i].joint), rows[i].function, p[j] * joints_[held * j + i]);
     if (!bodies.has_movers()) continue;
     const auto power = [&](const ContactRow& row) {
       return bodies.driven_power(row.a, row.b, row.J);
@@ -128,7 +132,7 @@ void ContactResponses::apply(const double* p, ContactEquations* equations, doubl
   bodies.add_velocities(change, y);
   for (std::size_t k = 0; k < coordinates_.size(); ++k) {
     const GroupCoordinate& of = equations->joints().coordinates()[coordinates_[k]];
-    joints[of.joint].impulse[of.law.function] += p[of_contacts_ + k];
+    add(of.joint, of.law.function, p[of_contacts_ + k]);
   }
   for (const TouchingContact& touching : contacts_) {
     ContactEquations::Contact& contact = equations->contacts()[touching.contact];

@@ -58,6 +58,7 @@ void ContactStates::begin_step() {
 }
 
 void ContactStates::begin_event(const ContactEquations& equations) {
+  indeterminate_ = 0.0;
   acts_before_.clear();
   features_before_.clear();
   for (const ContactEquations::Contact& contact : equations.contacts()) {
@@ -138,7 +139,8 @@ bool ContactStates::decide(const ContactWatched& event, double least_slip, const
     choose_holds(event, equations);
     has_derivative_ = is_within_bounds(y, equations);
     if (!has_derivative_) {
-      sharing_.share(pairs, solver, &problem_, equations);
+      indeterminate_ =
+          std::max(indeterminate_, sharing_.share(pairs, solver, &problem_, equations));
       take_forces(equations);
     }
   }

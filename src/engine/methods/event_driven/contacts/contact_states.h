@@ -49,6 +49,8 @@ class ContactStates {
   bool has_changed(const ContactEquations& equations) const;
 
   // ---- results of decide()
+  /// Largest acceleration of a contact that the load sharing changes, since begin_event() [m/s²].
+  double indeterminate() const { return indeterminate_; }
   double gap_acceleration(std::size_t contact) const { return gap_acceleration_[contact]; }
   double coordinate_acceleration(std::size_t c) const { return coordinate_acceleration_[c]; }
   /// Derivative of `y` with the decided states; null where decide() has not needed it.
@@ -95,6 +97,7 @@ class ContactStates {
   List<double> coordinate_acceleration_;  // per coordinate
   GroupMotions rates_;
   LoadSharing sharing_;
+  double indeterminate_ = 0.0;
   List<ContactWatched> forces_;  // margins of the decided states
   List<double> derivative_;      // without acting rows, or with the decided states
   bool has_derivative_ = false;  // whether derivative_ is with the decided states

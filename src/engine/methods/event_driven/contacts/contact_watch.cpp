@@ -75,11 +75,7 @@ void watch_breaking(const ContactEquations& equations, std::size_t j, bool has_s
   if (of.is_broken || (joint.break_force == 0.0 && joint.break_torque == 0.0)) return;
   // Force and torque; stages are evaluated at the current pose.
   const auto loads = [&](std::size_t stage) {
-    const RowVector& force = equations.joint_force(j, stage);
-    if (has_length(joint.kind)) return std::pair(std::abs(force[0]), 0.0);
-    const World::JointWrench wrench =
-        wrench_of(joint, bodies.state(of.a), bodies.state(of.b), force, 1.0);
-    return std::pair(wrench.force.norm(), wrench.torque.norm());
+    return load_of(joint, bodies.state(of.a), bodies.state(of.b), equations.joint_force(j, stage));
   };
   ContactWatched watched;
   watched.kind = Kind::kBreak;
@@ -89,7 +85,7 @@ void watch_breaking(const ContactEquations& equations, std::size_t j, bool has_s
     if (most == 0.0) continue;
     watched.tolerance = kForceShare * most;
     const auto margin = [&](std::size_t stage) {
-      return most - (is_torque ? loads(stage).second : loads(stage).first);
+      return most - (is_torque ? loads(stage).torque : loads(stage).force);
     };
     add_margin(margin, has_stages, watched, list);
   }

@@ -19,10 +19,11 @@ struct GroupJoint {
   Joint joint;
   bool has_rows = true;  ///< rows of the kind; else coordinates only
   bool is_broken = false;
-  bool was_saturated = false;  ///< value reported by the last step
-  bool is_at_end = false;      ///< a winch at the end of its travel, in this interval
-  PrescribedMotion course{};   ///< prescribed motion in this interval
-  RowVector impulse = RowVector::Zero();
+  bool was_saturated = false;             ///< value reported by the last step
+  bool is_at_end = false;                 ///< a winch at the end of its travel, in this interval
+  PrescribedMotion course{};              ///< prescribed motion in this interval
+  RowVector impulse = RowVector::Zero();  ///< accumulated in the step, per row and coordinate
+  RowVector impact = RowVector::Zero();   ///< part of `impulse` by impacts at one moment
 };
 
 /// Coordinate of a joint of a contact group, or length of a distance joint, on which a law acts.

@@ -41,6 +41,19 @@ Matrix3d metric_in_cone(const Vector3d& x, double friction) {
   return L;
 }
 
+// Largest acceleration of a contact that other forces change [m/s²].
+double change_of_accelerations(const ContactProblem& problem, const List<double>& forces) {
+  const std::size_t n = forces.size();
+  double largest = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    double change = 0.0;
+    for (std::size_t j = 0; j < n; ++j)
+      change += problem.cone.A[n * j + i] * (problem.force[j] - forces[j]);
+    largest = std::max(largest, std::abs(change));
+  }
+  return largest;
+}
+
 }  // namespace
 
 // Lists the acting contacts: one column along the normal, with slip friction, for a slipping
@@ -148,17 +161,18 @@ bool LoadSharing::find_step(const ContactPairs& pairs, const ContactProblem& pro
   return true;
 }
 
-void LoadSharing::share(const ContactPairs& pairs, CountedSolver* solver, ContactProblem* problem,
-                        ContactEquations* equations) {
+double LoadSharing::share(const ContactPairs& pairs, CountedSolver* solver, ContactProblem* problem,
+                          ContactEquations* equations) {
   List<double>& force = problem->force;
   list_contacts(*problem, *equations);
+  const List<double> unshared = force;
   const double first = least_margin(pairs, force);
   double margin = first;
   List<double> next;
   double beyond = kBeyond;
   for (int round = 0; round < kMostSharingRounds; ++round, beyond *= kBeyond) {
     solver->add(ConeSolver::cost_of_a_step(force.size()));
-    if (!find_step(pairs, *problem, *equations, beyond)) return;
+    if (!find_step(pairs, *problem, *equations, beyond)) return 0.0;
     const double before = margin;
     for (double step = 1.0; margin == before && step > kLeastStep; step *= 0.5) {
       next = force;
@@ -169,13 +183,14 @@ void LoadSharing::share(const ContactPairs& pairs, CountedSolver* solver, Contac
     if (margin == before) break;
     force = next;
   }
-  if (!(margin > first)) return;
+  if (!(margin > first)) return 0.0;
   for (const Share& of : shares_) {
     const double mean = mean_beside(pairs, of, force);
     ContactEquations::Contact& contact = equations->contacts()[of.contact];
     if (mean > 0.0) contact.normal_share = std::max(force[of.column] / mean, kLeastShare);
     contact.tangent_share = std::sqrt(contact.normal_share);
   }
+  return change_of_accelerations(*problem, unshared);
 }
 
 }  // namespace constraint_sim::engine

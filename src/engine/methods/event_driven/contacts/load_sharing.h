@@ -23,9 +23,11 @@ namespace constraint_sim::engine {
 class LoadSharing {
  public:
   /// Moves the forces of `problem` away from their bounds without changing their effect, and sets
-  /// the shares of later changes in the contacts of `equations`.
-  void share(const ContactPairs& pairs, CountedSolver* solver, ContactProblem* problem,
-             ContactEquations* equations);
+  /// the shares of later changes in the contacts of `equations`. Returns the largest change of an
+  /// acceleration of a contact [m/s²]: contacts that slip in different directions make friction
+  /// depend on the sharing, which rigid bodies leave open.
+  double share(const ContactPairs& pairs, CountedSolver* solver, ContactProblem* problem,
+               ContactEquations* equations);
 
  private:
   /// Loaded contact.

@@ -183,15 +183,52 @@ void EventDriven::break_joint(Span* span, std::size_t joint) {
 bool EventDriven::settle(Span* span, const EventRelease& release, bool is_changed,
                          bool* had_impacts) {
   EventProblem problem(motions_.laws().size());
-  if (!load(span, &problem) || !have_impacts(span, &problem, had_impacts)) return false;
+  List<RowVector> before;
+  if (!motions_.joints().breaking().empty()) before = impulses_.sums().joint;
+  bool any = false;
+  if (!load(span, &problem) || !have_impacts(span, &problem, &any)) return false;
+  *had_impacts = *had_impacts || any;
   const std::optional<EventDecision> next =
       decide(motions_, problem, span->t(), release, bare().largest_force());
   if (!next) return false;
-  if (!is_changed && !*had_impacts && next->states == motions_.states()) return true;
+  if (!is_changed && !any && next->states == motions_.states()) return true;
+  List<std::size_t> broken;
+  if (any) broken = broken_by_impacts(*span, before);
   report(*span, problem, next->states);
   motions_.note_lost(problem, next->states);
   motions_.change_states(problem, next->states, span->t());
-  return switch_to_states(span);
+  if (!switch_to_states(span)) return false;
+  if (broken.empty()) add_overloaded(&broken);
+  if (broken.empty()) return true;
+  for (const std::size_t joint : broken) break_joint(span, joint);
+  return settle(span, {}, true, had_impacts);
+}
+
+// Joints whose impulses since `before` are more than they bear.
+List<std::size_t> EventDriven::broken_by_impacts(const Span& span,
+                                                 const List<RowVector>& before) const {
+  const EventJoints& joints = motions_.joints();
+  List<std::size_t> broken;
+  for (const EventJoints::Breaking& breaking : joints.breaking()) {
+    const std::size_t l = breaking.joint;
+    if (motions_.is_broken(l)) continue;
+    const auto [a, b] = joints.ends(l);
+    const JointLoad load =
+        load_of(joints[l], span.bodies().at(a, span.t()), span.bodies().at(b, span.t()),
+                impulses_.sums().joint[l] - before[l]);
+    if (load.breaks(joints[l], 1.0 / kImpactDuration)) broken.push_back(l);
+  }
+  return broken;
+}
+
+// Adds the joint that is farthest beyond its load, as after another joint let go.
+void EventDriven::add_overloaded(List<std::size_t>* broken) const {
+  const WatchedByJoints* worst = nullptr;
+  const auto excess = [](const WatchedByJoints& of) { return -of.value / of.tolerance; };
+  for (const WatchedByJoints& watched : watched_.before)
+    if (watched.breaks >= 0 && excess(watched) > (worst != nullptr ? excess(*worst) : 1.0))
+      worst = &watched;
+  if (worst != nullptr) broken->push_back(static_cast<std::size_t>(worst->breaks));
 }
 
 bool EventDriven::load(Span* span, EventProblem* problem) {

@@ -132,6 +132,8 @@ class EventDriven {
   bool finish_event(Span* span, std::size_t which);
   void break_joint(Span* span, std::size_t joint);
   bool settle(Span* span, const EventRelease& release, bool is_changed, bool* had_impacts);
+  List<std::size_t> broken_by_impacts(const Span& span, const List<RowVector>& before) const;
+  void add_overloaded(List<std::size_t>* broken) const;
   bool load(Span* span, EventProblem* problem);
   bool have_impacts(Span* span, EventProblem* problem, bool* any);
   bool let_rest(const Span& span, const List<char>& bounced, EventProblem* problem,

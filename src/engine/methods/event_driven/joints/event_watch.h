@@ -16,6 +16,10 @@ namespace constraint_sim::engine {
 inline constexpr double kTouching = 1e-10;  ///< [m or rad] a gap up to this counts as closed
 inline constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate up to this counts as zero
 
+/// Duration [s] of impacts, in which their force is impulse / duration. Rigid bodies have none;
+/// bodies of steel that touch are in contact for longer.
+inline constexpr double kImpactDuration = 1e-6;
+
 /// Share of the servo's limit within which a force is at the limit.
 inline constexpr double kServoEdge = 1e-9;
 /// Time [s] within which a force that reaches the limit is at the limit.

@@ -60,16 +60,10 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
     const Joint& joint = joints[breaking.joint];
     WatchedByJoints watched;
     watched.breaks = static_cast<int>(breaking.joint);
-    double strongest = std::abs(force[0]), turning = 0.0;
-    if (!has_length(joint.kind)) {
-      const auto [a, b] = joints.ends(breaking.joint);
-      const World::JointWrench wrench =
-          wrench_of(joint, bodies.at(a, t), bodies.at(b, t), force, 1.0);
-      strongest = wrench.force.norm();
-      turning = wrench.torque.norm();
-    }
+    const auto [a, b] = joints.ends(breaking.joint);
+    const JointLoad load = load_of(joint, bodies.at(a, t), bodies.at(b, t), force);
     for (const auto& [most, is] :
-         {std::pair(breaking.force, strongest), std::pair(breaking.torque, turning)}) {
+         {std::pair(breaking.force, load.force), std::pair(breaking.torque, load.torque)}) {
       if (!std::isfinite(most)) continue;
       watched.value = most - is;
       watched.tolerance = kForceShare * most;

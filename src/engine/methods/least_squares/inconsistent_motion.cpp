@@ -96,11 +96,7 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
 IntegrationResult InconsistentMotion::advance(const Interval& span, EquationsOfMotion* equations,
                                               List<BodyState>* states) {
   IntegrationResult progress;
-<<<<<<< HEAD
-=======
   progress.local_error = std::numeric_limits<double>::quiet_NaN();  // the method has no estimate
-  equations_ = equations;
->>>>>>> t46c
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   equations->add_custom_loads(span.t, *states);
   bodies_.gather_state(*states, &end_, &velocity_);

@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 constexpr double kInstant = 1e-9;  // duration of a hit, as a share of the time step
 constexpr int kMostLegs = 1000;    // parts of a step
 // Poses that a step tries towards hits, for each near pair: a cylinder costs 40 µs a pose.
-constexpr std::size_t kMostAdvancesOfPair = 1000;
+constexpr std::size_t kMostAdvancesOfPair = 4000;
 
 /// The contact of a pair in a list that is sorted; null where there is none.
 const TouchingPair* find(const List<TouchingPair>& pairs, const std::pair<int, int>& ends) {

@@ -10,6 +10,7 @@ function(constraint_sim_add_fuzz_target name)
   target_include_directories(fuzz_${name} PRIVATE test/engine)  # custom_types.h
   target_link_libraries(fuzz_${name} PRIVATE constraint_sim_engine ${ARGN})
   target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+  set_target_properties(fuzz_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR})
   add_dependencies(fuzz_targets fuzz_${name})
 endfunction()
 
@@ -25,8 +26,8 @@ if(CONSTRAINT_SIM_ROS)
   constraint_sim_add_fuzz_target(services constraint_sim_urdf constraint_sim_stepper ${catkin_LIBRARIES})
   # Files of the node that need no master. All files of the node would take several minutes to compile.
   set(fuzzed_node_sources)
-  foreach(name IN ITEMS command_changes conversions edits frame_follower frames laws marker_set parameters robots
-      scenes snapshots)
+  foreach(name IN ITEMS body_messages command_changes constraint_messages constraint_state conversions edits
+      frame_follower frames laws marker_set parameters robots scenes snapshots)
     list(APPEND fuzzed_node_sources src/ros/${name}.cpp)
   endforeach()
   if(dynamic_reconfigure_FOUND)

@@ -239,6 +239,23 @@ TEST(SnapshotBytes, AreReadAfterABodyWithAWrenchIsRemoved) {
   EXPECT_EQ(again.state_hash(), world.state_hash());
 }
 
+// A screw couples its own coordinates, so ids of other joints in its coupling are unused.
+TEST(SnapshotBytes, AreReadAfterAScrewIsAddedWithUnusedIds) {
+  World world{WorldOptions{}};
+  Joint joint;
+  joint.name = "screw";
+  joint.kind = JointKind::kScrew;
+  joint.body_b = world.add_body(make_body("nut", Sphere{0.1}, 1.0, {0.0, 0.0, 0.0}));
+  joint.pitch = 0.01;
+  joint.coupling.first = JointId{7};
+  joint.coupling.second = JointId{4000000000U};
+  const JointId screw = world.add_joint(joint);
+  EXPECT_EQ(world.joint(screw).coupling.first, JointId{});
+  EXPECT_EQ(world.joint(screw).coupling.second, JointId{});
+  const World again = read_snapshot(write_snapshot(world));
+  EXPECT_EQ(again.state_hash(), world.state_hash());
+}
+
 // The hinge motor has a force limit, so each other method compiles the island with events.
 TEST(SnapshotBytes, AreReadAfterImpulsesAreAskedFor) {
   World world = load_scene(R"(

@@ -12,9 +12,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     engine::World world = engine::load_scene(text);
     if (!fuzz::is_small(world)) return 0;
-    for (int k = 0; k < 3; ++k) fuzz::step(&watchdog, &world);
-    fuzz::check_saved(world);
-    fuzz::check_snapshot(world);
+    fuzz::KnownHash hash;
+    for (int k = 0; k < 3; ++k) fuzz::step(&watchdog, &world, &hash);
+    fuzz::check_saved(world, &hash);
+    fuzz::check_snapshot(world, &hash);
   } catch (const engine::SceneError& error) {
     fuzz::require(std::string(error.what()).find('\n') == std::string::npos,
                   "an answer has several lines");

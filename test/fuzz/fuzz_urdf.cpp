@@ -25,8 +25,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   if (!fuzz::is_small(world)) return 0;
-  for (int k = 0; k < 2; ++k) fuzz::step(&watchdog, &world);
-  fuzz::check_saved(world);
-  fuzz::check_snapshot(world);
+  fuzz::KnownHash hash;
+  for (int k = 0; k < 2; ++k) fuzz::step(&watchdog, &world, &hash);
+  fuzz::check_saved(world, &hash);
+  fuzz::check_snapshot(world, &hash);
   return 0;
 }

@@ -45,8 +45,9 @@ inline std::vector<AddBodyRequest> samples(AddBody*) {
     body.name = "new";
     body.type = type == Shape::PLANE ? Body::STATIC : Body::DYNAMIC;
     body.mass = 1.0;
-    body.shape.type = type;
-    body.shape.dimensions = dimensions;
+    Shape& shape = body.shapes.emplace_back();
+    shape.type = type;
+    shape.dimensions = dimensions;
     body.pose.position = point(1.0, 0.0, 0.5);
     body.twist.angular.z = 1.0;
     body.friction = 0.5;
@@ -79,12 +80,22 @@ inline Constraint sample_constraint(const std::string& type, engine::JointKind k
   if (!couples) constraint.anchor_a = point(0.0, 0.0, 1.0);
   if (engine::has_frames(kind)) constraint.axis_a.y = 1.0;
   if (engine::has_two_axes(kind)) constraint.axis_b.x = 1.0;
-  if (type == "spring") constraint.frequency = 2.0;
-  if (couples) constraint.keys = {"ratio"};
-  if (engine::has_pitch(kind)) constraint.keys = {"pitch"};
-  if (engine::is_free_length(kind)) constraint.keys = {"free"};
-  if (type == "hinge" || type == "slider") constraint.keys = {"upper", "damping"};
-  constraint.values.resize(constraint.keys.size(), 1.0);
+  if (couples) constraint.coupling.ratio = 1.0;
+  if (engine::has_pitch(kind)) constraint.coupling.pitch = 1.0;
+  constraint.free = engine::is_free_length(kind);
+  if (type == "hinge" || type == "slider" || type == "spring") {
+    CoordinateLaw& law = constraint.coordinates.emplace_back();
+    law.damping = 1.0;
+    if (type == "spring") {
+      law.stiffness = 100.0;
+    } else {
+      law.has_limits = 1;
+      law.lower = -1.0;
+      law.upper = 1.0;
+      law.motor.mode = Motor::RATE;
+      law.motor.bias = 0.5;
+    }
+  }
   return constraint;
 }
 
@@ -93,14 +104,19 @@ inline std::vector<AddConstraintRequest> samples(AddConstraint*) {
   const auto add = [&](const std::string& type, engine::JointKind kind) {
     requests.emplace_back().constraint = sample_constraint(type, kind);
   };
+  const auto add_parameters = [&](const std::vector<std::pair<std::string, double>>& parameters) {
+    for (const auto& [name, value] : parameters) {
+      Parameter& parameter = requests.back().constraint.parameters.emplace_back();
+      parameter.name = name;
+      parameter.value = value;
+    }
+  };
   for (const engine::JointKind kind : engine::joint_kinds()) add(engine::name(kind), kind);
   for (const char* type : {"rope", "strut", "spring"}) add(type, engine::JointKind::kDistance);
   add("custom:test/rod", engine::JointKind::kCustom);
-  requests.back().constraint.keys = {"length", "squared"};
-  requests.back().constraint.values = {1.0, 0.0};
+  add_parameters({{"length", 1.0}, {"squared", 0.0}});
   add("custom_force:test/drag", engine::JointKind::kCustomForce);
-  requests.back().constraint.keys = {"c", "wind"};
-  requests.back().constraint.values = {0.5, 1.0};
+  add_parameters({{"c", 0.5}, {"wind", 1.0}});
   return requests;
 }
 

@@ -129,6 +129,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
     filled.anchor_b.setZero();
   } else {
     check_ends(*this, joint);
+    filled.coupling.first = filled.coupling.second = JointId{};  // unused; a snapshot checks ids
   }
   fill_in(*this, *this, &filled);
   if (is_custom(filled.kind)) {

@@ -15,6 +15,8 @@ using Eigen::Vector3d;
 
 constexpr double kInstant = 1e-9;  // duration of a hit, as a share of the time step
 constexpr int kMostLegs = 1000;    // parts of a step
+// Poses that a step tries towards hits, for each near pair: a cylinder costs 40 µs a pose.
+constexpr std::size_t kMostAdvancesOfPair = 4000;
 
 /// The contact of a pair in a list that is sorted; null where there is none.
 const TouchingPair* find(const List<TouchingPair>& pairs, const std::pair<int, int>& ends) {
@@ -126,9 +128,17 @@ bool has_outrun(const StepContext& step, const State& state, const List<Broadpha
   return false;
 }
 
+/// Whether a divided step has used up its parts, or the poses that it may try.
+bool is_used_up(int leg, int advances, const List<Broadphase::Pair>& near) {
+  return leg == kMostLegs ||
+         to_index(advances) >= kMostAdvancesOfPair * std::max<std::size_t>(near.size(), 1);
+}
+
 /// Time for which a group without joints can go on until the next hit [s], but at least kInstant.
+/// Adds the poses tried to `advances`.
 double time_without_hit(const StepContext& step, const State& state, const IslandLists& lists,
-                        const List<int>& bodies, const List<Broadphase::Pair>& near, double left) {
+                        const List<int>& bodies, const List<Broadphase::Pair>& near, double left,
+                        int* advances) {
   const Model& model = step.model;
   double duration = left;
   for (const int body : bodies)
@@ -139,7 +149,7 @@ double time_without_hit(const StepContext& step, const State& state, const Islan
   for (const Broadphase::Pair& pair : near)
     if (is_fast(step, state, pair, duration) && find(state.touching, pair) == nullptr)
       duration = std::max(kInstant * model.options.time_step,
-                          time_of_hit(step, state, pair, duration).value_or(duration));
+                          time_of_hit(step, state, pair, duration, advances).value_or(duration));
   return duration;
 }
 
@@ -445,6 +455,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   const List<BodyState> at_start = state->states;  // kinematic bodies are moved from here
   bool was_hit = false;
   double done = 0.0;
+  int advances = 0;
   List<double> ways;
   for (int leg = 0; done < h && !is_set(step.stop); ++leg) {
     for (const int body : awake.kinematic)
@@ -455,7 +466,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
     ways.clear();
     const bool is_any_hit = collide_group(model, near, left, state);
     double duration = left;
-    if ((report.hits == kMostHits && !is_on_joints) || leg == kMostLegs) {
+    if ((report.hits == kMostHits && !is_on_joints) || is_used_up(leg, advances, near)) {
       report.has_left_any = true;
     } else if (is_on_joints) {
       report.hits += is_any_hit && !was_hit ? 1 : 0;  // velocities left by sweeps go on closing
@@ -465,7 +476,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
       ++report.hits;
       duration = std::min(left, kInstant * h);
     } else {
-      duration = time_without_hit(step, *state, lists, group_.bodies, near, left);
+      duration = time_without_hit(step, *state, lists, group_.bodies, near, left, &advances);
     }
     const bool is_last = duration >= left;
     advance_group(step, awake, wrenches, done, is_last ? left : duration, method, &report.impulses,

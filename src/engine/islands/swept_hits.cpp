@@ -16,14 +16,19 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr int kMostAdvances = 100;  // conservative advances towards a hit
-constexpr int kMostPlaces = 20000;  // poses tried along the paths of a pair
+constexpr int kMostPlaces = 2000;   // poses tried along the paths of a pair
 
-/// Returns a bound of the angular speed of a body without torque [rad/s]: |ω| I_max / I_min, and a
-/// tenth of it for the error of a rotation by a step of up to kMostSweptTurn.
+/// Returns a bound of the angular speed of a body without torque [rad/s], and a tenth of it for the
+/// error of a rotation by a step of up to kMostSweptTurn. The kinetic energy 2T = Σ I ω² stays, so
+/// |ω| ≤ √(2T / I_min). A body with two equal moments precesses at its |ω|.
 double fastest_turn(const BodyState& state, const MassProperties& mass) {
   const double w = state.angular_velocity.norm();
   if (!mass.can_turn() || mass.is_isotropic()) return w;
-  return 1.1 * w * mass.inertia.maxCoeff() / mass.inertia.minCoeff();
+  const Vector3d& I = mass.inertia;
+  const auto are_equal = [](double a, double b) { return std::abs(a - b) <= 1e-9 * a; };
+  if (are_equal(I.x(), I.y()) || are_equal(I.y(), I.z()) || are_equal(I.z(), I.x())) return 1.1 * w;
+  const Vector3d w_B = state.orientation.conjugate() * state.angular_velocity;
+  return 1.1 * std::sqrt(w_B.cwiseAbs2().dot(I) / I.minCoeff());
 }
 
 /// Path of a body within a step, at the share s in [0, 1] of the step. Positions lie on the cubic
@@ -68,7 +73,7 @@ BodyState moved(const BodyState& state, const MassProperties& mass, const Vector
 }
 
 std::optional<double> time_of_hit(const StepContext& step, const State& state,
-                                  const Broadphase::Pair& pair, double duration) {
+                                  const Broadphase::Pair& pair, double duration, int* advances) {
   const Model& model = step.model;
   const std::size_t i = to_index(pair.first);
   const std::size_t j = to_index(pair.second);
@@ -86,6 +91,7 @@ std::optional<double> time_of_hit(const StepContext& step, const State& state,
   double t = 0.0;
   for (int k = 0; k < kMostAdvances; ++k) {
     if (is_set(step.stop)) return std::nullopt;
+    if (advances != nullptr) ++*advances;
     const BodyState later_i = moved(state.states[i], model.masses[i], g_i, t);
     const BodyState later_j = moved(state.states[j], model.masses[j], g_j, t);
     const PlacedShape shape_i(model.bodies[i], later_i), shape_j(model.bodies[j], later_j);

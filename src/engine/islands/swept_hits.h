@@ -24,9 +24,10 @@ BodyState moved(const BodyState& state, const MassProperties& mass, const Eigen:
 
 /// First time at which a pair that is apart touches by its velocities [s]. The plane between two
 /// shapes keeps them apart as long as they do not close the gap along its normal. Empty where the
-/// pair does not touch, and in a step that is to stop.
+/// pair does not touch, and in a step that is to stop. Adds the poses tried to `advances`.
 std::optional<double> time_of_hit(const StepContext& step, const State& state,
-                                  const Broadphase::Pair& pair, double duration);
+                                  const Broadphase::Pair& pair, double duration,
+                                  int* advances = nullptr);
 
 /// Whether two bodies that have taken their step met within the step, where they were apart; false
 /// once a stop flag is set.

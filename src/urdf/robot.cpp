@@ -11,6 +11,7 @@
 #include "engine/math/dense.h"
 #include "engine/model/mass_properties.h"
 #include "engine/scene/scene_joints.h"
+#include "urdf/elements.h"
 #include "urdf/extra.h"
 #include "urdf/lumps.h"
 #include "urdf/positions.h"
@@ -499,6 +500,7 @@ void check_names(const BuiltRobot& built, const World& world) {
 BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   engine::validate(options.pose);
   const XacroLeft xacro = find_xacro(urdf);
+  if (!urdf.empty()) check_root_element(urdf);
   if (!xacro.content.empty())
     refuse("xacro has not been run on this text, which has " + xacro.content.text() +
            (options.how_to_expand.empty() ? "" : ": " + options.how_to_expand));
@@ -509,6 +511,8 @@ BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
     built.robot.warnings.push_back("definitions of xacro are left in the URDF and are not read: " +
                                    xacro.definitions.text());
   return built;
+  if (const std::string unread = unread_elements(urdf); !unread.empty())
+    built.robot.warnings.push_back("elements that are not read: " + unread);
 }
 
 Robot add_robot(const BuiltRobot& built, World* world) {

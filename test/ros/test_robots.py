@@ -423,6 +423,36 @@ def quarter():
     pose = Pose()
     pose.orientation.w = 0.5
     return pose
+    def test_a_command_after_a_trajectory_means_what_it_did_before(self):
+        motors = "motors: {shoulder_pan: {position: 0.3, max_force: 0}, elbow: {bias: 0, max_force: 0}}"
+        with simulator(command="shoulder_pan"):
+            self.good("load_urdf", path="arm", fixed=True, extra=POSE + motors)
+            states = Listener(support.NODE + "/joint_states", JointState)
+            follow = rospy.Publisher(support.NODE + "/joint_trajectory", JointTrajectory, queue_size=1)
+            command = rospy.Publisher(support.NODE + "/command/shoulder_pan", Float64, queue_size=1)
+            for topic in (follow, command):
+                wait_until(topic.get_num_connections, topic.name)
+
+            def move():
+                end = JointTrajectoryPoint(positions=[0.5, 0.2], velocities=[0, 0],
+                                           time_from_start=rospy.Duration(1.0))
+                follow.publish(JointTrajectory(joint_names=["shoulder_pan", "elbow"], points=[end]))
+                self.step_until(lambda before, after: abs(after["forearm/com"].twist.angular.z) > 0.01)
+
+            def go(position):
+                before = properties().state_hash
+                command.publish(position)
+                wait_until(lambda: properties().state_hash != before, "the command")
+                self.good("step", steps=200)  # longer than the closing time of 0.5 s
+                self.expect(states, "shoulder_pan", position)
+            move()
+            self.good("step", steps=200)
+            self.expect(states, "shoulder_pan", 0.5)
+            go(0.7)
+            move()
+            go(0.1)  # in the middle of a trajectory
+            self.assertIn("position: 0.1", self.good("save_scene").text)
+
 
 
 def above(height):

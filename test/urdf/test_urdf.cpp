@@ -8,6 +8,7 @@
 #include "memory_peak.h"
 #include "robots.h"
 #include "urdf/parse.h"
+#include "urdf/prefixed.h"
 
 namespace constraint_sim {
 namespace {
@@ -528,6 +529,23 @@ TEST(HostileUrdf, OfLinksInACycleIsRejectedWithoutALeak) {
               add_robot(robot(link("a") + joint("j", "fixed", "a", "a")), {}, &world);
             }).find("in a cycle of joints"),
             std::string::npos);
+}
+
+// The description for programs that know no prefix is that of a robot with longer names.
+TEST(Prefixed, LinksAndJointsHaveLongerNames) {
+  const auto text = [](const std::string& p, const std::string& q) {
+    return robot("<!-- <link name='x'/> -->" + link(p + "base") + link(p + "tip") +
+                 link(p + "end") +
+                 joint(q + "j", "revolute", p + "base", p + "tip",
+                       std::string(kLimit) + "<origin xyz='1 0 0'/>") +
+                 joint(q + "k", "continuous", p + "tip", p + "end",
+                       "<mimic multiplier='2' joint='" + q + "j'/>") +
+                 "<material name='m'/><gazebo reference='base'><link name='y'/></gazebo>");
+  };
+  const PrefixedUrdf prefixed = prefixed_urdf(text("", ""), "sim/left/", "left/");
+  EXPECT_EQ(prefixed.text, text("sim/left/", "left/"));
+  EXPECT_EQ(prefixed.joints, (std::vector<std::string>{"left/j", "left/k"}));
+  EXPECT_EQ(prefixed_urdf(text("", ""), "", "").text, text("", ""));
 }
 
 }  // namespace

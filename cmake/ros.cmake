@@ -98,7 +98,7 @@ install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # not executable where they lie: rosrun would find them there as well as where they are installed
 set(python_programs src/tools/bag_report src/tools/simulator_bag src/tools/watch_error)
 if(CONSTRAINT_SIM_PYTHON)
-  list(APPEND python_programs src/tools/constraint_sim_sweep)
+  list(APPEND python_programs src/tools/constraint_sim_sweep src/tools/spawn)
 endif()
 catkin_install_python(PROGRAMS ${python_programs} DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES src/tools/run_statistics.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

@@ -1,5 +1,7 @@
 """The services of one simulator as methods, and what belongs together as `with` blocks."""
 import contextlib
+import os
+import re
 
 import rospy
 import std_srvs.srv
@@ -72,6 +74,15 @@ class Batch(_Adding):
         self.request.motors.append(messages.motor(constraint, bias, max_force, timeout))
 
 
+def _text_in_parameter(name):
+    """Returns the text in a parameter; empty where there is none, and for names that no parameter can
+    have, such as a path with a dot."""
+    if not re.fullmatch(r'[~/]?[A-Za-z][A-Za-z0-9_/]*', name):
+        return ''
+    text = rospy.get_param(name, '')
+    return text if isinstance(text, str) else ''
+
+
 class Simulator(_Adding):
     """A running node. Methods return what the service answers and raise Refused for what it
     refuses, rospy.ROSException where no such node is there within `timeout` seconds."""
@@ -128,6 +139,20 @@ class Simulator(_Adding):
     def _set(self, service, name, settings):
         return self.call(service, name=name, keys=list(settings),
                          values=[float(value) for value in settings.values()])
+
+    def load_urdf(self, robot='', text='', prefix='', position=(0, 0, 0), orientation=(0, 0, 0, 1),
+                  fixed=False, extra=''):
+        """Adds a robot by its URDF: `text`, or `robot`, which is the name of a parameter with the text, a
+        path, package:// or the name of a shipped robot. The simulator reads files. `extra` is the
+        YAML beside the URDF."""
+        path = ''
+        if robot:
+            text = _text_in_parameter(robot)
+            if not text:
+                file = os.path.abspath(os.path.expanduser(robot))
+                path = file if os.path.isfile(file) else robot
+        return self.call('load_urdf', path=path, text=text, prefix=prefix,
+                         pose=messages.state('', position, orientation).pose, fixed=fixed, extra=extra)
 
     def set_motor(self, constraint, bias, max_force=0.0, timeout=0.0):
         return self.call('set_motor_bias', constraint=constraint, bias=bias, max_force=max_force,

@@ -133,7 +133,7 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
   engine::check_finite("data", value);
   const engine::JointId id = find_joint(world, "command", constraint);
   const engine::Joint& joint = world.joint(id);
-  trajectories_.drop(id);
+  const bool was_to_position = trajectories_.drop(id);
   const JointBounds bounds = robots_.bounds(world, id);
   engine::CoordinateMotor motor;
   const double asked = value;
@@ -146,9 +146,10 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
     throw std::invalid_argument("'" + constraint + "' has no motor to command");
   motor = *joint.coordinates[0].motor;
   const engine::CoordinateLaw& law = joint.coordinates[0];
-  if (motor.position)
+  if (motor.position || was_to_position) {
     motor.position = value = std::clamp(value, law.lower, law.upper);
-  else if (motor.force)
+    motor.bias = 0.0;
+  } else if (motor.force)
     motor.force = value = bounded(value, bounds.effort);
   else
     motor.bias = value = bounded(value, bounds.velocity);

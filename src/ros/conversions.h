@@ -54,9 +54,10 @@ geometry_msgs::Quaternion to_msg(const Eigen::Quaterniond& q);
 geometry_msgs::Pose to_pose(const engine::BodyState& state);
 geometry_msgs::Transform to_transform(const engine::BodyState& state);
 BodyState to_msg(const std::string& name, const engine::BodyState& state);
-/// Appends the coordinates of a joint: the first under the joint's name, further ones under
-/// NAME/INDEX. Appends nothing for a joint without coordinates.
+/// Appends the coordinates of a joint with the efforts of their actuators: the first under the
+/// joint's name, further ones under NAME/INDEX. Appends nothing for a joint without coordinates.
 void add_coordinates(const engine::Joint& joint, const engine::JointState& state,
+                     const std::array<double, engine::kMaxCoordinates>& efforts,
                      sensor_msgs::JointState* msg);
 ContactState to_msg(const engine::World& world, const engine::Contact& contact);
 /// Returns the contact force with the present velocities of both bodies.

@@ -16,8 +16,8 @@ using Eigen::Vector3d;
 using engine::JointKind;
 using visualization_msgs::Marker;
 
-constexpr double kAxisLength = 0.3;     // largest length of a joint's axis [m]
-constexpr double kWidthOfLength = 0.1;  // largest width of a sign's lines over its length
+constexpr double kAxisLength = 0.3;         // largest length of a joint's axis [m]
+constexpr double kSignWidthOfLength = 0.1;  // largest width of a sign's lines over its length
 constexpr double kOut =
     0.2;  // part of the axis that stands out of the body at each end, over the axis
 constexpr double kRing = 0.7;         // radius of a motor's ring around the body, over the axis
@@ -298,7 +298,7 @@ std::int32_t type_of_sign(const engine::Joint& joint, const JointSize& size) {
 
 void draw_joint(const engine::World& world, const engine::Joint& joint, const JointSize& size,
                 const Vector3d& p_a, const Vector3d& p_b, double most_width, ShownMarker* marker) {
-  const double thickness = std::min(most_width, kWidthOfLength * size.axis);
+  const double thickness = std::min(most_width, kSignWidthOfLength * size.axis);
   marker->pose.position = point_at(p_a);
   marker->color = colour(0.8, 0.8, 0.85);
   set_scale(thickness, 0.0, 0.0, marker);
@@ -345,7 +345,7 @@ void draw_motor(const engine::World& world, const engine::Joint& joint, const Jo
                 double most_width, ShownMarker* marker) {
   const bool positive = motor.direction() > 0.0;
   const double sign = positive ? 1.0 : -1.0;
-  marker->scale.x = 0.5 * std::min(most_width, kWidthOfLength * size.axis);
+  marker->scale.x = 0.5 * std::min(most_width, kSignWidthOfLength * size.axis);
   marker->pose.position = point_at(slides_along_axis(joint.kind) ? p_b : p_a);
   marker->pose.orientation = quaternion_of(orientation_of(world, joint));
   if (motor.is_angle) {

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "constraint_sim/engine/plan.h"
+#include "ros/actuator_efforts.h"
 #include "ros/constraint_state.h"
 #include "ros/conversions.h"
 #include "ros/time_conversions.h"
@@ -40,6 +41,8 @@ Publishers::Publishers(const Parameters& parameters, Robots& robots, ros::NodeHa
       hands_(hands),
       wrench_topics_(parameters, private_handle,
                      [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
+      robot_topics_(private_handle,
+                    [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
       odometry_(parameters, robots, private_handle,
                 [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
       stamps_(
@@ -152,7 +155,8 @@ bool Publishers::anybody_listens() const {
         &constraint_states_topic_, &contact_states_topic_, &contact_forces_topic_,
         &joint_states_topic_, &statistics_topic_})
     if (topic->getNumSubscribers() > 0) return true;
-  return wrench_topics_.anybody_listens() || odometry_.anybody_listens() || hands_.anybody_looks();
+  return wrench_topics_.anybody_listens() || robot_topics_.anybody_listens() ||
+         odometry_.anybody_listens() || hands_.anybody_looks();
 }
 
 void Publishers::take_snapshot(const World& world, const Stepper& stepper, double now) {
@@ -232,12 +236,14 @@ void Publishers::publish(const Snapshot& snapshot) {
   if (constraint_states_topic_.getNumSubscribers() > 0) publish_constraint_states(snapshot);
   if (contact_states_topic_.getNumSubscribers() > 0) publish_contact_states(snapshot);
   if (contact_forces_topic_.getNumSubscribers() > 0) publish_contact_forces(snapshot);
-  if (joint_states_topic_.getNumSubscribers() > 0) publish_joint_states(snapshot);
   if (snapshot.plan_changed) {
     publish_plan(snapshot);
     publish_static_transforms(snapshot);
     wrench_topics_.update(snapshot.world);
+    robot_topics_.update(robots_.descriptions(snapshot.world));
   }
+  if (joint_states_topic_.getNumSubscribers() > 0 || robot_topics_.anybody_listens())
+    publish_joint_states(snapshot);
   if (wrench_topics_.anybody_listens()) publish_wrenches(snapshot);
   odometry_.publish(snapshot.world, snapshot.stamp);
   publish_markers(snapshot);
@@ -359,9 +365,12 @@ void Publishers::publish_joint_states(const Snapshot& snapshot) {
   sensor_msgs::JointState message;
   message.header.stamp = snapshot.stamp;
   message.header.frame_id = parameters_.world_frame;
+  const ActuatorEfforts efforts(snapshot.world);
   for (const engine::JointId id : snapshot.world.joint_ids())
-    add_coordinates(snapshot.world.joint(id), snapshot.world.joint_state(id), &message);
-  joint_states_topic_.publish(message);
+    add_coordinates(snapshot.world.joint(id), snapshot.world.joint_state(id), efforts.of(id),
+                    &message);
+  if (joint_states_topic_.getNumSubscribers() > 0) joint_states_topic_.publish(message);
+  robot_topics_.publish(message);
 }
 
 // Publishes wrenches, and their frames where frames are published.

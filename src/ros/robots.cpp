@@ -1,12 +1,15 @@
 #include "ros/robots.h"
 
 #include <ros/console.h>
+#include <ros/names.h>
 
+#include <cctype>
 #include <iterator>
 #include <utility>
 
 #include "ros/conversions.h"
 #include "ros/marker_lines.h"
+#include "urdf/prefixed.h"
 
 namespace constraint_sim {
 namespace {
@@ -62,9 +65,30 @@ void set_colour(const RobotVisual& visual, Marker* marker) {
   marker->color.a = static_cast<float>(colour[3]);
 }
 
+/// Returns a robot's name with characters that names of ROS allow.
+std::string name_in_ros(const std::string& prefix, const std::string& robot) {
+  std::string name = prefix.empty() ? robot : prefix;
+  while (name.size() > 1 && name.back() == '/') name.pop_back();
+  for (char& c : name)
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '/') c = '_';
+  const bool is_name = !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) != 0;
+  return ros::names::clean(is_name ? name : "robot_" + name);
+}
+
+RobotDescription describe(const Robot& robot, const std::string& urdf, const std::string& prefix,
+                          const std::string& frame_prefix) {
+  PrefixedUrdf prefixed = prefixed_urdf(urdf, frame_prefix + prefix, prefix);
+  return {name_in_ros(prefix, robot.name),
+          std::make_shared<const std::string>(std::move(prefixed.text)),
+          std::make_shared<const std::set<std::string>>(prefixed.joints.begin(),
+                                                        prefixed.joints.end())};
+}
+
 }  // namespace
 
-void Robots::add(const Robot& robot, const engine::World& world) {
+void Robots::add(const Robot& robot, const std::string& urdf, const std::string& prefix,
+                 const engine::World& world) {
+  const RobotDescription description = describe(robot, urdf, prefix, parameters_.frame_prefix);
   const std::lock_guard<std::mutex> lock(mutex_);
   has_any_ = true;
   for (const RobotLink& link : robot.links) {
@@ -72,6 +96,7 @@ void Robots::add(const Robot& robot, const engine::World& world) {
     BodyLinks& links = bodies_[link.body.value];
     links.body = world.body(link.body).name;
     links.links.push_back({link.name, link.in_body, is_root});
+    if (is_root) links.robot = description;
   }
   for (const RobotVisual& of : robot.visuals) {
     Visual& visual = bodies_[of.body.value].visuals.emplace_back();
@@ -91,7 +116,23 @@ std::size_t Robots::size_of(const BodyLinks& links) {
   for (const Link& link : links.links) bytes += sizeof link + link.frame.size();
   for (const Visual& visual : links.visuals)
     bytes += sizeof visual + visual.marker.mesh_resource.size();
+  if (links.robot) bytes += links.robot->text->size();
   return bytes;
+}
+
+std::vector<RobotDescription> Robots::descriptions(const engine::World& world) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  std::vector<RobotDescription> robots;
+  std::set<std::string> taken;
+  for (const auto& [number, links] : bodies_) {
+    if (!links.robot || find(world, engine::BodyId{number}) == nullptr) continue;
+    RobotDescription robot = *links.robot;
+    const std::string name = robot.name;
+    for (int i = 2; !taken.insert(robot.name).second; ++i)
+      robot.name = name + "_" + std::to_string(i);
+    robots.push_back(std::move(robot));
+  }
+  return robots;
 }
 
 std::size_t Robots::size_of(const BoundedJoint& joint) { return sizeof joint + joint.name.size(); }

@@ -6,7 +6,10 @@
 #include <atomic>
 #include <cstddef>
 #include <map>
+#include <memory>
 #include <mutex>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -15,6 +18,14 @@
 #include "urdf/robot.h"
 
 namespace constraint_sim {
+
+/// Robot with its URDF as other programs read it: names of links have the prefixes of their frames,
+/// names of joints the prefix of the constraints.
+struct RobotDescription {
+  std::string name;  ///< as in topics: the prefix, or the name in the URDF where there is no prefix
+  std::shared_ptr<const std::string> text;
+  std::shared_ptr<const std::set<std::string>> joints;  ///< names of the joints
+};
 
 /// Robots added from URDFs: frames of links, visuals, and bounds of joints. Bodies and joints are
 /// identified by id and name, since a snapshot of another process may reuse ids. A removed robot is
@@ -28,8 +39,11 @@ class Robots {
 
   explicit Robots(const Parameters& parameters) : parameters_(parameters) {}
 
-  /// Adds a robot that has just been added to `world`.
-  void add(const Robot& robot, const engine::World& world);
+  /// Adds a robot that has just been added to `world` from this URDF with this prefix.
+  void add(const Robot& robot, const std::string& urdf, const std::string& prefix,
+           const engine::World& world);
+  /// Returns the robots in `world`, each name once.
+  std::vector<RobotDescription> descriptions(const engine::World& world) const;
   /// Returns whether the body belongs to a robot.
   bool have(const engine::World& world, engine::BodyId body) const;
   /// Logs the links that are hidden since `by` replaced the world.
@@ -62,7 +76,8 @@ class Robots {
     std::string body;  ///< name of the body
     std::vector<Link> links;
     std::vector<Visual> visuals;
-    bool is_gone = false;  ///< state at the last log line
+    bool is_gone = false;                   ///< state at the last log line
+    std::optional<RobotDescription> robot;  ///< the robot whose root this body is
   };
   struct BoundedJoint {
     std::string name;

@@ -121,6 +121,8 @@ std::string file_named(const std::string& name, const Parameters& parameters, Ca
   return parameters.scene_folder.empty() ? name : path_below(parameters.scene_folder, name);
 }
 
+bool has_scene(const std::string& name) { return !name.empty() && name != "none"; }
+
 engine::World load_world(const std::string& name, const std::string& text,
                          const Parameters& parameters, Caller caller) {
   engine::WorldOptions defaults;
@@ -130,7 +132,7 @@ engine::World load_world(const std::string& name, const std::string& text,
     throw std::invalid_argument("text: must be at most " + std::to_string(kMostBytes >> 20) +
                                 " MiB, got " + std::to_string(text.size()) + " bytes");
   if (!text.empty()) return engine::load_scene(text, "text", defaults);
-  if (!name.empty()) return load_file(name, parameters, caller, defaults);
+  if (has_scene(name)) return load_file(name, parameters, caller, defaults);
   return engine::World(defaults);
 }
 

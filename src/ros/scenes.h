@@ -23,9 +23,12 @@ std::string description(const std::string& scene);
 /// Throws std::invalid_argument.
 std::string file_named(const std::string& name, const Parameters& parameters, Caller caller);
 
+/// Returns whether the name stands for a scene: empty and `none` stand for an empty world.
+bool has_scene(const std::string& name);
+
 /// Loads a scene: `text` unless empty, else the file that `name` stands for (a path,
-/// package://PACKAGE/PATH or a shipped scene); an empty world without both. Throws
-/// std::invalid_argument, with at most 40 characters of the file.
+/// package://PACKAGE/PATH or a shipped scene); an empty world where both are empty, and for the
+/// name `none`. Throws std::invalid_argument, with at most 40 characters of the file.
 engine::World load_world(const std::string& name, const std::string& text,
                          const Parameters& parameters, Caller caller);
 

@@ -182,7 +182,7 @@ World SimulatorNode::Impl::first_world() {
 // the log now: set up only when the master shuts this node down for a second node of its name, the
 // log would end both.
 void SimulatorNode::Impl::tell_of_start(const std::string& world) {
-  ROS_INFO("%s: %s%s", parameters_.scene.empty() ? "no scene" : parameters_.scene.c_str(),
+  ROS_INFO("%s: %s%s", has_scene(parameters_.scene) ? parameters_.scene.c_str() : "no scene",
            world.c_str(), parameters_.paused ? "; paused" : "");
   if (parameters_.follows_clock())
     ROS_INFO("the world follows /clock, since /use_sim_time is true and publish_clock is false");

@@ -138,9 +138,10 @@ BuiltRobot build_described(const Description& description, RobotOptions options)
   return build_robot(description.urdf, options);
 }
 
-Robot add(const BuiltRobot& built, Robots* robots, World* world) {
+Robot add(const BuiltRobot& built, const Description& description, const std::string& prefix,
+          Robots* robots, World* world) {
   Robot robot = add_robot(built, world);
-  robots->add(robot, *world);
+  robots->add(robot, description.urdf, prefix, *world);
   return robot;
 }
 
@@ -169,7 +170,8 @@ void add_first_robot(const ros::NodeHandle& handle, const ros::NodeHandle& priva
     options.prefix = parameters.robot_prefix;
     options.fixed = parameters.robot_fixed;
     options.pose.position = {parameters.robot_x, parameters.robot_y, parameters.robot_z};
-    log(add(build_described(description, options), robots, world));
+    const BuiltRobot built = build_described(description, options);
+    log(add(built, description, options.prefix, robots, world));
   } catch (const std::invalid_argument& error) {
     throw ParameterError("robot", "parameter ~robot: " + std::string(error.what()));
   }
@@ -196,7 +198,8 @@ bool UrdfLoader::load(LoadUrdfRequest& request, LoadUrdfResponse& response) {
     const BuiltRobot built = build_described(description, options);
     Robot robot;
     const Boundary boundary = stepper_.edit(
-        [&](World& world) { robot = add(built, &robots_, &world); }, Stepper::Duration::kMayBeLong);
+        [&](World& world) { robot = add(built, description, options.prefix, &robots_, &world); },
+        Stepper::Duration::kMayBeLong);
     log(robot);
     response.applied_at = time_from_seconds(boundary.time);
     response.step = boundary.step;

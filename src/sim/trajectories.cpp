@@ -132,10 +132,28 @@ void Trajectories::begin(const engine::World& world, const JointTrajectory& traj
     if (!world.has_joint(name))
       refuse("joint_names", "there is no constraint named '" + name + "'");
     const engine::JointId id = world.find_joint(name);
-    const OnItsWay way{name, spline_of(world, id, trajectory, k), world.time() + trajectory.delay};
+    const OnItsWay way{name, spline_of(world, id, trajectory, k), world.time() + trajectory.delay,
+                       is_to_position(world.joint(id), id)};
     if (!next.emplace(id.value, way).second) refuse("joint_names", "'" + name + "' is there twice");
   }
   for (auto& [id, way] : next) on_their_way_.insert_or_assign(id, std::move(way));
+}
+
+// A trajectory in progress drives a motor to a position by a rate; its own flag counts then.
+bool Trajectories::is_to_position(const engine::Joint& joint, engine::JointId id) const {
+  const engine::CoordinateMotor& motor = *joint.coordinates[0].motor;
+  if (motor.position) return !motor.is_servo();
+  const auto found = on_their_way_.find(id.value);
+  return found != on_their_way_.end() && found->second.joint == joint.name &&
+         found->second.to_position;
+}
+
+bool Trajectories::drop(engine::JointId joint) {
+  const auto found = on_their_way_.find(joint.value);
+  if (found == on_their_way_.end()) return false;
+  const bool to_position = found->second.to_position;
+  on_their_way_.erase(found);
+  return to_position;
 }
 
 std::vector<std::string> Trajectories::end() {
@@ -175,6 +193,9 @@ bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driv
   motor.timeout = motor.amplitude = 0.0;
   if (motor.is_servo()) {
     motor.position = target;
+  } else if (is_over && way.to_position) {
+    motor.position = way.spline.end();
+    motor.bias = 0.0;
   } else {
     motor.position.reset();
     motor.bias = is_over ? 0.0 : (target - world.joint_state(id).coordinates[0].held) / h;

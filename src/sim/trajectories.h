@@ -24,7 +24,8 @@ class Spline {
  public:
   /// Requires increasing times and at least one point. `order` is 1, 3 or 5.
   Spline(std::vector<TrajectoryPoint> points, int order);
-  double at(double time) const;  ///< [m or rad]
+  double at(double time) const;                           ///< [m or rad]
+  double end() const { return points_.back().position; }  ///< [m or rad]
   double duration() const { return points_.back().time; }
 
  private:
@@ -43,15 +44,18 @@ struct JointTrajectory {
   double delay = 0.0;         ///< time until the start [s]
 };
 
-/// Follows splines with motors of joints. Rate motors reach the spline at the end of each tick, to
-/// rounding; servos get it as their target. Stepping thread only.
+/// Follows splines with motors of joints. Motors without a spring reach the spline at the end of
+/// each tick, to rounding, by a rate; servos get the spline as their target. At the end of a
+/// trajectory a motor to a position holds the end point, and a motor by rate has the rate 0.
+/// Stepping thread only.
 class Trajectories {
  public:
   /// Starts a trajectory at the joints' present positions, in place of their last one. Throws
   /// std::invalid_argument for invalid points and unsuitable joints; then all trajectories go on.
   void begin(const engine::World& world, const JointTrajectory& trajectory);
-  /// Ends the trajectory of a joint.
-  void drop(engine::JointId joint) { on_their_way_.erase(joint.value); }
+  /// Ends the trajectory of a joint. Returns whether the joint's motor, which the trajectory drives
+  /// by a rate, is one to a position.
+  bool drop(engine::JointId joint);
   /// Ends all trajectories; returns the names of their joints in the order of ids.
   std::vector<std::string> end();
   /// Sets the motors; call before each tick. A trajectory ends where its joint is gone, has no
@@ -67,8 +71,10 @@ class Trajectories {
   struct OnItsWay {
     std::string joint;
     Spline spline;
-    double start;  // simulated time [s]
+    double start;      // simulated time [s]
+    bool to_position;  // the motor is one to a position and no servo
   };
+  bool is_to_position(const engine::Joint& joint, engine::JointId id) const;
   static bool advance(engine::JointId id, const OnItsWay& way, Driver* driver);
 
   std::map<std::uint32_t, OnItsWay> on_their_way_;  // by joint id

@@ -11,9 +11,11 @@
 #include "engine/math/dense.h"
 #include "engine/model/mass_properties.h"
 #include "engine/scene/scene_joints.h"
+#include "urdf/elements.h"
 #include "urdf/extra.h"
 #include "urdf/lumps.h"
 #include "urdf/positions.h"
+#include "urdf/servo_sag.h"
 #include "urdf/xacro.h"
 
 namespace constraint_sim {
@@ -498,6 +500,7 @@ void check_names(const BuiltRobot& built, const World& world) {
 
 BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   engine::validate(options.pose);
+  if (!urdf.empty()) check_root_element(urdf);
   const XacroLeft xacro = find_xacro(urdf);
   if (!xacro.content.empty())
     refuse("xacro has not been run on this text, which has " + xacro.content.text() +
@@ -508,6 +511,8 @@ BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   if (!xacro.definitions.empty())
     built.robot.warnings.push_back("definitions of xacro are left in the URDF and are not read: " +
                                    xacro.definitions.text());
+  if (const std::string unread = unread_elements(urdf); !unread.empty())
+    built.robot.warnings.push_back("elements that are not read: " + unread);
   return built;
 }
 
@@ -527,6 +532,8 @@ Robot add_robot(const BuiltRobot& built, World* world) {
   Robot robot = built.robot;
   for (RobotLink& link : robot.links) link.body = bodies[link.body.value];
   for (RobotVisual& visual : robot.visuals) visual.body = bodies[visual.body.value];
+  for (std::string& sentence : sagging_servos(robot, *world))
+    robot.warnings.push_back(std::move(sentence));
   return robot;
 }
 

@@ -65,6 +65,12 @@ bool XmlTags::next() {
 }
 
 std::string XmlTags::attribute(const std::string& wanted) const {
+  const auto [place, length] = find(wanted);
+  return place == std::string::npos ? "" : text_.substr(place, length);
+}
+
+std::pair<std::size_t, std::size_t> XmlTags::find(const std::string& wanted) const {
+  constexpr std::pair<std::size_t, std::size_t> kMissing{std::string::npos, 0};
   const auto skip_spaces = [this](std::size_t at) {
     while (at < tag_end_ && is_xml_space(text_[at])) ++at;
     return at;
@@ -74,7 +80,7 @@ std::string XmlTags::attribute(const std::string& wanted) const {
     while (at < tag_end_ && !ends_xml_name(text_[at])) ++at;
     const std::string name = text_.substr(start, at - start);
     at = skip_spaces(at);
-    if (at >= tag_end_ || text_[at] != '=') return "";
+    if (at >= tag_end_ || text_[at] != '=') return kMissing;
     at = skip_spaces(at + 1);
     const bool is_quoted = at < tag_end_ && (text_[at] == '"' || text_[at] == '\'');
     std::size_t end = at;
@@ -83,10 +89,10 @@ std::string XmlTags::attribute(const std::string& wanted) const {
     else
       while (end < tag_end_ && !is_xml_space(text_[end])) ++end;
     const std::size_t first = is_quoted ? at + 1 : at;
-    if (name == wanted) return text_.substr(first, end - first);
+    if (name == wanted) return {first, end - first};
     at = end + (is_quoted ? 1 : 0);
   }
-  return "";
+  return kMissing;
 }
 
 }  // namespace constraint_sim

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <string>
+#include <utility>
 
 namespace constraint_sim {
 
@@ -25,10 +26,14 @@ class XmlTags {
   std::string name() const { return text_.substr(name_start_, name_end_ - name_start_); }
   /// Returns the value of an attribute, with entities not decoded; empty where it is missing.
   std::string attribute(const std::string& wanted) const;
+  /// Returns the position in the text of the value of an attribute; npos where it is missing.
+  std::size_t place_of(const std::string& wanted) const { return find(wanted).first; }
 
  private:
   bool is_at(std::size_t place, const char* word) const;
   void skip_past(const char* word);
+  /// Returns position and length of the value of an attribute; npos and 0 where it is missing.
+  std::pair<std::size_t, std::size_t> find(const std::string& wanted) const;
 
   const std::string& text_;
   std::size_t at_ = 0;

@@ -27,6 +27,7 @@
 #include "checks.h"
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/verify.h"
+#include "ros/actuator_efforts.h"
 #include "ros/command_changes.h"
 #include "ros/constraint_state.h"
 #include "ros/conversions.h"
@@ -274,7 +275,8 @@ inline void ServiceNode::load_urdf(const LoadUrdfRequest& request) {
     options.pose = from_msg(request.pose, geometry_msgs::Twist());
     options.fixed = request.fixed;
     options.extra = request.extra;
-    robots_.add(add_robot(build_robot(request.text, options), &world), world);
+    const Robot robot = add_robot(build_robot(request.text, options), &world);
+    robots_.add(robot, request.text, request.prefix, world);
   });
   bound_size();
 }
@@ -380,10 +382,11 @@ inline void ServiceNode::send() const {
   markers.begin(ros::Time(1.0), true);
   robots_.add_markers(world_, true, &markers.in("robots"));
   markers.finish();
+  const ActuatorEfforts efforts(world_);
   for (const engine::JointId id : world_.joint_ids()) {
     serialized(to_msg(world_, id));
     sensor_msgs::JointState coordinates;
-    add_coordinates(world_.joint(id), world_.joint_state(id), &coordinates);
+    add_coordinates(world_.joint(id), world_.joint_state(id), efforts.of(id), &coordinates);
     serialized(coordinates);
   }
   for (const engine::Contact& contact : world_.contacts()) {

@@ -10,6 +10,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/math/numbers.h"
+#include "ros/actuator_efforts.h"
 #include "ros/body_messages.h"
 #include "ros/constraint_messages.h"
 #include "ros/constraint_state.h"
@@ -591,7 +592,6 @@ TEST(Conversions, CoordinatesAreJointStates) {
     const double first = 10.0 * static_cast<double>(i);
     state.coordinates[i].position = first + 1.0;
     state.coordinates[i].velocity = first + 2.0;
-    state.coordinates[i].effort = first + 3.0;
   }
   sensor_msgs::JointState msg;
   for (const auto& [name, kind] : {std::pair("rod", engine::JointKind::kDistance),
@@ -599,12 +599,68 @@ TEST(Conversions, CoordinatesAreJointStates) {
                                    {"ice", engine::JointKind::kPlanar}}) {
     joint.name = name;
     joint.kind = kind;
-    add_coordinates(joint, state, &msg);
+    add_coordinates(joint, state, {3.0, 13.0, 23.0}, &msg);
   }
   EXPECT_EQ(msg.name, (std::vector<std::string>{"door", "ice", "ice/1", "ice/2"}));
   EXPECT_EQ(msg.position, (std::vector<double>{1.0, 1.0, 11.0, 21.0}));
   EXPECT_EQ(msg.velocity, (std::vector<double>{2.0, 2.0, 12.0, 22.0}));
   EXPECT_EQ(msg.effort, (std::vector<double>{3.0, 3.0, 13.0, 23.0}));
+}
+
+/// Returns the effort of the motor of joint `j` of a bar that gravity turns by +9.81 N m about the
+/// joint, after some seconds.
+double effort_with(const std::string& laws, double seconds = 0.1, const std::string& more = "",
+                   const std::string& joint = "j") {
+  engine::World world = engine::load_scene(R"(
+bodies:
+- {name: bar, mass: 2, shape: {box: {size: [0.4, 0.1, 0.1]}}, position: [0.5, 0, 0]}
+- {name: wheel, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 5, 0]}
+constraints:
+- {name: j, type: hinge, body_b: bar, anchor_b: [-0.5, 0, 0], axis_a: [0, 1, 0], )" +
+                                           laws + "}\n" + more);
+  const auto steps = static_cast<int>(std::lround(seconds / world.options().time_step));
+  for (int i = 0; i < steps; ++i) world.step();
+  return ActuatorEfforts(world).of(world.find_joint(joint))[0];
+}
+
+// Statics of a bar whose weight turns it by 0.5 m times 2 kg times 9.81 m/s² = 9.81 N m.
+TEST(ActuatorEfforts, AreThoseOfTheMotorAlone) {
+  constexpr double kRounding = 1e-8;  // rows of motors hold the bar to rounding
+  EXPECT_NEAR(effort_with("motor: {position: 0}"), -9.81, kRounding);
+  // A spring of 3 N m at its largest helps gravity; the damper does nothing at rest.
+  EXPECT_NEAR(effort_with("motor: {bias: 0}, stiffness: 3, rest: 1, damping: 2"), -12.81,
+              kRounding);
+  EXPECT_EQ(effort_with("upper: 0"), 0.0);  // a limit carries the bar
+  EXPECT_EQ(effort_with("damping: 2"), 0.0);
+  EXPECT_EQ(effort_with("motor: {force: 1.5}, upper: 0, damping: 1"), 1.5);
+  EXPECT_EQ(effort_with("motor: {force: 1.5}, enabled: false"), 0.0);
+  // The motor is too weak, and the bar rests on the limit.
+  EXPECT_EQ(effort_with("motor: {bias: -0.5, max_force: 1}, upper: 0"), -1.0);
+  // A servo that stands has the bar's torque at its angle q: 9.81 cos(q) = 200 q, q = 0.048993.
+  EXPECT_NEAR(effort_with("motor: {position: 0, servo_stiffness: 200, servo_damping: 40}", 10.0),
+              -9.81 * std::cos(0.048993), 1e-4);  // digits of q times the stiffness
+}
+
+// At a constant rate without gravity the motor works against damper and friction alone.
+TEST(ActuatorEfforts, OfAMovingMotorCarryDamperAndFriction) {
+  engine::World world = engine::load_scene(R"(
+world: {gravity: [0, 0, 0]}
+bodies:
+- {name: wheel, mass: 1, shape: {sphere: {radius: 0.1}}}
+constraints:
+- {name: j, type: hinge, body_b: wheel, damping: 2, friction: 0.5, motor: {bias: 0.25}}
+)");
+  for (int i = 0; i < 10; ++i) world.step();
+  EXPECT_NEAR(ActuatorEfforts(world).of(world.find_joint("j"))[0], 1.0, 1e-10);  // rounding
+}
+
+// A gear of ratio r carries the bar's torque to a wheel, whose motor holds it with r times that.
+TEST(ActuatorEfforts, OfGearedJointsAreTheMotors) {
+  const std::string gear =
+      "- {name: w, type: hinge, body_b: wheel, anchor_a: [0, 5, 0], axis_a: [0, 1, 0], motor: "
+      "{position: 0}}\n- {name: g, type: gear, joints: [j, w], ratio: 2}\n";
+  EXPECT_EQ(effort_with("damping: 0", 0.1, gear), 0.0);
+  EXPECT_NEAR(effort_with("damping: 0", 0.1, gear, "w"), 2.0 * 9.81, 1e-8);  // rounding
 }
 
 // ---- states of constraints

@@ -72,9 +72,11 @@ class Joints(support.ServiceCase):
         self.good("add_constraint", constraint=self.joint(
             laws={"stiffness": stiffness, "rest": 0.2, "lower": -2.0, "upper": 2.0}))
         self.good("step", steps=100)
-        # from 0 about 0.2 and back: after half a period at 0.4, at rest, where the spring pulls with 0.2 rad;
-        # unreached limits change nothing, and the effort is the mean over a tick
-        self.reaches({"j": (0.4, 0.0, -stiffness * 0.2)}, (1e-6, 1e-5, 1e-3 * stiffness * 0.2))
+        # from 0 about 0.2 and back: after half a period at 0.4, at rest; unreached limits change nothing
+        self.reaches({"j": (0.4, 0.0, 0.0)}, (1e-6, 1e-5, 0.0))  # no actuator, no effort
+        # the spring pulls with 0.2 rad there; the force is the mean over a tick
+        states = Listener(support.NODE + "/constraint_states", ConstraintStates).wait()
+        self.assertAlmostEqual(states.constraints[0].force, -stiffness * 0.2, delta=1e-3 * stiffness * 0.2)
         text = self.good("save_scene").text
         for line in ("lower: -2", "upper: 2", "rest: 0.2"):
             self.assertIn(line, text)
@@ -90,12 +92,14 @@ class Joints(support.ServiceCase):
             self.assertEqual((state.type, state.bias), (kind, 0.25))
             # within the residual of ten warm-started sweeps
             self.assertAlmostEqual(state.reached_rate, 0.25, places=6)
-            support.wait_until(lambda: listener.messages[-1].constraints[0].force ==
-                               self.states()["j"][2], "force and effort to be the same")
+            # the motor works against the spring of 5 N m/rad, whose force is in `force` as well
+            support.wait_until(lambda: abs(listener.messages[-1].constraints[0].force -
+                                           (self.states()["j"][2] - 5.0 * 0.25 * 0.395)) < 1e-9,
+                               "the effort to be the motor's")
             self.good("step", steps=160)
-            # 0.8 s of 0.25 a second, then held. Spring and motor balance, except for the motor's part in
-            # closing the anchors, a few N when it stops, and 0.9 of that with each of 120 steps
-            self.reaches({"j": (0.2, 0.0, 0.0)}, (1e-9, 1e-9, 1e-2))
+            # 0.8 s of 0.25 a second, then held against the spring, except for the motor's part in closing
+            # the anchors, a few N when it stops, and 0.9 of that with each of 120 steps
+            self.reaches({"j": (0.2, 0.0, 5.0 * 0.2)}, (1e-9, 1e-9, 1e-2))
             self.good("remove_constraint", name="j")
 
     def test_further_coordinates_have_numbers(self):

@@ -79,14 +79,27 @@ class RobotNames(unittest.TestCase):
             self.assertEqual(rospy.get_param(NODE + "/robot"), name)  # of the process that set it
 
     def test_in_a_launch_file(self):
-        empty = os.path.join(self.folder, "empty.yaml")
-        with open(empty, "w") as file:
-            file.write("bodies: []\n")
         for name in self.names():
             if name[0] == "~":  # the file sets no other parameter, and the home is roslaunch's
                 continue
-            with launched("simulator.launch", robot=name, scene=empty, paused="true"):
+            with launched("simulator.launch", robot=name, paused="true"):
                 self.check_robot(name)
+
+    def test_the_scene_beside_it(self):
+        with launched("simulator.launch", robot="arm", scene="pendulum", paused="true"):
+            self.assertEqual(properties().bodies, ["bob"] + self.bodies)
+        with launched("simulator.launch", robot="arm", scene="none", paused="true"):
+            self.check_robot("arm")
+        with launched("simulator.launch", scene="none"):
+            self.assertEqual(properties().bodies, [])
+            self.assertTrue(support.call("load_scene", path="pendulum").success)
+            self.assertTrue(support.call("load_scene", path="none").success)
+            self.assertEqual(properties().bodies, [])
+        with running(node_command(robot="arm", scene="none")):
+            self.check_robot("arm")
+        # roslaunch drops arguments without a value, so the default holds
+        with launched("simulator.launch", robot="arm", scene="", paused="true"):
+            self.check_robot("arm")
 
     # ---- that there is not
 

@@ -144,6 +144,54 @@ class Robots(support.ServiceCase):
                              {link: len(callers) for link, callers in publishers().items()})
             self.assertEqual(publishers()["base_link"], {support.NODE})
 
+    def test_two_robots_with_a_robot_state_publisher_each(self):
+        """In the robot's namespace a robot_state_publisher needs no settings, whatever the prefix."""
+        program = subprocess.check_output(
+            ["catkin_find", "--first-only", "--libexec", "robot_state_publisher",
+             "robot_state_publisher"], universal_newlines=True).strip()
+        ours, theirs, fixed = (Listener(topic, TFMessage)
+                               for topic in ("/tf", "/robots/tf", "/robots/tf_static"))
+        robots = {"left": "left/", "right_": "right_"}
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(simulator(frame_prefix="sim/"))
+            for i, (name, prefix) in enumerate(robots.items()):
+                self.good("load_urdf", path="arm", fixed=True, prefix=prefix, extra=POSE,
+                          pose=above(2.0 * i))
+                space = "%s/robots/%s" % (support.NODE, name)
+                wait_until(lambda: rospy.has_param(space + "/robot_description"), space)
+                stack.enter_context(running(
+                    [program, "__ns:=" + space, "/tf:=/robots/tf", "/tf_static:=/robots/tf_static",
+                     "__name:=robot_state_publisher"]))
+                states = Listener(space + "/joint_states", JointState).wait()
+                self.assertEqual(states.name, [prefix + joint for joint in (
+                    "shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")])
+
+            def frames(listeners):
+                return {t.child_frame_id: t for listener in listeners for m in listener.messages
+                        for t in m.transforms}
+            links = ["sim/" + prefix + link for prefix in robots.values() for link in LINKS]
+            wait_until(lambda: set(links) <= set(frames([ours])), "our frames")
+            wait_until(lambda: {link for link in links if not link.endswith("base_link")} ==
+                       set(frames([theirs, fixed])), "their frames")
+            mine, other = frames([ours]), frames([theirs, fixed])  # the world is paused
+            for link in links:
+                if link.endswith("base_link"):
+                    continue
+                at, chain = link, numpy.eye(4)
+                while at in other:
+                    chain = matrix(other[at].transform) @ chain
+                    at = other[at].header.frame_id
+                difference = matrix(mine[at].transform) @ chain - matrix(mine[link].transform)
+                self.assertLess(numpy.abs(difference).max(), 1e-9)  # as of one robot
+            for body in properties().bodies:
+                if body.startswith("left/"):
+                    self.good("remove_body", name=body)
+            wait_until(lambda: not rospy.has_param(support.NODE + "/robots/left"), "no parameter")
+            self.assertTrue(rospy.has_param(support.NODE + "/robots/right_/robot_description"))
+            topics = {topic for topic, _ in rospy.get_published_topics(support.NODE + "/robots")}
+            self.assertEqual(topics, {support.NODE + "/robots/right_/joint_states"})
+        self.assertFalse(rospy.has_param(support.NODE + "/robots"))
+
     def test_frames_of_bodies_are_children_of_links(self):
         with simulator(publish_com=True, robot="gripper", robot_fixed=True):
             tf = Listener("/tf", TFMessage)
@@ -374,6 +422,36 @@ motors:
             self.expect(states, "shoulder_pan", 0.3 + 0.2)
             self.expect(states, "elbow", 0.7)
             self.expect(states, "wrist_3", 0.01, "effort")
+
+    def test_a_command_after_a_trajectory_means_what_it_did_before(self):
+        motors = "motors: {shoulder_pan: {position: 0.3, max_force: 0}, elbow: {bias: 0, max_force: 0}}"
+        with simulator(command="shoulder_pan"):
+            self.good("load_urdf", path="arm", fixed=True, extra=POSE + motors)
+            states = Listener(support.NODE + "/joint_states", JointState)
+            follow = rospy.Publisher(support.NODE + "/joint_trajectory", JointTrajectory, queue_size=1)
+            command = rospy.Publisher(support.NODE + "/command/shoulder_pan", Float64, queue_size=1)
+            for topic in (follow, command):
+                wait_until(topic.get_num_connections, topic.name)
+
+            def move():
+                end = JointTrajectoryPoint(positions=[0.5, 0.2], velocities=[0, 0],
+                                           time_from_start=rospy.Duration(1.0))
+                follow.publish(JointTrajectory(joint_names=["shoulder_pan", "elbow"], points=[end]))
+                self.step_until(lambda before, after: abs(after["forearm/com"].twist.angular.z) > 0.01)
+
+            def go(position):
+                before = properties().state_hash
+                command.publish(position)
+                wait_until(lambda: properties().state_hash != before, "the command")
+                self.good("step", steps=200)  # longer than the closing time of 0.5 s
+                self.expect(states, "shoulder_pan", position)
+            move()
+            self.good("step", steps=200)
+            self.expect(states, "shoulder_pan", 0.5)
+            go(0.7)
+            move()
+            go(0.1)  # in the middle of a trajectory
+            self.assertIn("position: 0.1", self.good("save_scene").text)
 
     def test_odometry_wrenches_and_twists(self):
         with simulator(odometry="ball left/trunk", wrench="ball", cmd_vel="cart"):

@@ -149,6 +149,50 @@ TEST(Trajectories, ANewOneReplacesTheOldAndNoneStops) {
   EXPECT_NEAR(position(world, "elbow"), -0.6, 1e-12);
 }
 
+// A motor to a position is on the spline like one by rate, and then holds the end point; so does
+// one whose trajectory was replaced or stopped on its way. 1e-12: rounding of integrated joints.
+TEST(Trajectories, AMotorToAPositionStaysOne) {
+  World world = two_bars("motor: {position: 0}");
+  Trajectories trajectories;
+  const engine::JointId shoulder = world.find_joint("shoulder"), elbow = world.find_joint("elbow");
+  const auto target = [&](engine::JointId id) {
+    return world.joint(id).coordinates[0].motor->position;
+  };
+  const Spline spline({{0.0, 0.0, 0.0, 0.0}, {0.5, 0.4, 1.0, 0.0}, {1.0, 0.8, 0.0, 0.0}}, 5);
+  const auto run = [&](int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      trajectories.before_step(&world);
+      world.step();
+    }
+  };
+  trajectories.begin(world, to(0.8, -0.6));
+  for (int i = 0; i < 110; ++i) {
+    run(1);
+    ASSERT_NEAR(position(world, "shoulder"), spline.at(world.time()), 1e-12) << i;
+  }
+  EXPECT_TRUE(trajectories.empty());
+  EXPECT_EQ(target(shoulder), 0.8);
+  EXPECT_EQ(target(elbow), -0.6);
+  EXPECT_FALSE(trajectories.drop(shoulder));
+  run(50);
+  EXPECT_NEAR(position(world, "shoulder"), 0.8, 1e-12);
+
+  trajectories.begin(world, to(0.2, 0.3));
+  run(30);
+  EXPECT_FALSE(target(shoulder));
+  EXPECT_TRUE(trajectories.drop(elbow));
+  trajectories.begin(world, to(0.4, 0.0));  // elbow is a motor by rate from here on
+  JointTrajectory stop;
+  stop.joints = {"shoulder"};
+  trajectories.begin(world, stop);
+  run(1);
+  ASSERT_TRUE(target(shoulder));
+  EXPECT_NEAR(*target(shoulder), position(world, "shoulder"), 1e-12);
+  run(120);
+  EXPECT_FALSE(target(elbow));
+  EXPECT_NEAR(position(world, "elbow"), 0.0, 1e-12);
+}
+
 TEST(Trajectories, WhatCannotBeIsNamed) {
   World world = two_bars("motor: {bias: 0}");
   World passive = two_bars("damping: 0");

@@ -213,6 +213,97 @@ TEST(Robots, FollowTrajectories) {
   }
 }
 
+// Each shipped robot, with the YAML beside it, and the arm with the YAML of docs/robots.md, hold
+// their poses for 5 s; the quadruped that falls on its feet from a height of millimetres after 1 s.
+// 1e-3 rad is the promise; rigid motors within their limits leave rounding. At 1/30 s the motors of
+// the quadruped on its feet are at their limits now and then, and it moves by 7e-3 rad.
+TEST(Robots, HoldTheirPoses) {
+  const std::string page = read_text(CONSTRAINT_SIM_SOURCE_DIR "/docs/robots.md");
+  const std::size_t begin = page.find("```yaml\n") + 8;
+  const std::string documented = page.substr(begin, page.find("```", begin) - begin);
+  for (const Held& held : {Held{"arm", shipped_extra("arm"), true}, Held{"arm", documented, true},
+                           Held{"gripper", shipped_extra("gripper"), true},
+                           Held{"quadruped", shipped_extra("quadruped"), true},
+                           Held{"quadruped", shipped_extra("quadruped"), false}})
+    for (const double rate : {30.0, 100.0, 1000.0}) {
+      if (!held.fixed && rate < 100.0) continue;
+      SCOPED_TRACE(std::string(held.robot) + " at " + std::to_string(rate) +
+                   (held.fixed ? "" : " on its feet"));
+      WorldOptions options;
+      options.time_step = 1.0 / rate;
+      options.iterations = 100;
+      World world(options);
+      RobotOptions robot_options = with_extra(held.extra, held.fixed);
+      robot_options.pose.position.z() = held.fixed ? 1.0 : 0.31;
+      if (!held.fixed) world.add_body(engine::make_floor(1.0));
+      const Robot robot = add_robot(shipped_urdf(held.robot), robot_options, &world);
+      EXPECT_EQ(robot.warnings, std::vector<std::string>{});
+      std::map<std::string, double> first;
+      for (const engine::JointId id : world.joint_ids())
+        first[world.joint(id).name] = world.joint_state(id).coordinates[0].position;
+      double most = 0.0;
+      for (int i = 0; i < static_cast<int>(5.0 * rate); ++i) {
+        world.step();
+        ASSERT_FALSE(world.report().failed);
+        if (!held.fixed && world.time() < 1.0) continue;
+        for (const engine::JointId id : world.joint_ids())
+          if (engine::coordinates(world.joint(id).kind) > 0)
+            most = std::max(most, std::abs(world.joint_state(id).coordinates[0].position -
+                                           first[world.joint(id).name]));
+      }
+      EXPECT_LT(most, 1e-3);
+    }
+}
+
+// A bar of 2 kg, 0.5 m before a hinge, with another of 1 kg at 1.5 m: 9.81 (2·0.5 + 1·1.5) = 24.5 N
+// m on the first, 4.9 N m on the second.
+TEST(Robots, ServosThatGravityMovesAreReported) {
+  const auto body = [](const std::string& name, double mass) {
+    return "<link name='" + name + "'><inertial><origin xyz='0.5 0 0'/><mass value='" +
+           std::to_string(mass) +
+           "'/><inertia ixx='0.1' iyy='0.1' izz='0.1' ixy='0' ixz='0' iyz='0'/></inertial></link>";
+  };
+  const auto hinge = [](const std::string& name, const std::string& parent,
+                        const std::string& child, double x) {
+    return "<joint name='" + name + "' type='continuous'><parent link='" + parent +
+           "'/><child link='" + child + "'/><origin xyz='" + std::to_string(x) +
+           " 0 0'/><axis xyz='0 1 0'/></joint>";
+  };
+  const std::string urdf = "<robot name='r'>" + body("base", 1.0) + body("upper", 2.0) +
+                           body("lower", 1.0) + hinge("a", "base", "upper", 0.0) +
+                           hinge("b", "upper", "lower", 1.0) + "</robot>";
+  const auto warnings = [&](const std::string& extra, double gravity = 9.81) {
+    WorldOptions options;
+    options.gravity = {0.0, 0.0, -gravity};
+    World world(options);
+    return add_robot(urdf, with_extra(extra, true), &world).warnings;
+  };
+  const std::string ends = " rad, and a position without servo holds it";
+  EXPECT_EQ(
+      warnings("motors: {a: {position: 0, servo_stiffness: 100}, b: {position: 0, "
+               "servo_stiffness: 30}}"),
+      (std::vector<std::string>{
+          "joint 'a': gravity alone turns its servo by 0.245 rad; servo_stiffness 248 N m/rad "
+          "keeps that below 0.1" +
+              ends,
+          "joint 'b': gravity alone turns its servo by 0.163 rad; servo_stiffness 49.5 N m/rad "
+          "keeps that below 0.1" +
+              ends}));
+  const std::string stiff = "motors: {a: {position: 0, servo_stiffness: 246}}";
+  EXPECT_TRUE(warnings(stiff).empty());
+  EXPECT_EQ(warnings(stiff, 20.0).size(), 1u);
+  EXPECT_TRUE(warnings("motors: {a: {position: 0}, b: {bias: 0}}").empty());
+  // hanging down, at q = pi/2, a servo carries nothing
+  EXPECT_TRUE(warnings("positions: {a: 1.5707963}\nmotors: {a: {position: 1.5707963, "
+                       "servo_stiffness: 1}}")
+                  .empty());
+  // a rope carries the lower bar too, and a frequency gives the stiffness by the mass behind it
+  EXPECT_TRUE(warnings("motors: {a: {position: 0, servo_stiffness: 1}}\nconstraints: [{name: c, "
+                       "type: distance, body_b: lower}]")
+                  .empty());
+  EXPECT_EQ(warnings("motors: {a: {position: 0, servo_frequency: 0.1}}").size(), 1u);
+}
+
 // Feet of grams below a trunk of kilograms need more sweeps than the default.
 WorldOptions for_contacts() {
   WorldOptions options;
@@ -221,7 +312,7 @@ WorldOptions for_contacts() {
   return options;
 }
 
-// The quadruped stands on servos: the feet carry its weight, and the trunk stays where the legs
+// The quadruped stands on its motors: the feet carry its weight, and the trunk stays where the legs
 // hold it.
 TEST(Robots, QuadrupedStands) {
   World world(for_contacts());

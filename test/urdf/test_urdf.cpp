@@ -8,6 +8,7 @@
 #include "memory_peak.h"
 #include "robots.h"
 #include "urdf/parse.h"
+#include "urdf/prefixed.h"
 
 namespace constraint_sim {
 namespace {
@@ -413,7 +414,54 @@ TEST(Xacro, DefinitionsAreNamedAndWhatIsNotReadIsNot) {
           "<transmission name='${t}'/>" +
               link("base") + "<material name='cost_$5 $(x)'><color rgba='1 0 0 1'/></material>",
           &other);
-  EXPECT_EQ(without.warnings, std::vector<std::string>{});
+  EXPECT_EQ(without.warnings,
+            (std::vector<std::string>{
+                "elements that are not read: <gazebo> (line 1), <transmission> (line 1)"}));
+}
+
+TEST(Elements, ThatAreNotReadAreCounted) {
+  World world;
+  const std::string inside =
+      "\n<gazebo reference='base'><mu1>1</mu1><gazebo/></gazebo>\n<gazebo/>" +
+      link("base",
+           std::string(kInertial) +
+               "<collision><geometry><sphere radius='1'/></geometry>\n<surface/></collision>"
+               "<visual><geometry><sphere radius='1'/></geometry><material name='m'><color "
+               "rgba='1 0 0 1'/></material></visual>") +
+      link("tip") +
+      "\n<joint name='j' type='continuous'><parent link='base'/><child link='tip'/>"
+      "<axis xyz='0 0 1'/><safety_controller k_velocity='1'/></joint><!-- <sensor/> -->";
+  const Robot robot = add(inside, &world);
+  EXPECT_EQ(robot.warnings,
+            (std::vector<std::string>{
+                "elements that are not read: <gazebo> (2, first in line 2), <surface> in "
+                "<collision> (line 4), <safety_controller> in <joint> (line 5)"}));
+  std::string many = link("base");
+  for (char c = 'a'; c < 'm'; ++c) many += std::string("<") + c + "/>";
+  World other;
+  const Robot of_many = add(many, &other);
+  ASSERT_EQ(of_many.warnings.size(), 1u);
+  EXPECT_NE(of_many.warnings[0].find("<j> (line 1) and 2 more"), std::string::npos)
+      << of_many.warnings[0];
+}
+
+TEST(Elements, OtherFormatsAreRecognised) {
+  const std::pair<const char*, const char*> texts[] = {
+      {"<?xml version='1.0'?>\n<!-- <robot/> --><sdf version='1.7'><model name='m'/></sdf>",
+       "urdf: the text begins with <sdf>, which is SDF, and SDF is not read; a URDF is XML and "
+       "begins with <robot>"},
+      {"<model name='m'><link name='${a}'/></model>", "<model>, which is SDF"},
+      {"<mujoco model='m'><worldbody/></mujoco>", "<mujoco>, which is MJCF of MuJoCo"},
+      {"<COLLADA/>", "urdf: "},
+      {"bodies: [{name: a}]", "urdf: the text has no element of XML"},
+      {"solid part\nfacet", "urdf: the text has no element of XML"},
+      {"<!-- <robot/> -->", "urdf: the text has no element of XML"},
+  };
+  for (const auto& [text, part] : texts) {
+    World world;
+    const std::string message = refusal([&] { add_robot(text, {}, &world); });
+    EXPECT_NE(message.find(part), std::string::npos) << message;
+  }
 }
 
 // A parser that recurses from element to element would overflow the stack.
@@ -481,6 +529,23 @@ TEST(HostileUrdf, OfLinksInACycleIsRejectedWithoutALeak) {
               add_robot(robot(link("a") + joint("j", "fixed", "a", "a")), {}, &world);
             }).find("in a cycle of joints"),
             std::string::npos);
+}
+
+// The description for programs that know no prefix is that of a robot with longer names.
+TEST(Prefixed, LinksAndJointsHaveLongerNames) {
+  const auto text = [](const std::string& p, const std::string& q) {
+    return robot("<!-- <link name='x'/> -->" + link(p + "base") + link(p + "tip") +
+                 link(p + "end") +
+                 joint(q + "j", "revolute", p + "base", p + "tip",
+                       std::string(kLimit) + "<origin xyz='1 0 0'/>") +
+                 joint(q + "k", "continuous", p + "tip", p + "end",
+                       "<mimic multiplier='2' joint='" + q + "j'/>") +
+                 "<material name='m'/><gazebo reference='base'><link name='y'/></gazebo>");
+  };
+  const PrefixedUrdf prefixed = prefixed_urdf(text("", ""), "sim/left/", "left/");
+  EXPECT_EQ(prefixed.text, text("sim/left/", "left/"));
+  EXPECT_EQ(prefixed.joints, (std::vector<std::string>{"left/j", "left/k"}));
+  EXPECT_EQ(prefixed_urdf(text("", ""), "", "").text, text("", ""));
 }
 
 }  // namespace

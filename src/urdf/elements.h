@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+
+namespace constraint_sim {
+
+/// Throws std::invalid_argument for SDF and MJCF, by the root element, and for a text without
+/// elements of XML.
+void check_root_element(const std::string& urdf);
+
+/// Returns the elements of a URDF that the conversion does not read, such as
+/// `<gazebo> (3, first in line 12)`: the first ten kinds, and how many more. Empty: none. Elements
+/// of xacro and the contents of elements that are not read are not listed.
+std::string unread_elements(const std::string& urdf);
+
+}  // namespace constraint_sim

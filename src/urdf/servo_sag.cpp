@@ -1,0 +1,116 @@
+#include "urdf/servo_sag.h"
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <map>
+#include <set>
+
+namespace constraint_sim {
+namespace {
+
+using Eigen::Vector3d;
+using engine::BodyId;
+using engine::JointId;
+using engine::World;
+
+std::string rounded(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+/// The joints of a robot as a tree, with the mass behind each.
+class Tree {
+ public:
+  Tree(const Robot& robot, const World& world) : world_(world) {
+    std::set<std::uint32_t> bodies;
+    for (const std::string& name : robot.bodies) bodies.insert(world.find_body(name).value);
+    for (const std::string& name : robot.constraints) add(world.find_joint(name), bodies);
+    for (auto joint = joints_.rbegin(); joint != joints_.rend(); ++joint) sum(*joint);
+  }
+
+  const std::vector<JointId>& joints() const { return joints_; }
+
+  /// Returns whether the links behind the joint hang on it alone.
+  bool carries_alone(JointId joint) const { return shared_.count(joint.value) == 0; }
+
+  /// Returns the torque of gravity about the axis of a hinge [N m].
+  double torque(JointId id) const {
+    const engine::Joint& joint = world_.joint(id);
+    const Load& load = loads_.at(joint.body_b.value);
+    const Vector3d arm = load.moment - load.mass * world_.anchors(id).p_b;
+    const Vector3d axis =
+        world_.state(joint.body_b).orientation * (*joint.frame_b * Vector3d::UnitZ());
+    return arm.cross(world_.options().gravity).dot(axis);
+  }
+
+ private:
+  /// Mass of a body and all bodies behind it, and its first moment about the world's origin.
+  struct Load {
+    double mass = 0.0;
+    Vector3d moment = Vector3d::Zero();
+    bool is_shared = false;
+  };
+
+  // Joints of the URDF come first, parents before children: the first joint to a body is the one
+  // in the tree.
+  void add(JointId id, const std::set<std::uint32_t>& bodies) {
+    const engine::Joint& joint = world_.joint(id);
+    if (engine::couples_joints(joint.kind)) {
+      shared_.insert(joint.coupling.first.value);
+      shared_.insert(joint.coupling.second.value);
+      return;
+    }
+    const bool is_in_tree = bodies.count(joint.body_b.value) > 0 &&
+                            bodies.count(joint.body_a.value) > 0 &&
+                            children_.insert(joint.body_b.value).second;
+    if (is_in_tree) return joints_.push_back(id);
+    for (const BodyId body : {joint.body_a, joint.body_b}) loads_[body.value].is_shared = true;
+  }
+
+  // Adds a body, whose children are done, to its parent.
+  void sum(JointId id) {
+    const engine::Joint& joint = world_.joint(id);
+    Load& load = loads_[joint.body_b.value];
+    const double mass = world_.body(joint.body_b).mass;
+    load.mass += mass;
+    load.moment += mass * world_.state(joint.body_b).position;
+    if (load.is_shared) shared_.insert(id.value);
+    Load& parent = loads_[joint.body_a.value];
+    parent.mass += load.mass;
+    parent.moment += load.moment;
+    parent.is_shared = parent.is_shared || load.is_shared;
+  }
+
+  const World& world_;
+  std::vector<JointId> joints_;          // parents first
+  std::set<std::uint32_t> children_;     // bodies that a joint of the tree carries
+  std::map<std::uint32_t, Load> loads_;  // by body
+  std::set<std::uint32_t> shared_;       // joints whose links others carry too
+};
+
+}  // namespace
+
+std::vector<std::string> sagging_servos(const Robot& robot, const World& world) {
+  std::vector<std::string> sentences;
+  const Tree tree(robot, world);
+  for (const JointId id : tree.joints()) {
+    const engine::Joint& joint = world.joint(id);
+    const auto& motor = joint.coordinates[0].motor;
+    const bool has_servo = joint.kind == engine::JointKind::kHinge && motor && motor->is_servo();
+    if (!has_servo || !tree.carries_alone(id)) continue;
+    const double torque = std::abs(tree.torque(id));
+    const double sag = torque / motor->servo_stiffness;
+    if (!(sag > kMostServoSag)) continue;
+    const double needed = 1.01 * torque / kMostServoSag;  // more than the printed digits round off
+    sentences.push_back("joint '" + joint.name + "': gravity alone turns its servo by " +
+                        rounded(sag) + " rad; servo_stiffness " + rounded(needed) +
+                        " N m/rad keeps that below " + rounded(kMostServoSag) +
+                        " rad, and a position without servo holds it");
+  }
+  return sentences;
+}
+
+}  // namespace constraint_sim

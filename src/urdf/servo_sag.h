@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "urdf/robot.h"
+
+namespace constraint_sim {
+
+/// Angle by which gravity may move a servo without a report [rad].
+constexpr double kMostServoSag = 0.1;
+
+/// Returns a sentence for each servo of a robot in a world that the weight of the links behind it
+/// turns by more than kMostServoSag, with the stiffness that it would need. Statics at the present
+/// pose. Joints whose links are in loops or geared are left out, since others carry them too.
+std::vector<std::string> sagging_servos(const Robot& robot, const engine::World& world);
+
+}  // namespace constraint_sim

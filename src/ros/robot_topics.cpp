@@ -25,7 +25,8 @@ RobotTopics::RobotTopics(const ros::NodeHandle& private_handle,
     : handle_(private_handle, "robots"), welcome_(std::move(welcome)) {}
 
 RobotTopics::~RobotTopics() {
-  for (const auto& [name, topic] : topics_) handle_.deleteParam(parameter_of(name));
+  for (const auto& [name, topic] : topics_) handle_.deleteParam(name);
+  if (!topics_.empty()) handle_.deleteParam("");
 }
 
 void RobotTopics::update(const std::vector<RobotDescription>& robots) {
@@ -42,7 +43,7 @@ void RobotTopics::update(const std::vector<RobotDescription>& robots) {
                                    robot});
   }
   for (const auto& [name, topic] : topics_)
-    if (next.count(name) == 0) handle_.deleteParam(parameter_of(name));
+    if (next.count(name) == 0) handle_.deleteParam(name);
   const std::lock_guard<std::mutex> lock(mutex_);
   std::swap(topics_, next);
 }

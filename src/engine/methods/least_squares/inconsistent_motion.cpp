@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "engine/math/cross_matrix.h"
 #include "engine/math/larger.h"

@@ -44,6 +44,7 @@ void RobotTopics::update(const std::vector<RobotDescription>& robots) {
   }
   for (const auto& [name, topic] : topics_)
     if (next.count(name) == 0) handle_.deleteParam(name);
+  if (next.empty() && !topics_.empty()) handle_.deleteParam("");  // the empty folder as well
   const std::lock_guard<std::mutex> lock(mutex_);
   std::swap(topics_, next);
 }

@@ -110,8 +110,8 @@ TEST_P(BreakingBesideContactsAt, AShelfBreaksUnderABallThatSlides) {
   EXPECT_NEAR(broken[0].time, breaks, kBreaks);
 }
 
-// A ball rebounds from a bob that a rod holds like a wall, e = 1. The impulse 2 m v of the rod lasts
-// for the duration of impacts, and breaks it at the moment of the hit, after the rebound.
+// A ball rebounds from a bob that a rod holds like a wall, e = 1. The impulse 2 m v of the rod
+// lasts for the duration of impacts, and breaks it at the moment of the hit, after the rebound.
 TEST_P(BreakingBesideContactsAt, AnImpactBreaksAtItsMoment) {
   constexpr double kMass = 0.5, kSpeed = 3.0, kHits = 0.1039;
   for (const double bears : {0.99, 1.01}) {

@@ -19,7 +19,9 @@ def effective(**given):
     """Returns name -> type and value of the effective parameters of a node started with these."""
     with running(node_command(**given)):
         properties()  # the node is up
-        return typed(rospy.get_param(support.NODE))
+        found = rospy.get_param(support.NODE)
+        found.pop("robots", None)  # descriptions of the robots that were loaded
+        return typed(found)
 
 
 def typed(parameters):

@@ -125,7 +125,7 @@ class Spawn(unittest.TestCase):
                              ["right_frame/com", "right_leaf/com"])
             # -J keeps the YAML beside the URDF, which closes the gripper's loops
             added = call("load_urdf", path="gripper", prefix="g/", fixed=True)
-            self.assertTrue(added.success, added.message)
+            self.assertTrue(added.success, added.status_message)
             closed = {name[2:] for name in properties().constraints if name.startswith("g/")}
             self.added("-urdf", "gripper", "-fixed", "-prefix", "h/", "-J", "lift", "0.1")
             self.assertEqual({name[2:] for name in properties().constraints if name.startswith("h/")},

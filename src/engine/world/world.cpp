@@ -250,19 +250,25 @@ void World::Impl::finish_impulses(const StepContext& step) {
     note_if_broken(static_cast<std::size_t>(j));
 }
 
-// Sets the error estimates of islands that impulses advance, and of the step, to NaN: impulses have
-// no estimate. Neither have islands that may hit something while no group locates the hit.
+// Sets the error estimates of islands that impulses advance or whose joints cannot all be met, and
+// of the step, to NaN: these motions have no estimate. Neither have islands that may hit something
+// while no group locates the hit.
 void World::Impl::leave_out_estimates() {
-  const auto leave_out = [&](int body, bool in_groups) {
-    const int island = topology.island_of(static_cast<std::size_t>(body));
-    if (island < 0 || islands[island].why == MethodReason::kAtRest ||
-        (!in_groups && groups.contains(to_index(island))))
-      return;
+  const auto leave_out = [&](int island) {
     islands[island].local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
   };
-  for (const int body : integration.partition().impulse_bodies) leave_out(body, true);
-  for (const auto& [pair, gap] : reach.watched_pairs())
-    for (const int body : {pair.first, pair.second}) leave_out(body, false);
+  const auto island_of = [&](int body) {
+    return topology.island_of(static_cast<std::size_t>(body));
+  };
+  for (const int body : integration.partition().impulse_bodies) leave_out(island_of(body));
+  for (const int island : integration.partition().smooth)
+    if (islands[island].why == MethodReason::kInconsistent) leave_out(island);
+  for (const auto& [pair, gap] : reach.watched_pairs()) {
+    for (const int island : {island_of(pair.first), island_of(pair.second)})
+      if (island >= 0 && islands[island].why != MethodReason::kAtRest &&
+          !groups.contains(to_index(island)))
+        leave_out(island);
+  }
 }
 
 ImpulseStep World::Impl::impulse_step(const StepContext& step) const {

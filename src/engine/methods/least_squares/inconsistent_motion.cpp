@@ -3,7 +3,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/math/cross_matrix.h"
 #include "engine/math/larger.h"
@@ -97,7 +96,6 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
 IntegrationResult InconsistentMotion::advance(const Interval& span, EquationsOfMotion* equations,
                                               List<BodyState>* states) {
   IntegrationResult progress;
-  progress.local_error = std::numeric_limits<double>::quiet_NaN();  // the method has no estimate
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   equations->add_custom_loads(span.t, *states);
   bodies_.gather_state(*states, &end_, &velocity_);

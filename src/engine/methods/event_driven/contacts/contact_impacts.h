@@ -18,7 +18,7 @@ namespace constraint_sim::engine {
 /// With w the rates of contacts along normals and tangents, and A the response to impulses while
 /// the joints hold:
 ///   w⁺ = w + A p,  0 ≤ p_n ⊥ w_n⁺ + e w_n⁻ ≥ 0,  p in its friction cone
-/// Coordinates with one-sided laws are rows of the same problem, as in event_states.cpp.
+/// Coordinates with one-sided laws are rows of the same problem, as in event_problem.h.
 class ContactImpacts {
  public:
   /// Clears impulses and times of rest.

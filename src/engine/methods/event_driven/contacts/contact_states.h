@@ -20,7 +20,7 @@ namespace constraint_sim::engine {
 /// With w the rates of contacts along normals and tangents, and A the response to impulses while
 /// the joints hold: ẇ = b + A f for touching contacts that do not part, with f in its cone, or
 /// along the slip for slipping contacts. Coordinates with one-sided laws are rows of the same
-/// problem, as in event_states.cpp.
+/// problem, as in event_problem.h.
 class ContactStates {
  public:
   using Acts = ContactEquations::Acts;

@@ -614,9 +614,12 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
     }
   }
   EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);
+  EXPECT_TRUE(std::isnan(world.islands().front().local_error));  // this motion has no estimate
+  EXPECT_TRUE(std::isnan(world.report().local_error));
   world.remove_joint(longer);
   run(world, 2);
   EXPECT_EQ(world.islands().front().why, MethodReason::kSmooth);
+  EXPECT_FALSE(std::isnan(world.report().local_error));
   run(world, 60);
   EXPECT_LE(std::abs(world.joint_state(shorter).error), 1e-12);
 }

@@ -9,8 +9,8 @@ namespace constraint_sim {
 void check_root_element(const std::string& urdf);
 
 /// Returns the elements of a URDF that the conversion does not read, such as
-/// `<gazebo> (3, first in line 12)`: the first ten kinds, and how many more. Empty: none. Elements
-/// of xacro and the contents of elements that are not read are not listed.
+/// `<gazebo> (3, first in line 12)`: the first ten kinds, and how many more. Empty: none. Not
+/// listed are xacro's elements and the contents of unread elements.
 std::string unread_elements(const std::string& urdf);
 
 }  // namespace constraint_sim

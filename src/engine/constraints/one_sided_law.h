@@ -14,8 +14,8 @@ namespace constraint_sim::engine {
 
 // Laws on a coordinate q that act one way or up to a limit, in event-driven integration: limits,
 // Coulomb friction, motors, servos or springs with a force limit, and springs that only pull. The
-// value of a one-sided coupling has an upper limit, too. Servos and springs aside, each is a force
-// whose value jumps where q̇ passes a rate, and is any value between while q̇ stays there:
+// value of a one-sided coupling has an upper limit, too. Servos and springs aside, each
+// force jumps where q̇ passes a rate, and has any value between while q̇ stays there:
 //   friction    ±f          at q̇ = 0
 //   motor       ±max_force  at q̇ = ζ
 //   limits      0 … ∞ at the lower, −∞ … 0 at the upper, at the rate of the limit

@@ -151,8 +151,8 @@ class EquationsOfMotion : public IslandModel {
   /// Whether the redundant rows are met at the given pose. Unmet ones become ordinary rows again.
   bool redundant_rows_are_met(double t, const List<Eigen::Vector3d>& positions,
                               const List<Eigen::Quaterniond>& orientations);
-  /// Adds `share` of a velocity change to y, and `share` of `impulses`, by unknown, to the impulses
-  /// of the joints.
+  /// Adds `share` of a velocity change to y, and `share` of `impulses`, by unknown, to the
+  /// impulses of the joints.
   void add_response(const Motions& change, const List<double>& impulses, double share, double* y);
 
   // ---- results

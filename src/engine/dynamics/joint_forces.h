@@ -11,9 +11,9 @@
 
 namespace constraint_sim::engine {
 
-/// Forces of the joints of an island in all stages of a substep, and their impulses since the start
-/// of the step. Lists are by unknown: rows in the order of the Delassus matrix, then springs, then
-/// soft coordinates.
+/// Forces of the joints of an island in all stages of a substep, and their impulses since the
+/// start of the step. Lists are by unknown: rows in the order of the Delassus matrix, then springs,
+/// then soft coordinates.
 class JointForces {
  public:
   explicit JointForces(const IslandModel& island);

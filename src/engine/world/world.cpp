@@ -250,9 +250,9 @@ void World::Impl::finish_impulses(const StepContext& step) {
     note_if_broken(static_cast<std::size_t>(j));
 }
 
-// Sets the error estimates of islands that impulses advance or whose joints cannot all be met, and
-// of the step, to NaN: these motions have no estimate. Neither have islands that may hit something
-// while no group locates the hit.
+// Sets the error estimate of a step and its islands to NaN where impulses advance an island, where
+// joints cannot all be met, and where an island may hit something while no group locates the hit:
+// these motions have no estimate.
 void World::Impl::leave_out_estimates() {
   const auto leave_out = [&](int island) {
     islands[island].local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();

@@ -13,8 +13,8 @@ inline constexpr double kCustomDifference = 1e-6;
 
 /// Row or coordinate of a joint in a step: J where forces are taken, with the slopes of λJ; value
 /// at the end of the step (of an angle its change over the step), and gradient of the value. The
-/// midpoint rule has J as the discrete gradient, whose product with the displacement is the change
-/// of the value.
+/// midpoint rule has J as the discrete gradient, whose product with the displacement is the
+/// change of the value.
 struct FormInStep {
   Jacobian J;
   double value = 0.0;

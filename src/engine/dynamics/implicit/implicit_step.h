@@ -15,8 +15,8 @@
 
 namespace constraint_sim::engine {
 
-/// One step of an island as a system of equations for Newton's method. Unknowns: Δx of each body, w
-/// of each rotating body with R₁ = cay(w) R₀, and λ of each row.
+/// One step of an island as a system of equations for Newton's method. Unknowns: Δx of each body,
+/// w of each rotating body with R₁ = cay(w) R₀, and λ of each row.
 ///   r_x = m (Δx − p) − s f
 ///   r_w = (1 + ½ŵ) J₀ (w − a) − (1 − ½ŵ)(b + s T),  J₀ = R₀ I R₀ᵀ
 ///   g = 0 at the end of the step

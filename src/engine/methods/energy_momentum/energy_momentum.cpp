@@ -104,8 +104,8 @@ IntegrationResult EnergyMomentum::advance(const Interval& span, const Integrator
 }
 
 // Projects the velocities onto the joints and starts without history. Where more than `most` of the
-// kinetic energy would be lost, keeps the velocities: the midpoint rule can start from velocities
-// that are off the joints.
+// kinetic energy would be lost, keeps the velocities: the midpoint rule can start from
+// velocities that are off the joints.
 bool EnergyMomentum::project(const Interval& span, double most, EquationsOfMotion* equations,
                              List<BodyState>* states, IntegrationResult* progress) {
   List<BodyState> before;

@@ -52,8 +52,8 @@ class ContactPairs {
   /// Returns false where two shapes overlap by more than kMostOverlap, unless the first interval
   /// `closes` overlaps.
   bool begin(bool closes, ContactEquations* equations);
-  /// Updates the features of all pairs. Acting contacts keep their features, unless `all`. Features
-  /// of two boxes stay unchanged inside a substep (`is_within`).
+  /// Updates the features of all pairs. Acting contacts keep their features, unless `all`. Inside
+  /// a substep (`is_within`) features of two boxes stay unchanged.
   void find_features(bool all, bool is_within, ContactEquations* equations);
   /// Whether bodies overlap unnoticed. Two boxes may have met with features that were not watched,
   /// and no event may be late.

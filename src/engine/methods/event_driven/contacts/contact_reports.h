@@ -41,8 +41,8 @@ class ContactReports {
   /// Notes the states of coordinates at the end of an interval.
   void end_interval(const ContactEquations& equations);
   void add_break(double t, std::size_t joint);
-  /// Reports the change to the states in `equations`; at the start of an interval against the end
-  /// of the interval before.
+  /// Reports the change to the states in `equations`; at the start of an interval against the
+  /// end of the interval before.
   void add(const ContactChange& change, const ContactEquations& equations, ContactPairs* pairs);
   /// Writes the positions where motors with a force limit hold, and whether these are saturated.
   void write(const ContactEquations& equations, std::size_t coordinate, JointState* state) const;

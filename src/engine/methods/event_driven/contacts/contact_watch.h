@@ -35,8 +35,8 @@ struct ContactWatched : WatchedValue {
   signed char side = 0;        ///< bound of a holding force: -1 lower, +1 upper
 };
 
-// Margins of forces to their bounds. With `has_stages`, stages of the last substep show a force
-// that leaves its bounds and returns.
+// Margins of forces to their bounds. With `has_stages`, stages of the last substep show a
+// force that leaves its bounds and returns.
 
 /// Adds the normal force of an acting contact, and the margin of a sticking contact to its cone.
 void watch_contact_forces(const ContactEquations& equations, std::size_t contact, bool has_stages,

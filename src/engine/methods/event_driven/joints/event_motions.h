@@ -34,8 +34,8 @@ class EventMotions {
   /// Mends all joints where the states do not continue, since a rejected step has broken no joint.
   /// Returns whether any was broken.
   bool mend_rejected();
-  /// Takes over the joint states of the world, except positions, and starts the prescribed motions
-  /// of an interval from t to `end`, part of `step` [s]. Returns whether all of them continue.
+  /// Takes over the joint states of the world, except positions, and starts the prescribed
+  /// motions of an interval from t to `end`, part of `step` [s]. Returns whether all continue.
   bool begin_interval(const List<JointState>& world, const JointStep& step, double t, double end);
 
   // ---- states

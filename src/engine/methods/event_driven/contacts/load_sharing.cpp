@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 
 constexpr double kDependentShare = 1e-10;  // pivot of dependent rows
 // Share of the mean normal force; contacts with less can bear more.
-constexpr double kLeastShare = 1e-3;
+constexpr double kLeastNormalShare = 1e-3;
 constexpr int kMostSharingRounds = 4;  // rounds of Newton's method
 constexpr double kLeastStep = 0.1;     // least step of a round
 constexpr double kWorthwhile = 1.05;   // growth of the margin that a round has to reach
@@ -187,7 +187,7 @@ double LoadSharing::share(const ContactPairs& pairs, CountedSolver* solver, Cont
   for (const Share& of : shares_) {
     const double mean = mean_beside(pairs, of, force);
     ContactEquations::Contact& contact = equations->contacts()[of.contact];
-    if (mean > 0.0) contact.normal_share = std::max(force[of.column] / mean, kLeastShare);
+    if (mean > 0.0) contact.normal_share = std::max(force[of.column] / mean, kLeastNormalShare);
     contact.tangent_share = std::sqrt(contact.normal_share);
   }
   return change_of_accelerations(*problem, unshared);

@@ -164,6 +164,10 @@ if(CONSTRAINT_SIM_ROS)
     if(first MATCHES "alone")
       set_tests_properties(ros.${name} PROPERTIES RUN_SERIAL ON)
     endif()
+    # `<!-- 130 s -->` is about how long a test takes, most of which it waits: CTest starts the longest first
+    if(first MATCHES "([0-9]+) s ")
+      set_tests_properties(ros.${name} PROPERTIES COST ${CMAKE_MATCH_1})
+    endif()
   endforeach()
 
   # what CTest runs is what catkin_make runs

@@ -12,9 +12,10 @@ import rospkg
 import rospy
 import rostest
 from constraint_sim.msg import Constraint, EditRecord, Parameter
+from rosgraph_msgs.msg import Log
 from std_msgs.msg import Float64
 
-from support import NODE, TIMEOUT, call, node_command, properties, running, wait_until
+from support import NODE, TIMEOUT, Listener, call, node_command, properties, running, wait_until
 
 SOURCES = os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "plugin_example")
 PLUGIN = "constraint_sim_plugin_example/Weather"
@@ -52,6 +53,9 @@ class Plugins(unittest.TestCase):
     def tearDownClass(cls):
         cls.folder.cleanup()
 
+    def tearDown(self):
+        Listener.stop_all()
+
     def node(self, **parameters):
         given = dict(plugins=PLUGIN, paused="true", scene=os.path.join(SOURCES, "scene.yaml"))
         given.update(parameters)
@@ -82,7 +86,7 @@ class Plugins(unittest.TestCase):
                 name="gust", type="custom_force:weather/storm", body_b="bead"))
             self.assertFalse(refused.success)
             self.assertIn("no plugin has a force of type 'weather/storm'; types are: weather/bowl,"
-                          " weather/wind", refused.status_message)
+                          " weather/lightning, weather/wind", refused.status_message)
             wrong = call("add_constraint", constraint=Constraint(
                 name="gust", type="custom_force:weather/wind", body_b="bead",
                 parameters=[Parameter("drag", 1.0)]))
@@ -143,6 +147,30 @@ class Plugins(unittest.TestCase):
             self.assertTrue(properties().paused)
             self.assertTrue(call("remove_constraint", name="gust").success)
             self.assertTrue(call("step", steps=20).success)
+
+    def test_what_is_no_exception_of_the_standard_library_ends_no_process(self):
+        with self.node():
+            properties()
+            flash = Constraint(name="flash", type="custom_force:weather/lightning", body_b="bead")
+            added = call("add_constraint", constraint=flash)
+            self.assertTrue(added.success, added.status_message)
+            answer = call("step", steps=1)
+            self.assertFalse(answer.success)
+            self.assertIn("'flash' of type 'weather/lightning': wrench threw", answer.status_message)
+            self.assertTrue(call("remove_constraint", name="flash").success)
+            self.assertTrue(call("step", steps=1).success)
+
+    def test_a_sensor_that_throws_is_not_called_again(self):
+        log, readings = Listener("/rosout", Log), Listener(NODE + "/weather/anemometer", Float64)
+        with self.node(**{"weather/anemometer_breaks_at": 0.095}):
+            properties()
+            wait_until(lambda: log.is_connected() and readings.is_connected(), "the log and the sensor")
+            answer = call("step", steps=30)
+            self.assertTrue(answer.success, answer.status_message)
+            log.find(lambda m: "plugin %s threw and is not called again" % PLUGIN in m.msg, "the error")
+            self.assertTrue(call("step", steps=1).success)
+            wait_until(lambda: len(readings.messages) >= 9, "a reading a step until then")
+            self.assertEqual(len(readings.messages), 9)
 
     def test_a_class_that_is_not_there_ends_the_node(self):
         for plugins, scene in (("none/such", ""), ("", os.path.join(SOURCES, "scene.yaml"))):

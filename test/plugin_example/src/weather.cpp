@@ -63,6 +63,16 @@ class Bowl : public CustomConstraint {
   double k_;  // [1/m]
 };
 
+/// Throws what is no std::exception, as code of others may, once time passes.
+class Lightning : public CustomForce {
+ public:
+  CustomWrench wrench(double t, const FramePair& /*at*/,
+                      const FramePair& /*rates*/) const override {
+    if (t > 0.0) throw 1;
+    return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  }
+};
+
 class Weather : public constraint_sim::Plugin {
  public:
   void start(constraint_sim::PluginHost& host) override {
@@ -70,12 +80,16 @@ class Weather : public constraint_sim::Plugin {
                         [](const CustomParameters& p) { return std::make_shared<Wind>(p); });
     host.add_constraint_type("weather/bowl",
                              [](const CustomParameters& p) { return std::make_shared<Bowl>(p); });
+    host.add_force_type("weather/lightning",
+                        [](const CustomParameters&) { return std::make_shared<Lightning>(); });
     ros::NodeHandle handle(host.private_namespace() + "/weather");
     handle.param<std::string>("anemometer", body_, "ball");
+    handle.param("anemometer_breaks_at", breaks_at_, breaks_at_);
     speed_ = handle.advertise<std_msgs::Float64>("anemometer", 1000);
   }
   void stepped(const constraint_sim::engine::World& world) override {
     if (!world.has_body(body_)) return;
+    if (world.time() > breaks_at_) throw 1;
     std_msgs::Float64 speed;
     speed.data = world.state(world.find_body(body_)).linear_velocity.norm();
     speed_.publish(speed);
@@ -83,6 +97,7 @@ class Weather : public constraint_sim::Plugin {
 
  private:
   std::string body_;
+  double breaks_at_ = INFINITY;  // [s]
   ros::Publisher speed_;
 };
 

@@ -136,14 +136,10 @@ std::string many_keys(std::size_t size) {
 
 // Texts of the greatest allowed length.
 TEST(HostileScene, OfGreatLengthIsAnsweredAtOnce) {
-#ifdef CONSTRAINT_SIM_SANITIZED
-  constexpr std::size_t kSize = kMostSceneBytes / 20;  // sanitizers cost this factor
-#else
-  constexpr std::size_t kSize = kMostSceneBytes;
-#endif
-  const auto filled = [](const std::string& before, const std::string& piece,
-                         const std::string& after = "") {
-    return before + repeated(piece, (kSize - before.size() - after.size()) / piece.size()) + after;
+  const std::size_t size = kMostSceneBytes / (kIsLongRun ? 1 : 4) / kSanitizedShare;
+  const auto filled = [size](const std::string& before, const std::string& piece,
+                             const std::string& after = "") {
+    return before + repeated(piece, (size - before.size() - after.size()) / piece.size()) + after;
   };
   const std::vector<std::string> texts{
       filled("bodies: [", "x, ", "]"),
@@ -152,7 +148,7 @@ TEST(HostileScene, OfGreatLengthIsAnsweredAtOnce) {
       filled("bodies: [", "{name: a},", "]"),
       filled("bodies: [&a {}, ", "*a, ", "]"),
       filled("", "a: 1\n"),
-      many_keys(kSize),
+      many_keys(size),
       filled("bodies:\n", "- a\n"),
       filled("bodies:\n", "- {a: 1}\n"),
       filled("bodies:\n", "- [1,2,3]\n"),
@@ -164,7 +160,7 @@ TEST(HostileScene, OfGreatLengthIsAnsweredAtOnce) {
       filled("", "#\n"),
       filled("", "\n"),
       filled("", "\t"),
-      std::string(kSize, '\0'),
+      std::string(size, '\0'),
       filled("", "&a "),
       filled("", "!"),
       filled("", "%TAG ! x\n"),

@@ -64,7 +64,8 @@ inline constexpr std::size_t kMostContacts = 300000;
 inline constexpr std::uint32_t kMostHits = 20;
 
 /// Error of a joint above which it is reported as unclosed [m], unless the error falls by a tenth
-/// within 0.5 s, `closing_time` or 20 ticks, whichever is the longest.
+/// within 0.5 s, `closing_time` or 20 ticks, whichever is the longest. Less in proportion to the
+/// radius of the shapes of its bodies where these are smaller than 10 mm.
 inline constexpr double kUnclosedError = 1e-3;
 /// Orientation error above which a joint is reported as unclosed [rad], so that joints of small
 /// bodies are reported too. Rows of orientations have spurious solutions from 90 degrees on.

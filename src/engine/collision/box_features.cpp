@@ -14,8 +14,6 @@ namespace {
 using Eigen::Vector3d;
 using Kind = ContactFeature::Kind;
 
-constexpr double kBorder = 1e-10;   // distance to a border below which a point is on it [m]
-constexpr double kMoves = 1e-9;     // speed below which a point counts as at rest [m/s]
 constexpr double kParallel = 1e-5;  // sine below which edges are parallel
 // Distance from the middle of an edge, in half edges, beyond which a crossing is ignored.
 constexpr double kBeyond = 2.0;
@@ -49,8 +47,9 @@ Vector3d corner_of(const Box& box, std::size_t corner) {
 
 /// Corners of a box in the axes of another box, whose faces they may touch.
 struct Corners {
-  Corners(const Box& box, const Box& home_box, const BodyState& home, const BodyState& other)
-      : half(0.5 * home_box.size), seen(home, other) {
+  Corners(const Box& box, const Box& home_box, const BodyState& home, const BodyState& other,
+          const ContactTolerances& tolerances)
+      : half(0.5 * home_box.size), seen(home, other), within(tolerances) {
     for (std::size_t k = 0; k < 8; ++k) {
       own[k] = corner_of(box, k);
       at[k] = seen.place(own[k]);
@@ -75,6 +74,7 @@ struct Corners {
 
   Vector3d half;
   Seen seen;
+  const ContactTolerances& within;
   std::array<Vector3d, 8> own, at;
   std::array<double, 6> apart;  ///< least distance of all corners above each face
 };
@@ -83,18 +83,18 @@ int Corners::face_of(std::size_t corner) const {
   int farthest = 0, on = -1;
   for (int face = 1; face < 6; ++face)
     if (beyond(at[corner], face) > beyond(at[corner], farthest)) farthest = face;
-  if (beyond(at[corner], farthest) > kBorder) return farthest;
+  if (beyond(at[corner], farthest) > within.border) return farthest;
   // Inside or on the box: a face counts where the whole other box is above it.
   for (int face = 0; face < 6; ++face) {
     const auto f = static_cast<std::size_t>(face);
-    if (beyond(at[corner], face) < -kBoxOverlap || apart[f] < -kBoxOverlap) continue;
+    if (beyond(at[corner], face) < -within.overlap || apart[f] < -within.overlap) continue;
     if (on < 0 || apart[f] > apart[static_cast<std::size_t>(on)]) on = face;
   }
   // A corner at the border of this face that moves outward belongs to the adjacent face.
   const Vector3d velocity = seen.velocity(own[corner]);
   for (int face = 0; face < 6; ++face)
-    if (face % 3 != on % 3 && beyond(at[corner], face) >= -kBorder &&
-        side(face) * velocity[face % 3] > kMoves)
+    if (face % 3 != on % 3 && beyond(at[corner], face) >= -within.border &&
+        side(face) * velocity[face % 3] > within.resting)
       return face;
   return on;
 }
@@ -193,11 +193,12 @@ bool support(const Edge& of_a, const Edge& of_b, const Vector3d& n) {
                      [&](const Vector3d& out) { return n.dot(out) >= -kLevel; });
 }
 
-bool is_outside(double at, double rate, double half) {
+bool is_outside(double at, double rate, double half, const ContactTolerances& within) {
   const double beyond = std::abs(at) - half;
-  if (beyond > kBorder) return true;
+  if (beyond > within.border) return true;
   const double outwards = at < 0.0 ? -rate : rate;
-  return beyond >= -kBorder && outwards > -kMoves;  // a corner touches at the end of an edge
+  return beyond >= -within.border &&
+         outwards > -within.resting;  // a corner touches at the end of an edge
 }
 
 /// Nearest pairs of edges in ascending distance; ties keep their order of adding.
@@ -224,7 +225,7 @@ struct NearestEdges {
 
 // Adds pairs of edges that face each other, the nearest first.
 void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
-               List<ContactFeature>* features) {
+               const ContactTolerances& within, List<ContactFeature>* features) {
   NearestEdges found;
   for (int i = 0; i < 12; ++i) {
     const Edge of_a(box_a, a, i);
@@ -248,11 +249,12 @@ void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const Bod
       feature.sign = of_n_a < 0.0 ? 1.0 : -1.0;
       n *= feature.sign;
       const double gap = -n.dot(crossing.apart);
-      if (gap < -kBoxOverlap) continue;
+      if (gap < -within.overlap) continue;
       crossing.move(a, b);
-      if (gap <= kBorder &&
-          (!support(of_a, of_b, n) || is_outside(crossing.on_a, crossing.on_a_dot, of_a.half) ||
-           is_outside(crossing.on_b, crossing.on_b_dot, of_b.half)))
+      if (gap <= within.border &&
+          (!support(of_a, of_b, n) ||
+           is_outside(crossing.on_a, crossing.on_a_dot, of_a.half, within) ||
+           is_outside(crossing.on_b, crossing.on_b_dot, of_b.half, within)))
         continue;
       feature.id = static_cast<std::uint32_t>(128 + 12 * i + j);
       const double beyond =
@@ -275,15 +277,15 @@ FeatureMargin to_end(double at, double rate, double half) {
 }  // namespace
 
 void add_box_features(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
-                      List<ContactFeature>* features) {
-  const Corners of_a(box_a, box_b, b, a), of_b(box_b, box_a, a, b);
+                      const ContactTolerances& within, List<ContactFeature>* features) {
+  const Corners of_a(box_a, box_b, b, a, within), of_b(box_b, box_a, a, b, within);
   const int on_b = of_a.best_face(), on_a = of_b.best_face();
   const double above_b = of_a.apart[static_cast<std::size_t>(on_b)];
   const double above_a = of_b.apart[static_cast<std::size_t>(on_a)];
-  if (std::max(above_a, above_b) <= kBorder) {
+  if (std::max(above_a, above_b) <= within.border) {
     add_corners(of_a, box_b, true, -1, features);
     add_corners(of_b, box_a, false, -1, features);
-    add_edges(box_a, a, box_b, b, features);
+    add_edges(box_a, a, box_b, b, within, features);
   } else if (above_b >= above_a) {
     add_corners(of_a, box_b, true, on_b, features);
     add_nothing(kBoxCorners + kBoxEdges - 8, features);

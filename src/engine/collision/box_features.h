@@ -3,6 +3,7 @@
 #include <cstddef>
 
 #include "engine/collision/contact_feature.h"
+#include "engine/collision/contact_tolerances.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {
@@ -17,12 +18,9 @@ namespace constraint_sim::engine {
 //   On touching faces these features are the vertices of the area of contact.
 
 inline constexpr std::size_t kBoxCorners = 16, kBoxEdges = 16;  ///< number of features of a pair
-/// Overlap below which boxes count as touching [m].
-inline constexpr double kBoxOverlap = 1e-7;
-
 /// Adds kBoxCorners + kBoxEdges features, the nearest pairs of edges first.
 void add_box_features(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
-                      List<ContactFeature>* features);
+                      const ContactTolerances& within, List<ContactFeature>* features);
 
 /// Returns distance and rate of a corner from the border of its face, or of the crossing of two
 /// edges from the end of an edge.

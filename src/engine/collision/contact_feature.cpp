@@ -142,11 +142,12 @@ bool has_features(const Shape& a, const Shape& b) {
 }
 
 void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
-                  const BodyState& b, List<ContactFeature>* features) {
+                  const BodyState& b, const ContactTolerances& within,
+                  List<ContactFeature>* features) {
   ContactFeature feature;
   if (const auto* box = std::get_if<Box>(&shape_a)) {
     if (const auto* other = std::get_if<Box>(&shape_b)) {
-      add_box_features(*box, a, *other, b, features);
+      add_box_features(*box, a, *other, b, within, features);
       return;
     }
     // Corners of the box against a plane.

@@ -6,6 +6,7 @@
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/shape.h"
+#include "engine/collision/contact_tolerances.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {
@@ -70,7 +71,8 @@ bool has_features(const Shape& a, const Shape& b);
 /// has_features(). Their number does not depend on the poses. The centre of a sphere inside a box
 /// touches the nearest face.
 void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
-                  const BodyState& b, List<ContactFeature>* features);
+                  const BodyState& b, const ContactTolerances& within,
+                  List<ContactFeature>* features);
 
 /// Distance and rate of a contact from the border beyond which another face, edge or corner of a
 /// box is the nearest; the least over all borders. Infinite for shapes without a box B.

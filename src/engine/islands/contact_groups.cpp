@@ -121,6 +121,7 @@ bool can_be_in_group(const StepContext& step, const State& state, const IslandPa
 bool compile_spheres(const Model& model, const State& state, const IslandLists& lists,
                      const ContactReach& reach, ContactGroup* group) {
   List<ElasticSpheres::Sphere> spheres;
+  double smallest = kInfinity;
   for (const int i : group->islands) {
     const IslandMembers& members = lists.island_parts[i].members;
     if (!members.joints.empty()) return false;
@@ -129,6 +130,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
     if (std::any_of(state.wrenches.begin(), state.wrenches.end(), is_on_it)) return false;
     spheres.push_back({body, 1.0 / model.masses[body].inverse_mass,
                        std::get<Sphere>(model.bodies[body].shape).radius});
+    smallest = std::min(smallest, spheres.back().radius);
   }
   List<ElasticSpheres::Plane> planes;
   List<int> others;
@@ -151,7 +153,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
       is_all ? kInfinity : reach.of(spheres.front().body) / model.options.time_step;
   group->spheres =
       std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
-  if (group->spheres->begin(state.states, ContactPairs::kMostOverlap)) return true;
+  if (group->spheres->begin(state.states, ContactTolerances(smallest).overlap)) return true;
   group->spheres.reset();
   return false;
 }
@@ -218,16 +220,17 @@ MethodReason ContactGroups::why_left(const ContactReach& reach, std::size_t isla
   return left_for_[reach.leader_of(island)];
 }
 
-bool ContactGroups::is_left_in_contact(const Topology& topology, const ContactReach& reach,
-                                       std::size_t island) const {
+bool ContactGroups::is_left_in_contact(const StepContext& step, const State& state,
+                                       const ContactReach& reach, std::size_t island) const {
   if (contains(island)) return false;
   const auto is_of_it = [&](int body) {
-    return topology.island_of(body) == static_cast<int>(island);
+    return step.topology.island_of(body) == static_cast<int>(island);
   };
   const auto& pairs = reach.watched_pairs();
   return std::any_of(pairs.begin(), pairs.end(), [&](const auto& watched) {
     const auto& [pair, gap] = watched;
-    return gap <= kTouching && (is_of_it(pair.first) || is_of_it(pair.second));
+    return (is_of_it(pair.first) || is_of_it(pair.second)) &&
+           gap <= tolerances_of(step.model, state, pair).touching;
   });
 }
 

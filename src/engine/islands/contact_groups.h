@@ -59,7 +59,7 @@ class ContactGroups {
   /// Why an island in contact is in no group.
   MethodReason why_left(const ContactReach& reach, std::size_t island) const;
   /// Whether an island is in no group and touches something.
-  bool is_left_in_contact(const Topology& topology, const ContactReach& reach,
+  bool is_left_in_contact(const StepContext& step, const State& state, const ContactReach& reach,
                           std::size_t island) const;
   /// Lists the bodies of all groups, which an edit after the step needs.
   void list_bodies(const Model& model, const IslandLists& lists, const AwakeSets& awake);

@@ -149,7 +149,7 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
     if (gap <= own_reach_[pair.first] + own_reach_[pair.second])
       size.points += ContactPairs::most_points(model.bodies[pair.first].shape,
                                                model.bodies[pair.second].shape);
-    if (gap >= -ContactPairs::kMostOverlap) continue;
+    if (gap >= 0.0 || gap >= -tolerances_of(model, state, pair).overlap) continue;
     size.overlaps = true;
     size.is_settled = size.is_settled && is_settled(step, state, pair, gap);
   }

@@ -63,7 +63,7 @@ MethodChoice choose_method(const IntegrationStep& in, std::size_t i, bool in_con
   if (groups.contains(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
   if (groups.contains(i)) take_back(in, i);
   if (choice.why == MethodReason::kContact) choice.why = groups.why_left(reach, i);
-  if (was_in_group && !parts.is_fresh && groups.is_left_in_contact(in.step.topology, reach, i)) {
+  if (was_in_group && !parts.is_fresh && groups.is_left_in_contact(in.step, *in.state, reach, i)) {
     choice = {Method::kSequentialImpulses, groups.why_left(reach, i)};
     hand_over(in, i, choice.why);
   }

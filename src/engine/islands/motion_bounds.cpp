@@ -56,6 +56,16 @@ double thinner_of(const Model& model, const std::pair<int, int>& bodies) {
                   thickness(model.bodies[bodies.second].shape));
 }
 
+ContactTolerances tolerances_of(const Model& model, const State& state,
+                                const std::pair<int, int>& bodies) {
+  double distance = 0.0;
+  for (const int body : {bodies.first, bodies.second})
+    if (model.is_movable(to_index(body)))
+      distance = std::max(distance, state.states[body].position.norm());
+  return ContactTolerances(size_of_contact(model.bodies[bodies.first].shape,
+                                           model.bodies[bodies.second].shape, distance));
+}
+
 double max_center_displacement(const StepContext& step, const BodyState& now, int body,
                                double duration) {
   const Model& model = step.model;

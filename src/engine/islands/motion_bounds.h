@@ -5,6 +5,7 @@
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/shape.h"
 #include "engine/collision/broadphase.h"
+#include "engine/collision/contact_tolerances.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
 
@@ -21,6 +22,10 @@ bool may_touch(const Body& body);
 double thickness(const Shape& shape);
 /// The smaller thickness of two bodies [m].
 double thinner_of(const Model& model, const std::pair<int, int>& bodies);
+
+/// Tolerances of contacts between two bodies.
+ContactTolerances tolerances_of(const Model& model, const State& state,
+                                const std::pair<int, int>& bodies);
 
 /// Largest displacement of two bodies in a step that is not fast, as a share of the smaller
 /// thickness.

@@ -21,6 +21,7 @@ using Eigen::Vector3d;
 constexpr double kPatience = 0.5;
 constexpr int kPatienceTicks = 20;
 constexpr double kFallenShare = 0.9;
+constexpr double kLeastUnclosed = 1e-8;  // [m] joints with less error are not looked at
 // Contacts at rest sink in by g h² for each contact of a stack. Overlaps are pushed out within
 // kOverlapPatience.
 constexpr double kMostSunk = 4.0, kOverlapPatience = 0.1;  // [1], [s]
@@ -53,6 +54,14 @@ Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& 
   const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - a.position) -
                      b.linear_velocity - b.angular_velocity.cross(middle - b.position);
   return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
+}
+
+/// Error above which a joint is reported as unclosed [m]: less where a shape is small.
+double unclosed_error(const MonitorInput& in, std::size_t j) {
+  const auto [a, b] = in.topology.ends(j);
+  const double size =
+      std::min(size_of(in.model.bodies[a].shape), size_of(in.model.bodies[b].shape));
+  return kUnclosedError * std::min(1.0, size / kSmallShape);
 }
 
 /// Writes the joints with the largest errors to `worst`. Returns whether the angle error of any
@@ -129,7 +138,7 @@ void Monitors::measure(const MonitorInput& in, IslandLists* lists, StepReport* r
   }
   if (report->failed || report->stopped) return;
   if (is_any_askew ||
-      std::max(report->max_constraint_error, report->closing_error) > kUnclosedError ||
+      std::max(report->max_constraint_error, report->closing_error) > kLeastUnclosed ||
       !open_.empty())
     watch_joints(in, *lists, report);
   if (!in.partition.impulse_joints.empty()) {
@@ -273,7 +282,7 @@ void Monitors::note_rise(const Model& model, const IslandParts& parts, double ga
 }
 
 // Lists the joints whose errors nothing closes. Called only while the error of a joint exceeds
-// kUnclosedError or kUnclosedAngle.
+// kLeastUnclosed or kUnclosedAngle.
 void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, StepReport* report) {
   const Model& model = in.model;
   const State& state = in.state;
@@ -287,7 +296,7 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     const JointState& joint_state = state.joint_states[j];
     const double error = std::abs(joint_state.error);
-    const bool is_off = error > kUnclosedError || joint_state.angle_error > kUnclosedAngle;
+    const bool is_off = error > unclosed_error(in, j) || joint_state.angle_error > kUnclosedAngle;
     if (!is_off || !acts(model.joints[j], joint_state) || !is_rigid(model.joints[j])) continue;
     Open now{model.joint_ids[j], error, 0.0, joint_state.closing ? joint_state.closing_since : 0.0};
     while (before != open_before_.end() && before->id.value < now.id.value) ++before;

@@ -15,7 +15,16 @@ using Eigen::Vector3d;
 constexpr int kMostProjections = 12;
 // Share of the scale; a row with a larger error is not met.
 constexpr double kContactsProjected = 1e-12;
+// Size below which an error of x rad of a row between axes counts like an error of x times the size
+// divided by kSmallSize [m]: rounding of angles is no share of the size.
+constexpr double kSmallSize = 0.01;
 constexpr double kTiny = 0.5e-9;  // [m/s] slower slips have the direction at the substep's start
+
+// Error of a row between axes [rad] or points [m], in a group with the scale `size` [m].
+double error_of(const ContactRow& row, double size) {
+  const bool is_angle = row.J.j1.isZero(0.0) && row.J.j3.isZero(0.0);
+  return std::abs(row.value) * (is_angle ? std::min(size / kSmallSize, 1.0) : 1.0);
+}
 
 }  // namespace
 
@@ -168,7 +177,8 @@ bool ContactEquations::project(double t, double* y) {
     bodies_.place(y);
     set_rows(false, false);
     double error = 0.0;
-    for (const ContactRow& row : rows_.list()) error = larger(error, std::abs(row.value));
+    for (const ContactRow& row : rows_.list())
+      error = larger(error, error_of(row, bodies_.scale()));
     if (error <= kEpsilon * bodies_.scale()) return true;
     if (!(error <= 0.5 * before) || k == kMostProjections)
       return error <= kContactsProjected * bodies_.scale();

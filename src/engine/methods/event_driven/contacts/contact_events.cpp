@@ -47,8 +47,7 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
   if (closes_) {
     equations_.prepare_stages();
     begin_joints(joint_step, joint_states);
-    span.progress.done =
-        closing_.close(pairs_.list(), &solver_, &equations_, &span.progress.corrected);
+    span.progress.done = closing_.close(pairs_, &solver_, &equations_, &span.progress.corrected);
     if (!span.progress.done) return span.progress;
     equations_.bodies().scatter(states);
     span.progress.done = begin(*states, false);
@@ -140,7 +139,7 @@ bool ContactEvents::take_first(Span* span, double* step) {
   if (equations_.is_straight()) {
     const SubstepSpan start = span->left;
     if (take(span, &span->left, tolerance, step) &&
-        was_straight(equations_, start.left - span->left.left, tolerance))
+        was_straight(equations_, pairs_.tolerances(), start.left - span->left.left, tolerance))
       return true;
     const auto n = static_cast<std::ptrdiff_t>(equations_.size());
     std::copy(kept_.begin(), kept_.begin() + n, numbers_.begin());
@@ -160,7 +159,7 @@ bool ContactEvents::take_first(Span* span, double* step) {
 bool ContactEvents::advance_to_event(Span* span) {
   if (solver_.is_stopped() || solver_.is_used_up()) return false;
   pairs_.find_features(false, false, &equations_);
-  set_directions(&equations_);
+  set_directions(pairs_.tolerances(), &equations_);
   equations_.joints().integrate_angles(equations_.bodies());
   if (!equations_.bodies().has_movers() && !equations_.joints().is_moved_by_motors() &&
       equations_.bodies().is_still(derivative())) {  // nothing will move in the interval
@@ -244,19 +243,19 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   has_stages_ = false;
   equations_.set_straight(false);
   if (is_begin && !equations_.joints().list().empty()) {  // else rates may be those of no motion
-    const std::optional<double> lost = equations_.fit_joints(y, kResting);
+    const std::optional<double> lost = equations_.fit_joints(y, pairs_.tolerances().resting);
     if (!lost) return false;
     span->progress.projected += *lost;
   }
   states_.begin_event(equations_);
   pairs_.find_features(!is_begin && event.kind == Watched::Kind::kMargin, false, &equations_);
-  states_.note_bounds(t, span->all.h, event, equations_);
+  states_.note_bounds(t, span->all.h, event, pairs_, equations_);
   impacts_.begin_event(equations_);
   for (GroupJoint& joint : equations_.joints().list()) joint.impact.setZero();
   const auto decide = [&](const Watched& at) {
     return states_.decide(at, y, pairs_, &solver_, &equations_);
   };
-  const auto have_jam = [&] { return impacts_.have_jam(&solver_, &equations_, y); };
+  const auto have_jam = [&] { return impacts_.have_jam(pairs_, &solver_, &equations_, y); };
   if (jams && !have_jam()) return false;
   if (!impacts_.have_impacts(span->left.left, is_begin, pairs_, &states_, &solver_, &equations_, y))
     return false;

@@ -36,7 +36,7 @@ class ContactEvents {
   List<ContactPair>& pairs() { return pairs_.list(); }
 
   /// Finds the contacts, all open, and clears the results. Returns false where two shapes overlap
-  /// by more than ContactPairs::kMostOverlap, unless the first interval `closes` overlaps.
+  /// by more than ContactTolerances::overlap, unless the first interval `closes` overlaps.
   bool begin(const List<BodyState>& states, bool closes);
   /// Advances the group as method.h describes. Gives up after too many events, or at an event
   /// without a solution; the states are then those of any time in the interval. `joint_step`,

@@ -9,8 +9,6 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kJam = 1e-9;  // [m/s] assumed approach speed of jammed contacts
-
 std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations& equations,
                                               std::size_t coordinate) {
   const GroupJoints& joints = equations.joints();
@@ -46,20 +44,21 @@ bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& 
                                   ContactStates* states, CountedSolver* solver,
                                   ContactEquations* equations, double* y) {
   rests_.reset(*equations);
-  find_hits(begins, *equations);
+  find_hits(begins, pairs, *equations);
   if (hits_.empty()) return true;
   keep(*equations, y);
   for (bool is_settled = false;;) {
     for (int count = 0; !hits_.empty(); ++count) {
-      if (count == kMostImpacts || !have_impact(0.0, solver, equations, y)) return false;
-      find_hits(begins, *equations);
+      if (count == kMostImpacts || !have_impact(0.0, pairs.tolerances(), solver, equations, y))
+        return false;
+      find_hits(begins, pairs, *equations);
     }
     ++count_;
     if (!let_rest(left, pairs, states, solver, equations, y, &is_settled)) return false;
     if (is_settled) return true;
     restore(equations, y);
     impulses_.reset(*equations);
-    find_hits(begins, *equations);
+    find_hits(begins, pairs, *equations);
   }
 }
 
@@ -89,14 +88,16 @@ void ContactImpacts::add_touching_limits(bool only_slow, const ContactEquations&
 
 // Lists the hits of the next impact: of contacts and limits with restitution the fastest hit, with
 // all others between the same two bodies; and all without restitution. Empty where nothing is hit.
-void ContactImpacts::find_hits(bool begins, const ContactEquations& equations) {
+void ContactImpacts::find_hits(bool begins, const ContactPairs& pairs,
+                               const ContactEquations& equations) {
+  const ContactTolerances& within = pairs.tolerances();
   Hits& hits = hits_;
   hits.clear();
-  double fastest_rate = -kResting;
+  double fastest_rate = -within.resting;
   std::pair<std::size_t, std::size_t> fastest;
   bool any_hit = false, any_bounce = false;
   const auto consider = [&](double gap, double rate, bool bounces, std::size_t a, std::size_t b) {
-    any_hit = any_hit || (rate < -kResting && (!begins || gap <= 0.0));
+    any_hit = any_hit || (rate < -within.resting && (!begins || gap <= 0.0));
     if (!bounces || !(rate < fastest_rate)) return;
     any_bounce = true;
     fastest_rate = rate;
@@ -105,7 +106,7 @@ void ContactImpacts::find_hits(bool begins, const ContactEquations& equations) {
   for (std::size_t c = 0; c < equations.contacts().size(); ++c) {
     const ContactEquations::Contact& contact = equations.contacts()[c];
     const ContactMotion now = equations.motion(contact);
-    if (now.gap > kTouching) continue;
+    if (now.gap > within.touching) continue;
     hits.contacts.push_back({c, now});
     consider(now.gap, now.gap_rate(), contact.restitution > 0.0 && !rests_.contacts[c], contact.a,
              contact.b);
@@ -137,8 +138,8 @@ void ContactImpacts::find_hits(bool begins, const ContactEquations& equations) {
 // Solves an impact, with less restitution where kinetic energy would rise, or where joints or
 // friction allow no solution. `faster`: approach speed added to contacts at rest [m/s]. Returns
 // false where there is no solution.
-bool ContactImpacts::have_impact(double faster, CountedSolver* solver, ContactEquations* equations,
-                                 double* y) {
+bool ContactImpacts::have_impact(double faster, const ContactTolerances& within,
+                                 CountedSolver* solver, ContactEquations* equations, double* y) {
   const Hits& hits = hits_;
   ContactResponses& responses = problem_.responses;
   responses.clear();
@@ -166,7 +167,7 @@ bool ContactImpacts::have_impact(double faster, CountedSolver* solver, ContactEq
       double& normal = problem.b[touching.column];
       const std::size_t c = touching.contact;
       const double e = rests_.contacts[c] ? 0.0 : equations->contacts()[c].restitution;
-      if (normal < -kResting)
+      if (normal < -within.resting)
         normal *= 1.0 + share * e;
       else
         normal = std::max(normal, 0.0) - faster;
@@ -202,17 +203,20 @@ bool ContactImpacts::does_work() const {
   return !(work <= kNoWork * exchanged);
 }
 
-bool ContactImpacts::have_jam(CountedSolver* solver, ContactEquations* equations, double* y) {
+bool ContactImpacts::have_jam(const ContactPairs& pairs, CountedSolver* solver,
+                              ContactEquations* equations, double* y) {
+  const ContactTolerances& within = pairs.tolerances();
   hits_.clear();
   for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
     const ContactMotion now = equations->motion(equations->contacts()[c]);
-    if (now.gap <= kTouching && now.gap_rate() <= kResting) hits_.contacts.push_back({c, now});
+    if (now.gap <= within.touching && now.gap_rate() <= within.resting)
+      hits_.contacts.push_back({c, now});
   }
   if (hits_.contacts.empty()) return false;
   ++count_;
   rests_.reset(*equations, 1);
   add_touching_limits(true, *equations);
-  return have_impact(kJam, solver, equations, y);
+  return have_impact(within.resting, within, solver, equations, y);
 }
 
 // Finds the contacts and limits whose bounces are too low to be followed.
@@ -221,6 +225,7 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
                               bool* is_settled) {
   const GroupBodies& bodies = equations->bodies();
   GroupJoints& joints = equations->joints();
+  const ContactTolerances& within = pairs.tolerances();
   const PerRow<double>& hit = impulses_;
   *is_settled = true;
   const auto is_bounce = [&](std::size_t c) {
@@ -239,9 +244,10 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) {
     if (!is_bounce(c)) continue;
     const ContactMotion now = equations->motion(equations->contacts()[c]);
-    if (now.gap > kTouching) continue;
-    const std::optional<double> rests_in = time_to_rest(
-        now.gap_rate(), -states->gap_acceleration(c), equations->contacts()[c].restitution, left);
+    if (now.gap > within.touching) continue;
+    const std::optional<double> rests_in =
+        time_to_rest(now.gap_rate(), -states->gap_acceleration(c),
+                     equations->contacts()[c].restitution, left, within.touching);
     if (!rests_in) continue;
     rests_in_.contacts[c] = *rests_in;
     rests_.contacts[c] = 1;

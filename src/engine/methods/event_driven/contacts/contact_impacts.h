@@ -32,7 +32,8 @@ class ContactImpacts {
                     CountedSolver* solver, ContactEquations* equations, double* y);
   /// Ends slips that friction drives into the other body (Painlevé), where no finite force
   /// suffices, by an impulse without restitution.
-  bool have_jam(CountedSolver* solver, ContactEquations* equations, double* y);
+  bool have_jam(const ContactPairs& pairs, CountedSolver* solver, ContactEquations* equations,
+                double* y);
 
   /// Number of times at which there were impacts.
   std::uint32_t count() const { return count_; }
@@ -75,9 +76,10 @@ class ContactImpacts {
 
   void keep(const ContactEquations& equations, const double* y);
   void restore(ContactEquations* equations, double* y) const;
-  void find_hits(bool begins, const ContactEquations& equations);
+  void find_hits(bool begins, const ContactPairs& pairs, const ContactEquations& equations);
   void add_touching_limits(bool only_slow, const ContactEquations& equations);
-  bool have_impact(double faster, CountedSolver* solver, ContactEquations* equations, double* y);
+  bool have_impact(double faster, const ContactTolerances& within, CountedSolver* solver,
+                   ContactEquations* equations, double* y);
   bool does_work() const;
   bool let_rest(double left, const ContactPairs& pairs, ContactStates* states,
                 CountedSolver* solver, ContactEquations* equations, const double* y,

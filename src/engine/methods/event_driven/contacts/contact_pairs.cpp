@@ -7,7 +7,6 @@
 
 #include "engine/collision/box_features.h"
 #include "engine/collision/narrowphase.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -15,13 +14,22 @@ namespace {
 constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
 constexpr double kFastShare = 0.25;  // share of a thickness that a substep may move by
 constexpr double kMostTurn = 1.0;    // [rad] rotation of a box in a substep
-constexpr double kOverlap = 1e-9;    // [m] a deeper overlap was missed
 
 double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) {
   const GroupBodies& bodies = equations.bodies();
   return separation_of_boxes(std::get<Box>(pair.shape_a).size, bodies.shape_state(pair.a),
                              std::get<Box>(pair.shape_b).size, bodies.shape_state(pair.b))
       .gap;
+}
+
+// Size that tolerances of the contacts of a pair assume [m].
+double size_of_pair(const ContactEquations& equations, const ContactPair& pair) {
+  const GroupBodies& bodies = equations.bodies();
+  double distance = 0.0;
+  for (const std::size_t body : {pair.a, pair.b})
+    if (body < bodies.movable())
+      distance = std::max(distance, bodies.shape_state(body).position.norm());
+  return size_of_contact(pair.shape_a, pair.shape_b, distance);
 }
 
 // Keeps known edge features in their places in the list of contacts.
@@ -71,7 +79,7 @@ void ContactPairs::add_contacts(ContactEquations* equations) {
     ContactPair& pair = pairs_[p];
     found.clear();
     add_features(pair.shape_a, bodies.shape_state(pair.a), pair.shape_b, bodies.shape_state(pair.b),
-                 &found);
+                 tolerances_, &found);
     pair.first = equations->contacts().size();
     pair.count = found.size();
     for (const ContactFeature& feature : found) {
@@ -87,16 +95,24 @@ void ContactPairs::add_contacts(ContactEquations* equations) {
 }
 
 bool ContactPairs::begin(bool closes, ContactEquations* equations) {
+  double smallest = kInfinity;
+  for (const ContactPair& pair : pairs_)
+    smallest = std::min(smallest, size_of_pair(*equations, pair));
+  tolerances_ = ContactTolerances(smallest);
+  const auto is_too_deep = [&](std::size_t p, double depth) {
+    return !closes && depth > 0.0 &&
+           depth > ContactTolerances(size_of_pair(*equations, pairs_[p])).overlap;
+  };
   add_contacts(equations);
-  depth_.assign(pairs_.size(), 0.0);
+  depths_.at_start.assign(pairs_.size(), 0.0);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    if (pairs_[p].is_of_boxes()) depth_[p] = -gap_of_boxes(*equations, pairs_[p]);
-    if (!closes && depth_[p] > kMostOverlap) return false;
+    if (pairs_[p].is_of_boxes()) depths_.at_start[p] = -gap_of_boxes(*equations, pairs_[p]);
+    if (is_too_deep(p, depths_.at_start[p])) return false;
   }
   for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
     const double depth = -equations->motion(equations->contacts()[c]).gap;
-    if (!closes && depth > kMostOverlap) return false;
-    depth_[pair_of_[c]] = std::max(depth_[pair_of_[c]], depth);
+    if (is_too_deep(pair_of_[c], depth)) return false;
+    depths_.at_start[pair_of_[c]] = std::max(depths_.at_start[pair_of_[c]], depth);
   }
   note_step_before(*equations);
   return true;
@@ -108,9 +124,10 @@ void ContactPairs::note_step_before(const ContactEquations& equations) {
     pair.is_still = false;
     for (std::size_t c = pair.first; pair.touched && c < pair.first + pair.count; ++c) {
       const ContactMotion now = equations.motion(equations.contacts()[c]);
-      if (now.gap > kTouching || std::abs(now.gap_rate()) > kResting) continue;
+      if (now.gap > tolerances_.touching || std::abs(now.gap_rate()) > tolerances_.resting)
+        continue;
       pair.held = true;
-      pair.is_still = pair.is_still || now.slip().norm() <= kResting;
+      pair.is_still = pair.is_still || now.slip().norm() <= tolerances_.resting;
     }
     pair.stuck = pair.stuck && pair.is_still;
   }
@@ -123,7 +140,7 @@ void ContactPairs::find_features(bool all, bool is_within, ContactEquations* equ
     if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
     found.clear();
     add_features(pair.shape_a, bodies.shape_state(pair.a), pair.shape_b, bodies.shape_state(pair.b),
-                 &found);
+                 tolerances_, &found);
     if (pair.is_of_boxes()) keep_places(*equations, pair, all, &found);
     for (std::size_t k = 0; k < pair.count; ++k) {
       ContactEquations::Contact& contact = equations->contacts()[pair.first + k];
@@ -134,15 +151,15 @@ void ContactPairs::find_features(bool all, bool is_within, ContactEquations* equ
 
 bool ContactPairs::has_missed(const ContactEquations& equations) {
   bool any = false;
-  List<double>& depth = depth_now_;
-  depth = depth_;
+  List<double>& depth = depths_.at_end;
+  depth = depths_.at_start;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     const ContactPair& pair = pairs_[p];
     depth[p] = 0.0;
     if (!pair.is_of_boxes()) {
       for (std::size_t c = pair.first; c < pair.first + pair.count; ++c)
         depth[p] = std::max(depth[p], -equations.motion(equations.contacts()[c]).gap);
-      any = any || depth[p] > std::max(kOverlap, depth_[p]);
+      any = any || depth[p] > std::max(tolerances_.missed, depths_.at_start[p]);
       continue;
     }
     // Features of only one box: a face separates the boxes.
@@ -151,9 +168,9 @@ bool ContactPairs::has_missed(const ContactEquations& equations) {
     };
     if (is_nothing(0) != is_nothing(8)) continue;
     depth[p] = -gap_of_boxes(equations, pair);
-    any = any || depth[p] > std::max(kOverlap, depth_[p]);
+    any = any || depth[p] > std::max(tolerances_.missed, depths_.at_start[p]);
   }
-  if (!any) depth_ = depth;
+  if (!any) depths_.at_start = depth;
   return any;
 }
 

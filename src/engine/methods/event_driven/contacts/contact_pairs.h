@@ -4,6 +4,7 @@
 #include <variant>
 
 #include "constraint_sim/engine/shape.h"
+#include "engine/collision/contact_tolerances.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 
@@ -35,9 +36,6 @@ struct ContactPair {
 /// feature has shown.
 class ContactPairs {
  public:
-  /// Overlap that is accepted and closed [m]: by rounding, or left by another method.
-  static constexpr double kMostOverlap = 1e-7;
-
   /// Largest number of points at which two shapes touch.
   static std::size_t most_points(const Shape& a, const Shape& b);
 
@@ -48,9 +46,12 @@ class ContactPairs {
     return pair_of_[contact] == pair_of_[other];
   }
 
-  /// Adds the contacts of all pairs, open, and notes which pairs touched in the previous step.
-  /// Returns false where two shapes overlap by more than kMostOverlap, unless the first interval
-  /// `closes` overlaps.
+  /// Tolerances of all contacts of the group: tolerances of its smallest shape.
+  const ContactTolerances& tolerances() const { return tolerances_; }
+
+  /// Sets the tolerances, adds the contacts of all pairs, open, and notes which pairs touched in
+  /// the previous step. Returns false where two shapes overlap by more than
+  /// ContactTolerances::overlap, unless the first interval `closes` overlaps.
   bool begin(bool closes, ContactEquations* equations);
   /// Updates the features of all pairs. Acting contacts keep their features, unless `all`. Inside
   /// a substep (`is_within`) features of two boxes stay unchanged.
@@ -66,10 +67,15 @@ class ContactPairs {
   void add_contacts(ContactEquations* equations);
   void note_step_before(const ContactEquations& equations);
 
+  /// Overlaps per pair [m].
+  struct Depths {
+    List<double> at_start, at_end;  ///< at the start and the end of the substep
+  };
+
   List<ContactPair> pairs_;
-  List<std::size_t> pair_of_;   // per contact
-  List<double> depth_;          // overlap per pair at the start of the substep [m]
-  List<double> depth_now_;      // overlap per pair at the end of the substep [m]
+  List<std::size_t> pair_of_;  // per contact
+  ContactTolerances tolerances_;
+  Depths depths_;
   List<ContactFeature> found_;  // scratch
 };
 

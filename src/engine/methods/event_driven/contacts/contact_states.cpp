@@ -81,12 +81,12 @@ bool ContactStates::has_changed(const ContactEquations& equations) const {
 }
 
 void ContactStates::note_bounds(double t, double h, const ContactWatched& event,
-                                const ContactEquations& equations) {
+                                const ContactPairs& pairs, const ContactEquations& equations) {
   const auto note = [&](ContactWatched::Kind kind, bool is_over, AtBound* at) {
     const auto is_done = [&](std::size_t c) {
       const ContactEquations::Contact& contact = equations.contacts()[c];
       return kind != ContactWatched::Kind::kCone || contact.acts != Acts::kSlips ||
-             equations.motion(contact).slip().norm() > kEndOfSlip;
+             equations.motion(contact).slip().norm() > pairs.tolerances().end_of_slip;
     };
     List<std::size_t>& contacts = at->contacts;
     if (is_over)
@@ -103,18 +103,19 @@ void ContactStates::note_bounds(double t, double h, const ContactWatched& event,
 
 bool ContactStates::decide(const ContactWatched& event, const double* y, const ContactPairs& pairs,
                            CountedSolver* solver, ContactEquations* equations) {
+  const ContactTolerances& within = pairs.tolerances();
   // Near the end of a slip its direction turns ever faster; contacts that can stick then stick.
   if (event.kind == ContactWatched::Kind::kSlip &&
-      decide(event, kEndOfSlip, y, pairs, solver, equations)) {
+      decide(event, within.end_of_slip, y, pairs, solver, equations)) {
     bool all_stick = true;
     for (const ContactEquations::Contact& contact : equations->contacts()) {
       const double speed = equations->motion(contact).slip().norm();
       all_stick = all_stick && (contact.acts != Acts::kSlips || contact.friction == 0.0 ||
-                                speed <= kResting || speed > kEndOfSlip);
+                                speed <= within.resting || speed > within.end_of_slip);
     }
     if (all_stick) return true;
   }
-  return decide(event, kResting, y, pairs, solver, equations);
+  return decide(event, within.resting, y, pairs, solver, equations);
 }
 
 // Decides as if contacts with a slip up to `least_slip` [m/s] did not slip.
@@ -128,7 +129,7 @@ bool ContactStates::decide(const ContactWatched& event, double least_slip, const
   }
   find_lost(equations);
   if (!find_candidates(equations)) return false;
-  find_free_motion(y, equations);
+  find_free_motion(y, pairs.tolerances(), equations);
   ContactResponses& responses = problem_.responses;
   if (!responses.contacts().empty() || !candidates_.empty()) {
     for (const Candidate& row : candidates_) responses.add_coordinate(row.coordinate);
@@ -149,7 +150,8 @@ bool ContactStates::decide(const ContactWatched& event, double least_slip, const
 }
 
 // Finds the accelerations without acting rows, and the contacts that touch and do not part.
-void ContactStates::find_free_motion(const double* y, ContactEquations* equations) {
+void ContactStates::find_free_motion(const double* y, const ContactTolerances& within,
+                                     ContactEquations* equations) {
   const GroupBodies& bodies = equations->bodies();
   GroupJoints& joints = equations->joints();
   derivative_.resize(equations->size());
@@ -163,7 +165,7 @@ void ContactStates::find_free_motion(const double* y, ContactEquations* equation
     const ContactMotion now = equations->motion(contact);
     gap_acceleration_[c] =
         now.n_dot.dot(now.w) + now.n.dot(ContactEquations::slip_acceleration(now, contact, rates_));
-    if (now.gap <= kTouching && std::abs(now.gap_rate()) <= kResting)
+    if (now.gap <= within.touching && std::abs(now.gap_rate()) <= within.resting)
       problem_.responses.add(c, now);
   }
   coordinate_acceleration_.clear();

@@ -32,7 +32,7 @@ class ContactStates {
   /// Notes the contact that reaches a bound at an event at time t [s], in an interval of length h.
   /// Contacts that share a force reach their bounds together or shortly after each other; each
   /// yields in turn, and none sticks again before it has slipped.
-  void note_bounds(double t, double h, const ContactWatched& event,
+  void note_bounds(double t, double h, const ContactWatched& event, const ContactPairs& pairs,
                    const ContactEquations& equations);
   /// Decides the states at the current pose and velocities, `y`. A contact whose force has left its
   /// bounds yields, as `event` says, where the force is still at the bound to rounding. Returns
@@ -76,7 +76,8 @@ class ContactStates {
 
   bool decide(const ContactWatched& event, double least_slip, const double* y,
               const ContactPairs& pairs, CountedSolver* solver, ContactEquations* equations);
-  void find_free_motion(const double* y, ContactEquations* equations);
+  void find_free_motion(const double* y, const ContactTolerances& within,
+                        ContactEquations* equations);
   bool find_candidates(ContactEquations* equations);
   void set_problem(double least_slip, const ContactEquations& equations);
   void find_solved_accelerations();

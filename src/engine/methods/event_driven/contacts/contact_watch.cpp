@@ -124,6 +124,8 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
   const Vector3d w_dot = ContactEquations::slip_acceleration(now, contact, rates_);
   ContactWatched watched;
   watched.contact = c;
+  watched.touching = pairs.tolerances().touching;
+  watched.resting = pairs.tolerances().resting;
   if (contact.acts == ContactEquations::Acts::kOpen) {
     watched.kind = Kind::kGap;
     watched.known = 2;
@@ -141,7 +143,7 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
     watched.value = now.w.dot(contact.direction);
     watched.rate = w_dot.dot(contact.direction);
     watched.tolerance = kEpsilon * bodies.state(contact.a).linear_velocity.norm();
-    watched.rough = kEndOfSlip;
+    watched.rough = pairs.tolerances().end_of_slip;
     list->push_back(watched);
     watched.rough = 0.0;
   }

@@ -9,9 +9,6 @@
 
 namespace constraint_sim::engine {
 
-/// Speed below which a slip ends; the error is no more than rounding [m/s].
-inline constexpr double kEndOfSlip = 1e-7;
-
 /// Watched value of a contact group, with the contact, coordinate or joint that an event changes.
 struct ContactWatched : WatchedValue {
   enum class Kind : char {

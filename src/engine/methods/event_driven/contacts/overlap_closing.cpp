@@ -13,7 +13,6 @@ using Eigen::Vector3d;
 
 constexpr int kMostClosingRounds = 10;  // each round leaves about the square of the overlap
 constexpr int kMostMeetings = 2;        // rounds after that, which close gaps
-constexpr double kClosed = 1e-9;        // [m] events close such overlaps themselves
 // Multiple of the largest overlap; nearer points may be pushed into each other.
 constexpr double kNear = 2.0;
 
@@ -75,23 +74,26 @@ bool OverlapClosing::close_found(bool met, CountedSolver* solver, ContactEquatio
   return equations->project(0.0, y);
 }
 
-bool OverlapClosing::close(const List<ContactPair>& pairs, CountedSolver* solver,
+bool OverlapClosing::close(const ContactPairs& pairs, CountedSolver* solver,
                            ContactEquations* equations, double* corrected) {
   const double before = equations->bodies().kinetic_energy() + equations->potential_energy();
   const double beyond = std::max(beyond_limits(*equations), kTouching);
-  double deepest = find_overlaps(pairs, 0.0, equations), last = 0.0;
-  for (int round = 0; deepest > kClosed; ++round) {
+  // Events close smaller overlaps themselves.
+  const double closed_overlap = pairs.tolerances().missed;
+  double deepest = find_overlaps(pairs.list(), 0.0, equations), last = 0.0;
+  for (int round = 0; deepest > closed_overlap; ++round) {
     if (round == kMostClosingRounds || solver->is_stopped()) return false;
     last = deepest;
-    find_overlaps(pairs, kNear * last, equations);
+    find_overlaps(pairs.list(), kNear * last, equations);
     if (!close_found(false, solver, equations)) return false;
-    deepest = find_overlaps(pairs, 0.0, equations);
+    deepest = find_overlaps(pairs.list(), 0.0, equations);
   }
   // Gaps of second order remain, from which bodies would fall and rattle.
   const List<double> closed = equations->bodies().numbers();
   for (int round = 0; round < kMostMeetings && last > 0.0; ++round) {
-    find_overlaps(pairs, kNear * last, equations);
-    if (close_found(true, solver, equations) && find_overlaps(pairs, 0.0, equations) <= kClosed)
+    find_overlaps(pairs.list(), kNear * last, equations);
+    if (close_found(true, solver, equations) &&
+        find_overlaps(pairs.list(), 0.0, equations) <= closed_overlap)
       continue;
     equations->bodies().numbers() = closed;
     equations->bodies().place(equations->bodies().numbers().data());

@@ -16,7 +16,7 @@ class OverlapClosing {
  public:
   /// Moves the bodies, removes the contacts, and adds the change of energy to `corrected` [J].
   /// Returns false where rounds do not converge, or would push a joint beyond its limits.
-  bool close(const List<ContactPair>& pairs, CountedSolver* solver, ContactEquations* equations,
+  bool close(const ContactPairs& pairs, CountedSolver* solver, ContactEquations* equations,
              double* corrected);
 
  private:

@@ -8,7 +8,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSlipping = 1e-9;  // [m/s] a slower slip has no direction of its own
 constexpr double kNoForce = 1e-12;  // share of the largest force; less is rounding
 
 bool has_direction(const ContactEquations::Contact& of) {
@@ -18,12 +17,12 @@ bool has_direction(const ContactEquations::Contact& of) {
 
 }  // namespace
 
-void set_directions(ContactEquations* equations) {
+void set_directions(const ContactTolerances& within, ContactEquations* equations) {
   for (ContactEquations::Contact& contact : equations->contacts()) {
     if (contact.acts != ContactEquations::Acts::kSlips || contact.friction == 0.0) continue;
     const Vector3d slip = equations->motion(contact).slip();
     const double speed = slip.norm();
-    if (speed > kSlipping) contact.direction = slip / speed;
+    if (speed > within.slipping) contact.direction = slip / speed;
   }
 }
 
@@ -36,7 +35,8 @@ bool turns_fast(const ContactEquations& equations, double h) {
                      });
 }
 
-bool was_straight(const ContactEquations& equations, double h, double tolerance) {
+bool was_straight(const ContactEquations& equations, const ContactTolerances& within, double h,
+                  double tolerance) {
   const double least = kNoForce * equations.largest_force(),
                g = equations.bodies().gravity().norm();
   for (std::size_t c = 0; c < equations.contacts().size(); ++c) {
@@ -45,7 +45,7 @@ bool was_straight(const ContactEquations& equations, double h, double tolerance)
     const ContactMotion now = equations.motion(contact);
     const Vector3d across = now.n.cross(contact.direction);
     if (!(std::abs(across.dot(now.w)) <= tolerance)) return false;
-    const double share = std::min(tolerance / std::max(now.slip().norm(), kSlipping),
+    const double share = std::min(tolerance / std::max(now.slip().norm(), within.slipping),
                                   std::sqrt(4.0 * tolerance / (contact.friction * g * h)));
     const double most = contact.friction * equations.normal_force(c, 0);
     if (!(std::abs(across.dot(equations.force(c, 0))) <= share * most + least)) return false;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "engine/collision/contact_tolerances.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 
 namespace constraint_sim::engine {
@@ -12,10 +13,11 @@ namespace constraint_sim::engine {
 // and both have to stay within the tolerance. Otherwise the substep is repeated as an ordinary one.
 
 /// Sets the directions of all slips that have one.
-void set_directions(ContactEquations* equations);
+void set_directions(const ContactTolerances& within, ContactEquations* equations);
 /// Whether friction could stop a slip within h.
 bool turns_fast(const ContactEquations& equations, double h);
 /// Whether keeping all directions over a substep h was accurate to `tolerance` [m/s].
-bool was_straight(const ContactEquations& equations, double h, double tolerance);
+bool was_straight(const ContactEquations& equations, const ContactTolerances& within, double h,
+                  double tolerance);
 
 }  // namespace constraint_sim::engine

@@ -34,6 +34,8 @@ struct WatchedValue {
   double rough = 0.0;
   /// Share of the substep at which a stage was below zero; 0: none.
   double early = 0.0;
+  /// Value and rate that count as zero, of a value with one known derivative or two, in its unit.
+  double touching = kTouching, resting = kResting;
 };
 
 /// Predicted crossing of zero, as a share of a substep.
@@ -55,7 +57,7 @@ inline constexpr int kMostUnpassed = 12;
 /// Level whose crossing is the event, from the start of the substep. The event of a force is just
 /// beyond its bound, so that a force that stays at the bound has none; a force that starts there
 /// may exceed the bound by its tolerance. A gap or rate that starts at zero and at rest may fall by
-/// kTouching or kResting below its start, which rounding may have put below zero. So may a muted
+/// `touching` or `resting` below its start, which rounding may have put below zero. So may a muted
 /// value, whose last event changed nothing.
 inline double level_of(const WatchedValue& start, bool is_muted) {
   const double below = std::min(start.value, 0.0);
@@ -63,9 +65,9 @@ inline double level_of(const WatchedValue& start, bool is_muted) {
     if (is_muted) return below - start.tolerance;
     return (start.value > start.tolerance ? -kLocatedForce : -1.0) * start.tolerance;
   }
-  const double resting = start.known == 1 ? kResting : kTouching;
-  if (!is_muted && (start.value > resting || std::abs(start.rate) > kResting)) return 0.0;
-  return below - resting;
+  const double least = start.known == 1 ? start.resting : start.touching;
+  if (!is_muted && (start.value > least || std::abs(start.rate) > start.resting)) return 0.0;
+  return below - least;
 }
 
 /// Tolerated distance of a value from its level at an event, where times are resolved to `least`

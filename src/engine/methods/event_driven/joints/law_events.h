@@ -292,13 +292,13 @@ OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool s
 }
 
 /// Time until a body that bounces back at `speed` and falls with `fall` [m/s²] comes to rest: the
-/// sum of all its bounces. Nothing where it bounces higher than kBounce, or beyond the rest `left`
-/// of the interval; but with very many bounces in that rest it comes to rest at the end.
+/// sum of all its bounces. Nothing where it bounces higher than `lowest` [m or rad], or beyond the
+/// rest `left` of the interval; but with very many bounces in that rest it comes to rest at the
+/// end.
 inline std::optional<double> time_to_rest(double speed, double fall, double restitution,
-                                          double left) {
-  constexpr double kBounce = 1e-10;  // [m or rad] lower bounces are not followed
-  constexpr double kMost = 128.0;    // bounces to follow within the interval
-  if (!(speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * kBounce)) return std::nullopt;
+                                          double left, double lowest = kTouching) {
+  constexpr double kMost = 128.0;  // bounces to follow within the interval
+  if (!(speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * lowest)) return std::nullopt;
   const double first = 2.0 * speed / fall;
   if (first <= (1.0 - restitution) * left) return first / (1.0 - restitution);
   if (kMost * first <= left) return left;

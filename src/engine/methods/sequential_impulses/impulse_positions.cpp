@@ -187,6 +187,7 @@ double RowSolver::take_out_corrections(const List<int>& moved, const Masses& mas
   }
   double work = spring_work_;
   if (any_limited) work += limit_changes(moved, masses, bodies);
+  work += keep_angular_momentum(moved, masses, bodies);
   for (const int body : moved) (*corrections)[body] = corrections_[body] - effects_[body];
   return work;
 }
@@ -267,6 +268,56 @@ double RowSolver::limit_changes(const List<int>& moved, const Masses& masses,
   }
   for (const int index : moved)
     if (!masses[index].can_turn()) effects_[index].tail<3>().setZero();
+  return work;
+}
+
+// Finds the angular momentum that corrections leave in components without attachment, and gives it
+// back as a common turning. A displacement h w at a velocity v changes x × m v. Removal along the
+// Jacobians after the step changes L by the opposite, but contacts, which may have ended, have no
+// such Jacobian. Returns the work [J].
+double RowSolver::keep_angular_momentum(const List<int>& moved, const Masses& masses,
+                                        const Bodies& bodies) {
+  constexpr double kKept = 1e-9;  // share of Σ m h ‖w‖ ‖v‖ that is rounding
+  bool any = false;
+  for (const int body : moved) components_[body].lost = {};
+  for (const int index : moved) {
+    const std::size_t i = to_index(index);
+    const int root = component_of(index);
+    Component& part = components_[root];
+    if (part.is_attached || !part.corrects) continue;
+    const double mass = 1.0 / masses[i].inverse_mass;
+    const Vector3d moment = mass * h_ * velocities_[i].head<3>();
+    const Vector3d r = bodies[i].position - bodies[to_index(root)].position;
+    part.lost.L += moment.cross(corrections_[i].head<3>()) - mass * r.cross(effects_[i].head<3>()) -
+                   spin(masses[i], bodies[i], effects_[i].tail<3>());
+    part.lost.most += moment.norm() * corrections_[i].head<3>().norm();
+    any = true;
+  }
+  if (!any) return 0.0;
+  any = false;
+  for (const int body : moved) {
+    LostMomentum& lost = components_[body].lost;
+    lost.is_given_back = lost.L.norm() > kKept * lost.most;
+    any = any || lost.is_given_back;
+  }
+  if (!any) return 0.0;
+  gather_rigid(moved, masses, bodies);
+  for (const int body : moved)
+    if (components_[body].lost.is_given_back)
+      rigid_[body].turning = regularized_inverse(rigid_[body].inertia) * components_[body].lost.L;
+  double work = 0.0;
+  for (const int index : moved) {
+    const std::size_t i = to_index(index);
+    const int root = component_of(index);
+    if (!components_[root].lost.is_given_back) continue;
+    const Vector3d w = rigid_[root].turning;
+    const Twist change = twist(w.cross(Vector3d(bodies[i].position - rigid_[root].centre)),
+                               masses[i].can_turn() ? w : Vector3d(Vector3d::Zero()));
+    const Twist mean = velocities_[i] + effects_[i] + 0.5 * change;
+    work += change.head<3>().dot(mean.head<3>()) / masses[i].inverse_mass +
+            change.tail<3>().dot(spin(masses[i], bodies[i], mean.tail<3>()));
+    effects_[i] += change;
+  }
   return work;
 }
 

@@ -104,6 +104,12 @@ class RowSolver {
     double inverse_mass;
     bool is_moved, can_turn;
   };
+  /// Angular momentum of a component that corrections leave.
+  struct LostMomentum {
+    Eigen::Vector3d L = Eigen::Vector3d::Zero();
+    double most = 0.0;  // Σ m h ‖w‖ ‖v‖ [kg m²/s]
+    bool is_given_back = false;
+  };
   /// Component of bodies that rows connect, stored at the index of one of its bodies.
   struct Component {
     bool corrects = false;
@@ -113,6 +119,7 @@ class RowSolver {
     double absorbed = 0.0;     // ½ Δvᵀ M Δv
     bool has_springs = false;
     double linear = 0.0, quadratic = 0.0, free = 0.0, scale = 1.0, damping = 0.0;
+    LostMomentum lost;
   };
 
   /// Component as one rigid body.
@@ -148,6 +155,7 @@ class RowSolver {
   bool limit_energy(const List<int>& moved, List<Row>& rows);
   void gather_rigid(const List<int>& moved, const Masses& masses, const Bodies& bodies);
   double limit_changes(const List<int>& moved, const Masses& masses, const Bodies& bodies);
+  double keep_angular_momentum(const List<int>& moved, const Masses& masses, const Bodies& bodies);
 
   // Per body: v₀, v, w, and the effect of impulses alone.
   List<Twist> before_, velocities_, corrections_, effects_;

@@ -260,6 +260,7 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   if (!impacts_.have_impacts(span->left.left, is_begin, pairs_, &states_, &solver_, &equations_, y))
     return false;
   if (!decide(event) && !(have_jam() && decide({}))) return false;
+  span->progress.local_error += impacts_.indeterminate() * span->all.h;
   span->progress.local_error += 0.5 * states_.indeterminate() * span->left.left * span->left.left;
   states_.hold_coordinates(is_begin, &equations_);
   const double kinetic = equations_.bodies().kinetic_energy(),

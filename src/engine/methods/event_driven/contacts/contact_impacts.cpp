@@ -19,8 +19,9 @@ std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations& equations,
 }  // namespace
 
 void ContactImpacts::begin_event(const ContactEquations& equations) {
-  impulses_.reset(equations);
-  rests_in_.reset(equations);
+  results_.impulses.reset(equations);
+  results_.rests_in.reset(equations);
+  results_.indeterminate = 0.0;
 }
 
 void ContactImpacts::keep(const ContactEquations& equations, const double* y) {
@@ -57,7 +58,8 @@ bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& 
     if (!let_rest(left, pairs, states, solver, equations, y, &is_settled)) return false;
     if (is_settled) return true;
     restore(equations, y);
-    impulses_.reset(*equations);
+    results_.impulses.reset(*equations);
+    results_.indeterminate = 0.0;
     find_hits(begins, pairs, *equations);
   }
 }
@@ -180,11 +182,12 @@ bool ContactImpacts::have_impact(double faster, const ContactTolerances& within,
     }
     if (!does_work()) break;
   }
+  results_.indeterminate += sharing_.indeterminate_rate(problem, problem_.force);
   responses.apply(problem_.force.data(), equations, y);
   for (const TouchingContact& touching : responses.contacts())
-    impulses_.contacts[touching.contact] += problem_.force[touching.column];
+    results_.impulses.contacts[touching.contact] += problem_.force[touching.column];
   for (std::size_t k = 0; k < hits.limits.size(); ++k)
-    impulses_.coordinates[hits.limits[k].coordinate] += problem_.force[first + k];
+    results_.impulses.coordinates[hits.limits[k].coordinate] += problem_.force[first + k];
   return true;
 }
 
@@ -226,7 +229,7 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
   const GroupBodies& bodies = equations->bodies();
   GroupJoints& joints = equations->joints();
   const ContactTolerances& within = pairs.tolerances();
-  const PerRow<double>& hit = impulses_;
+  const PerRow<double>& hit = results_.impulses;
   *is_settled = true;
   const auto is_bounce = [&](std::size_t c) {
     return hit.contacts[c] > 0.0 && equations->contacts()[c].restitution > 0.0 &&
@@ -249,7 +252,7 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
         time_to_rest(now.gap_rate(), -states->gap_acceleration(c),
                      equations->contacts()[c].restitution, left, within.touching);
     if (!rests_in) continue;
-    rests_in_.contacts[c] = *rests_in;
+    results_.rests_in.contacts[c] = *rests_in;
     rests_.contacts[c] = 1;
     *is_settled = false;
   }
@@ -266,7 +269,7 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
                      -direction * (states->coordinate_acceleration(c) - at_limit.acceleration),
                      of.law.restitution, left);
     if (!rests_in) continue;
-    rests_in_.coordinates[c] = *rests_in;
+    results_.rests_in.coordinates[c] = *rests_in;
     rests_.coordinates[c] = 1;
     *is_settled = false;
   }

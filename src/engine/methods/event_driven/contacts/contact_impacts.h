@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/math/impulse_sharing.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
@@ -39,9 +40,12 @@ class ContactImpacts {
   std::uint32_t count() const { return count_; }
 
   // ---- results since begin_event()
-  const PerRow<double>& impulses() const { return impulses_; }
+  const PerRow<double>& impulses() const { return results_.impulses; }
   /// Times until bounces that are not followed are over [s].
-  const PerRow<double>& rests_in() const { return rests_in_; }
+  const PerRow<double>& rests_in() const { return results_.rests_in; }
+  /// Rate of a contact that the impacts leave open, since it depends on the sharing of impulses
+  /// [m/s].
+  double indeterminate() const { return results_.indeterminate; }
 
  private:
   /// Limit in an impact. `direction`: +1 for a lower limit, −1 for an upper limit.
@@ -74,6 +78,12 @@ class ContactImpacts {
     List<GroupCoordinate> coordinates;
   };
 
+  /// Results since begin_event().
+  struct Results {
+    PerRow<double> impulses, rests_in;
+    double indeterminate = 0.0;
+  };
+
   void keep(const ContactEquations& equations, const double* y);
   void restore(ContactEquations* equations, double* y) const;
   void find_hits(bool begins, const ContactPairs& pairs, const ContactEquations& equations);
@@ -90,7 +100,8 @@ class ContactImpacts {
   ContactProblem problem_;
   List<double> rate_;  // rates before, per column of problem_
   Before before_;
-  PerRow<double> impulses_, rests_in_;
+  Results results_;
+  ImpulseSharing sharing_;
   std::uint32_t count_ = 0;
 };
 

@@ -58,6 +58,44 @@ TEST(Verify, BoundsTheErrorOfAPendulumByEstimateAndGrowth) {
   }
 }
 
+/// A box that spins about its anchor in the world so fast that energy_momentum splits a step of
+/// 0.01 s, though not its half.
+World spinning_box() {
+  WorldOptions options;
+  options.time_step = 0.01;
+  options.tolerance = 1e-7;
+  World world(options);
+  Body box = make_body("box", Box{{0.5, 0.4, 0.3}}, 1.5, {0.2, 0.1, 0.0});
+  box.state.angular_velocity = {3.5, 14.0, 17.5};
+  box.state.linear_velocity = box.state.angular_velocity.cross(box.state.position);
+  const BodyId id = world.add_body(box);
+  world.add_joint(
+      make_joint("ball", kWorldBody, {0, 0, 0}, id, -box.state.position, JointKind::kBall));
+  return world;
+}
+
+// Runs of energy_momentum at h and h/2 with one tolerance may have the same substeps. The runs that
+// are compared differ by more than the error of the finer one, which is that to runge_kutta.
+TEST(Verify, KnowsTheErrorOfAMethodThatSplitsItsSteps) {
+  const World world = spinning_box();
+  const auto final_place = [&](double time_step) {
+    World run = world;
+    WorldOptions options = run.options();
+    options.method = Method::kEnergyMomentum;
+    options.time_step = time_step;
+    run.set_options(options);
+    while (run.time() < 0.5 - 1e-9) run.step();
+    return run.state(run.find_body("box")).position;
+  };
+  const double apart = (final_place(0.01) - final_place(0.005)).norm();
+  const VerifyReport report = verify(world, verify_ticks(50));
+  EXPECT_FALSE(report.exceeds()) << to_table(report);
+  const VerifiedFigures& figures = only_body(report).figures;
+  EXPECT_LT(apart, 1e-12);  // equal substeps
+  EXPECT_GT(figures.other_error, 1e-8);
+  EXPECT_LE(figures.other_method, figures.other_error) << to_table(report);
+}
+
 // A twin 1e-10 away is metres away after some seconds, and so are the other runs: no fault.
 TEST(Verify, TellsTheChaosOfADoublePendulumFromAFault) {
   WorldOptions options;

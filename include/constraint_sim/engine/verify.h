@@ -36,7 +36,8 @@ struct VerifiedFigures {
   double estimate = kNone;   ///< sum of the local error estimates [m]; NaN: the method has none
   double growth = 1.0;       ///< largest distance to the twin over its perturbation, ≥ 1 [1]
   double half_step = kNone;  ///< distance to the run with half the time step [m]; NaN: left out
-  /// Distance to the run by the other method with half the time step [m]; NaN: left out.
+  /// Distance to the run by the other method with half the time step and 1/16 of the tolerance [m];
+  /// NaN: left out.
   double other_method = kNone;
   /// Error of the other method: its largest distance so far between whole and half time step [m].
   double other_error = kNone;

@@ -95,10 +95,16 @@ def call_in_process(line):
     return status, output.getvalue()
 
 
+def call_unless_busy(line):
+    """Returns what call_in_process does, or None where the edit before still runs, as on a busy machine."""
+    done = call_in_process(line)
+    return None if "not now: " in done[1] else done
+
+
 def run(line, folder):
     """Returns exit status and output of a line in the shell."""
     if line.startswith("rosservice call") and not re.search(r"[|;&<>$`]", line):
-        return call_in_process(line)
+        return support.wait_until(lambda: call_unless_busy(line), line)
     done = subprocess.run(["bash", "-c", line], stdout=subprocess.PIPE, cwd=folder, stderr=subprocess.STDOUT,
                           universal_newlines=True, timeout=support.TIMEOUT)
     return done.returncode, done.stdout

@@ -15,7 +15,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-const int kFutures = kSanitizedShare > 1 ? 2 : kIsLongRun ? 100 : 25;  // [steps]
+const int kFutures = kSanitizedShare > 1 ? 2 : kIsLongRun ? 100 : 10;  // [steps]
 constexpr int kApart = kSanitizedShare > 1 ? 1 : 3;
 
 using Eigen::Vector3d;

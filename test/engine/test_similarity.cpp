@@ -112,14 +112,19 @@ TEST(Similarity, BoxesSlideToAStop) {
   }
 }
 
+// A ball above a floor, with the motion and restitution given.
+World ball_above_floor(const Similar& of, double h, double height, const Vector3d& v,
+                       const Vector3d& w, double restitution) {
+  World world = of.world(h);
+  world.add_body(of.floor());
+  world.add_body(of.of(of.moving(of.ball("ball", 0.5, {0, 0, height}), v, w), 0.4, restitution));
+  return world;
+}
+
 // Bounces of a ball and rolling after sliding; the closed form of rolling is 5/7 v.
 TEST(Similarity, BallsRollAndBounce) {
   const auto roll = [](const Similar& of, double h) {
-    World world = of.world(h);
-    world.add_body(of.floor());
-    world.add_body(
-        of.of(of.moving(of.ball("ball", 0.5, {0, 0, 0.5}), {2, 0.5, 0}, {0, 0, 0}), 0.4, 0.0));
-    return world;
+    return ball_above_floor(of, h, 0.5, {2, 0.5, 0}, {0, 0, 0}, 0.0);
   };
   expect_similar(roll, 2.0, 1e-12, "a rolling ball");
   for (const double length : kLengths) {
@@ -130,11 +135,7 @@ TEST(Similarity, BallsRollAndBounce) {
         << length;
   }
   const auto bounce = [](const Similar& of, double h) {
-    World world = of.world(h);
-    world.add_body(of.floor());
-    world.add_body(
-        of.of(of.moving(of.ball("ball", 0.5, {0, 0, 1.5}), {0.3, 0.1, 0}, {1, 2, 3}), 0.4, 0.7));
-    return world;
+    return ball_above_floor(of, h, 1.5, {0.3, 0.1, 0}, {1, 2, 3}, 0.7);
   };
   expect_similar(bounce, 2.0, 1e-10, "a bouncing ball");
 }

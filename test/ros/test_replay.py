@@ -166,7 +166,7 @@ class Replay(support.ServiceCase):
             self.assertIn("step %d" % step, said)
 
     def test_a_long_run_of_commands(self):
-        """Runs commands for an hour with CONSTRAINT_SIM_TEST_ALL, else for hundred seconds."""
+        """Runs commands for an hour with CONSTRAINT_SIM_TEST_ALL, else for a hundred seconds."""
         is_long = "CONSTRAINT_SIM_TEST_ALL" in os.environ
         seconds, wall, least = (3600.0, 30.0, 600) if is_long else (100.0, 10.0, 100)
         self.good("load_scene", path="platform")

@@ -12,12 +12,12 @@ namespace constraint_sim::engine {
 /// Finds how far the rates of contacts depend on the sharing of impulses among them.
 ///
 /// Where rows depend on each other, impulses with z of G z = 0 added leave the rates along loaded
-/// rows as they are: normals, tangents of sticking contacts and rows within their bounds. Friction
-/// of a slipping contact follows its normal impulse, F = n − μ û, so that z changes the other rates
-/// where slips have different directions, as under a box that slides and rotates on four corners.
-/// The sharing moves along the projections of unit impulses on all z until a row is at its bound.
-/// Slip directions count as constant, which is exact to first order in the change. Keeps its
-/// storage.
+/// rows as they are: normals, tangents of sticking contacts and rows within their bounds. A
+/// slipping contact has friction in proportion to its normal impulse, F = n − μ û, so that z
+/// changes the other rates where slips have different directions, as under a box that slides and
+/// rotates on four corners. The sharing moves along the projections of unit impulses on all z until
+/// a row is at its bound. Slip directions count as constant, which is exact to first order in the
+/// change. Keeps its storage.
 class ImpulseSharing {
  public:
   /// Returns the largest change of u = b + A p between the solution `p` and other solutions of the

@@ -2,7 +2,7 @@
 // which the force reaches the joint's limit, and of the fall after that.
 
 #include "by_events.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/event_watch.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -7,7 +7,7 @@
 
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/event_watch.h"
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
@@ -32,6 +32,7 @@ class EventStepper {
   void begin_interval() { watched_.is_muted.clear(); }
   /// Values at the start of the next substep.
   List<Watched>* before() { return &watched_.before; }
+  const List<Watched>& before() const { return watched_.before; }
   void count_event() { ++events_; }
   std::uint32_t events() const { return events_; }
 

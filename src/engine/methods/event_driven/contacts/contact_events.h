@@ -17,7 +17,7 @@
 #include "engine/methods/event_driven/contacts/overlap_closing.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/event_stepper.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/event_watch.h"
 
 namespace constraint_sim::engine {
 

@@ -5,7 +5,7 @@
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/event_watch.h"
 
 namespace constraint_sim::engine {
 

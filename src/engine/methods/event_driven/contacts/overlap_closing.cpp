@@ -4,7 +4,7 @@
 
 #include "engine/collision/narrowphase.h"
 #include "engine/math/numbers.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/event_watch.h"
 
 namespace constraint_sim::engine {
 namespace {

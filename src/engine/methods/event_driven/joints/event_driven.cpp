@@ -46,9 +46,8 @@ EventDriven::EventDriven(const List<int>& members, const List<Joint>& all_joints
 void EventDriven::begin_step(const List<JointState>& joint_states, RungeKutta* motion) {
   motions_.begin_step(joint_states);
   impulses_.begin_step(joints().size());
-  events_ = 0;
+  stepper_.begin_step();
   told_.clear();
-  unchanged_ = 0;
   motion->begin_step(motions_.joint_states());
 }
 
@@ -84,7 +83,7 @@ bool EventDriven::begin_span(Span* span) {
     variants_.compile_bare(motions_.joints(), motions_.broken(), span->around.masses);
   const bool goes_on = motions_.begin_interval(span->around.joint_states, span->around.step,
                                                span->all.t, span->left.end);
-  watched_.is_muted.clear();
+  stepper_.begin_interval();
   if (!motions_.has_started() || !goes_on || span->all.is_disturbed) {
     bool had_impacts = false;
     const bool is_done = settle(span, {}, true, &had_impacts);
@@ -96,7 +95,7 @@ bool EventDriven::begin_span(Span* span) {
   now.is_disturbed = now.is_edited = false;
   const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);
   span->progress.projected += begun.projected;
-  if (begun.done) watch(*span, &watched_.before);
+  if (begun.done) watch(*span, stepper_.before());
   return begun.done;
 }
 
@@ -113,41 +112,30 @@ bool EventDriven::advance_to_event(Span* span) {
   motion.keep_start();
   if (!motion.advance_substep(rest_of(*span), span->accuracy, &span->left, &span->progress))
     return false;
-  const double h = start.left - span->left.left;
   motion.equations().scatter_state(motion.state(), span->states);
-  watch(*span, &watched_.after);
-  std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
-  if (event && !locate(span, start, h, &event)) return false;
-  motions_.note_positions(span->bodies(), span->t(), motion.equations());
-  std::swap(watched_.before, watched_.after);
-  if (event) return finish_event(span, event->which);
-  watched_.is_muted.clear();
-  return true;
-}
-
-// Ends the substep from `start` at the first event, and leaves the state there. Keeps the whole
-// substep where there is no event.
-bool EventDriven::locate(Span* span, const SubstepSpan& start, double h,
-                         std::optional<Crossing>* event) {
-  RungeKutta& motion = *span->motion;
-  const auto go_to = [&](double share, bool is_start) {
+  const auto repeat = [&](double h, bool is_start) {
     if (is_start)
       motion.return_to_start();
-    else if (!motion.repeat_substep(rest_of(*span), span->accuracy, start.t, share * h))
+    else if (!motion.repeat_substep(rest_of(*span), span->accuracy, start.t, h))
       return false;
-    span->left = is_start ? start : gone_on(start, share * h);
     motion.equations().scatter_state(motion.state(), span->states);
-    watch(*span, &watched_.after);
     return true;
   };
-  return watched_.locate(start.t, h, go_to, event);
+  const auto list_watched = [&](List<WatchedByJoints>* list) { watch(*span, list); };
+  const auto accept = [&](double) {
+    motions_.note_positions(span->bodies(), span->t(), motion.equations());
+    return true;
+  };
+  const auto change = [&](const WatchedByJoints& watched, bool* is_changed) {
+    return change_states(span, watched, is_changed);
+  };
+  return stepper_.end_substep(start, kMostEvents, repeat, list_watched, accept, change,
+                              &span->left);
 }
 
 // ---- at events
 
-bool EventDriven::finish_event(Span* span, std::size_t which) {
-  if (++events_ > kMostEvents) return false;
-  const WatchedByJoints watched = watched_.before[which];
+bool EventDriven::change_states(Span* span, const WatchedByJoints& watched, bool* is_changed) {
   const bool breaks = watched.breaks >= 0;
   if (breaks) break_joint(span, static_cast<std::size_t>(watched.breaks));
   const EventRelease release{watched.known == 0 && watched.law >= 0 ? watched.law : -1,
@@ -155,13 +143,8 @@ bool EventDriven::finish_event(Span* span, std::size_t which) {
   const List<OneSidedState> states = motions_.states();
   bool had_impacts = false;
   if (!settle(span, release, breaks, &had_impacts)) return false;
-  if (had_impacts || breaks || !(states == motions_.states())) {
-    watched_.is_muted.clear();
-    return true;
-  }
-  watched_.is_muted.resize(watched_.before.size(), 0);
-  watched_.is_muted[which] = 1;
-  return ++unchanged_ <= kMostUnchanged;
+  *is_changed = had_impacts || breaks || !(states == motions_.states());
+  return true;
 }
 
 void EventDriven::break_joint(Span* span, std::size_t joint) {
@@ -225,7 +208,7 @@ List<std::size_t> EventDriven::broken_by_impacts(const Span& span,
 void EventDriven::add_overloaded(List<std::size_t>* broken) const {
   const WatchedByJoints* worst = nullptr;
   const auto excess = [](const WatchedByJoints& of) { return -of.value / of.tolerance; };
-  for (const WatchedByJoints& watched : watched_.before)
+  for (const WatchedByJoints& watched : stepper_.before())
     if (watched.breaks >= 0 && excess(watched) > (worst != nullptr ? excess(*worst) : 1.0))
       worst = &watched;
   if (worst != nullptr) broken->push_back(static_cast<std::size_t>(worst->breaks));
@@ -365,7 +348,7 @@ bool EventDriven::switch_to_states(Span* span) {
   if (!begun.done) return false;
   motion.equations().scatter_state(motion.state(), span->states);
   motions_.set_started(true);
-  watch(*span, &watched_.before);
+  watch(*span, stepper_.before());
   return true;
 }
 

@@ -4,13 +4,13 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/event.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/dynamics/method.h"
 #include "engine/math/list.h"
+#include "engine/methods/event_driven/event_stepper.h"
 #include "engine/methods/event_driven/joints/event_decision.h"
 #include "engine/methods/event_driven/joints/event_impulses.h"
 #include "engine/methods/event_driven/joints/event_joints.h"
@@ -73,7 +73,7 @@ class EventDriven {
   void forget() { motions_.set_started(false); }
 
   // ---- results since begin_step(), complete at the end of the step
-  std::uint32_t events() const { return events_; }
+  std::uint32_t events() const { return stepper_.events(); }
   /// Reported event.
   struct Told {
     EventKind kind;
@@ -125,11 +125,10 @@ class EventDriven {
   bool begin_span(Span* span);
   bool advance_to_event(Span* span);
   void watch(const Span& span, List<WatchedByJoints>* list);
-  bool locate(Span* span, const SubstepSpan& start, double h, std::optional<Crossing>* event);
   Interval rest_of(const Span& span) const;
 
   // ---- at events
-  bool finish_event(Span* span, std::size_t which);
+  bool change_states(Span* span, const WatchedByJoints& watched, bool* is_changed);
   void break_joint(Span* span, std::size_t joint);
   bool settle(Span* span, const EventRelease& release, bool is_changed, bool* had_impacts);
   List<std::size_t> broken_by_impacts(const Span& span, const List<RowVector>& before) const;
@@ -146,10 +145,8 @@ class EventDriven {
   EventVariants variants_;
   // ---- values of the current step
   EventImpulses impulses_;
-  std::uint32_t events_ = 0;
-  int unchanged_ = 0;  // events that changed nothing
+  EventStepper<WatchedByJoints> stepper_;
   List<Told> told_;
-  WatchedSubstep<WatchedByJoints> watched_;
   Motions rates_;  // accelerations of the bodies when values were last watched
 };
 

@@ -2,9 +2,9 @@
 
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/list.h"
+#include "engine/methods/event_driven/event_watch.h"
 #include "engine/methods/event_driven/joints/event_motions.h"
 #include "engine/methods/event_driven/joints/event_reading.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
 
 namespace constraint_sim::engine {

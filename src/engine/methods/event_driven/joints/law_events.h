@@ -9,7 +9,7 @@
 #include "engine/constraints/one_sided_law.h"
 #include "engine/math/integrate.h"
 #include "engine/math/numbers.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/event_watch.h"
 #include "engine/methods/event_driven/joints/tension_events.h"
 
 namespace constraint_sim::engine {

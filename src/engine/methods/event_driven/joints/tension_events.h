@@ -5,7 +5,7 @@
 #include "engine/constraints/course.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/math/numbers.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/methods/event_driven/event_watch.h"
 
 namespace constraint_sim::engine {
 

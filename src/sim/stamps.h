@@ -12,6 +12,9 @@ namespace constraint_sim {
 class Stamps {
  public:
   static constexpr std::int64_t kLast = 4294967295999999999;  ///< last stamp, 2³² s - 1 ns [ns]
+  /// Least advance [ns]. Python's tf2 takes a stamp as a double of seconds, whose steps are 238 ns
+  /// today and 477 ns from 2038: stamps closer together would be repeated ones there.
+  static constexpr std::int64_t kLeastAdvance = 1000;
 
   enum class Source {
     kWall,       ///< wall time that follows simulated time evenly while the world runs
@@ -31,7 +34,7 @@ class Stamps {
       simulated_anchor_ = simulated;
     }
     anchored_ = running;
-    last_ = std::min(std::max(of(now, simulated), last_ + 1), kLast);
+    last_ = std::min(std::max(of(now, simulated), last_ + kLeastAdvance), kLast);
     return last_;
   }
 

@@ -21,8 +21,22 @@ TEST(Stamps, FollowSimulatedTimeEvenlyThoughTheWallJitters) {
 TEST(Stamps, NeverRepeatNorGoBack) {
   Stamps stamps(Stamps::Source::kWall, 1.0);
   const std::int64_t first = stamps.next(100 * kSecond, 5.0, true);
-  EXPECT_EQ(stamps.next(100 * kSecond, 5.0, true), first + 1);
-  EXPECT_EQ(stamps.next(90 * kSecond, 1.0, false), first + 2);  // paused, wall time set back
+  EXPECT_EQ(stamps.next(100 * kSecond, 5.0, true), first + Stamps::kLeastAdvance);
+  // paused, wall time set back
+  EXPECT_EQ(stamps.next(90 * kSecond, 1.0, false), first + 2 * Stamps::kLeastAdvance);
+}
+
+// Python's tf2 takes stamps as doubles of seconds.
+TEST(Stamps, DifferAsDoublesOfSeconds) {
+  for (const std::int64_t now : {1795709315 * kSecond, 4294967290 * kSecond}) {
+    Stamps stamps(Stamps::Source::kWall, 1.0);
+    double last = 1e-9 * static_cast<double>(stamps.next(now, 5.0, false));
+    for (int k = 0; k < 1000; ++k) {
+      const double next = 1e-9 * static_cast<double>(stamps.next(now, 5.0, false));
+      EXPECT_GT(next, last) << k;
+      last = next;
+    }
+  }
 }
 
 TEST(Stamps, TakeTheWallAgainAfterAPauseADropOrAnotherScene) {
@@ -54,11 +68,12 @@ TEST(Stamps, OfAWorldBetweenTwoMessagesLieBetweenTheirs) {
   EXPECT_EQ(simulated.of(100 * kSecond, 2.5), 5 * kSecond / 2);
 }
 
-TEST(Stamps, OfSimulatedTimeAreItselfAndANanosecondOnWhereItStands) {
+TEST(Stamps, OfSimulatedTimeAreItselfAndALittleOnWhereItStands) {
   Stamps stamps(Stamps::Source::kSimulated, 1.0);
-  EXPECT_EQ(stamps.next(100 * kSecond, 0.0, false), 1);  // 0 means no time in ROS
+  EXPECT_EQ(stamps.next(100 * kSecond, 0.0, false),
+            Stamps::kLeastAdvance);  // 0 means no time in ROS
   EXPECT_EQ(stamps.next(100 * kSecond, 2.5, true), 5 * kSecond / 2);
-  EXPECT_EQ(stamps.next(101 * kSecond, 2.5, false), 5 * kSecond / 2 + 1);
+  EXPECT_EQ(stamps.next(101 * kSecond, 2.5, false), 5 * kSecond / 2 + Stamps::kLeastAdvance);
   EXPECT_EQ(stamps.next(102 * kSecond, 2.51, true), 251 * kSecond / 100);
 }
 

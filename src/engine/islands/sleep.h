@@ -51,6 +51,8 @@ class Sleep {
   bool is_stale() const { return any_waking_; }
   /// Whether the awake sets changed since the methods were chosen.
   bool has_changed() const { return has_changed_; }
+  /// Whether the stages of a step have work: something is awake, or the awake sets changed.
+  bool needs_stages() const { return has_changed_ || !awake_.bodies.empty(); }
   void forget_change() { has_changed_ = false; }
   /// The methods are chosen again, as after a change of the awake sets.
   void choose_again() { has_changed_ = true; }

@@ -97,7 +97,8 @@ const StepReport& World::step() {
   Impl& world = *impl_;
   try {
     const StepContext step = world.begin_step();
-    do {
+    bool is_due = world.sleep.needs_stages();
+    while (is_due) {
       world.run_broadphase(step);   // 1. broadphase: fast and approximate
       world.run_narrowphase(step);  // 2. narrowphase: accurate but slow
       if (world.any_corrections)
@@ -106,7 +107,8 @@ const StepReport& World::step() {
       world.choose_methods(step);
       world.integrate(step);            //    islands of runge_kutta, energy_momentum, event_driven
       world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
-    } while (world.assumed.is_any_driven(world) && world.has_missed_any(step));
+      is_due = world.assumed.is_any_driven(world) && world.has_missed_any(step);
+    }
     world.advance_kinematic_bodies();
     world.finish_step(step);
   } catch (const StepFailed& failed) {
@@ -304,7 +306,8 @@ void World::Impl::finish_step(const StepContext& step) {
     read_smooth_joints(joint_step(options, step.tick.start, options.time_step));
   if (!groups.is_empty())
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
-  if (!touching.empty() || !contacts.empty()) set_contacts(touching, options.time_step);
+  if (!touching.empty() || contacts.size() > resting_contacts)
+    set_contacts(touching, options.time_step);
   if (!are_finite(*this, *this, sleep.awake(), *this)) throw StepFailed{Failure::kNotFinite};
   leave_out_estimates();
   if (events.size() > 1) sort_events();

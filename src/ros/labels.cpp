@@ -18,9 +18,9 @@ using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
 constexpr const char* kNames = "constraint_names";
-constexpr double kHeightOfSign = 0.3;      // letter height over the length of arrows, at least
-constexpr double kMostHeightOfSign = 0.5;  // letter height over the length of arrows, at most
-constexpr double kHeightOfScene = 0.015;   // letter height over the diagonal of the scene
+// Smallest and largest letter height, as a share of the length of arrows.
+constexpr double kHeightOfSign = 0.3, kMostHeightOfSign = 0.5;
+constexpr double kHeightOfScene = 0.015;  // letter height over the diagonal of the scene
 constexpr double kHeightOfLegend =
     0.02;  // letter height of the legend over the diagonal of the scene
 constexpr double kShares[] = {

@@ -128,7 +128,7 @@ void for_each_friction(const std::vector<engine::Contact>& contacts, Show show) 
   }
 }
 
-/// Extent of a scene, without planes, and the size of its signs.
+/// Extent of a scene without planes, and the size of its arrows and lines.
 struct Extent {
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();  ///< [m]
   double sign = 0.0;   ///< length of arrows [m]

@@ -25,8 +25,8 @@ struct XacroLeft {
   XacroList definitions;  ///< macros, properties and arguments; the URDF is complete without them
 };
 
-/// Finds xacro in a text, except in comments, definitions and elements beside links, joints and
-/// materials, such as `<gazebo>`.
+/// Finds xacro in the text of a URDF. Skips comments, the content of definitions, and top-level
+/// elements other than links, joints and materials, such as `<gazebo>`.
 XacroLeft find_xacro(const std::string& text);
 
 }  // namespace constraint_sim

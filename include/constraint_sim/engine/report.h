@@ -153,7 +153,7 @@ struct StepReport {
   std::uint32_t events = 0;      ///< moments at which a one-sided row began or ceased to act
   std::uint32_t hits = 0;        ///< hits of fast bodies, at their times within the step
   std::uint32_t rows = 0;        ///< scalar equations solved
-  std::uint32_t contacts = 0;    ///< contact points, without islands at rest
+  std::uint32_t contacts = 0;    ///< contact points of awake islands
   std::uint64_t broadphase_tests = 0;  ///< tests of a bounding box against another
   std::uint32_t candidate_pairs = 0;   ///< pairs of bodies that passed the broadphase
   /// Duration of each stage [s]; zero without a clock.

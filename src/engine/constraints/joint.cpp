@@ -35,8 +35,8 @@ Eigen::Matrix3d axes_on_b(const Joint& joint) {
   return joint.frame_b.value_or(Eigen::Quaterniond::Identity()).toRotationMatrix();
 }
 
-// Returns shift and turn of the frame on B that would meet the rows, for a joint that closes by
-// moving this frame.
+// Returns the translation [m] and the rotation vector [rad] of the frame on B that would bring the
+// errors of all rows to zero, for joints that close their errors by moving this frame.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> opening_of(const Joint& joint, const BodyState& a,
                                                        const BodyState& b) {
   const JointKindInfo& kind = info(joint.kind);

@@ -68,7 +68,8 @@ class IntervalInputs {
   const List<Eigen::Vector3d>& acceleration() const { return acceleration_; }
   /// Torque on a rotating body by loads [N m].
   const List<Eigen::Vector3d>& torque() const { return torque_; }
-  /// Length of a rod or spring [m]; of a general joint the share of its opening to close.
+  /// By link: prescribed length of a rod or spring [m]; for a general joint that closes its error,
+  /// the share that is left [1].
   const List<Prescribed>& length() const { return length_; }
   /// Frame on B of general joint l.
   const MovingFrame& frame_b(std::size_t l) const { return frames_[l - first_general_]; }

@@ -22,7 +22,8 @@ constexpr double kMomentarySelfStress = 1e-3;
 constexpr double kMostSelfStress = 0.1;  // while joints are being closed
 constexpr int kRefinements = 3;
 
-// Tolerances of redundant rows. Where lengths have few digits, forces balance to as few digits.
+// Tolerances of redundant rows. Lengths that a scene gives with few digits make rows dependent to
+// these digits alone, so tolerances grow with the imbalance of the forces.
 constexpr double kRowSolved = 1e-11;  // share of the scene's size
 constexpr double kDrift = 1e3;        // share of the scene's size, per imbalance
 constexpr double kMostDrift = 1e-3;

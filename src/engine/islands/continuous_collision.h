@@ -41,7 +41,9 @@ void add_impulses(const ImpulseReport& impulses, Report* report) {
 struct HitReport {
   ImpulseReport impulses;
   std::uint32_t hits = 0;
-  bool has_left_any = false;  ///< a hit was not found, since there were too many
+  /// Hits may have been missed: there were too many, a body of the group moved by twice its gap, or
+  /// a body that had taken its step was in the way.
+  bool has_left_any = false;
 };
 
 /// Bodies that move so far in a step that they could pass through another body, or through

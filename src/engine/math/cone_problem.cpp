@@ -95,7 +95,7 @@ class Slipping {
   }
 
  private:
-  /// Returns the tangential impulse along the eigenvectors.
+  /// Returns the tangential impulse for κ, in the basis of the eigenvectors.
   Vector2d tangential(double kappa) const {
     Vector2d p;
     for (Index i = 0; i < 2; ++i) {

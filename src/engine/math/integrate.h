@@ -56,7 +56,8 @@ struct IntegrationResult {
   bool is_inconsistent = false;  ///< not done since the joints cannot all be met
   /// Frequency of the joints' forces, where it decides the next method [rad/s].
   double frequency = 0.0;
-  /// The other method is cheaper; not done where this was known at once.
+  /// Whether energy_momentum is cheaper, since `frequency` exceeds the limit. Nothing was
+  /// integrated where `done` is false as well.
   bool is_stiff = false;
   double projected = 0.0;  ///< kinetic energy lost by projecting velocities [J]
   double corrected = 0.0;  ///< energy added by position corrections [J]

@@ -19,8 +19,8 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// Checks that the states of bodies are finite and in range. The sum of squares over all bodies
-/// decides in most steps; only a too large sum is searched for the body.
+/// Checks that the states of bodies are finite and in range. One sum of squares over all bodies is
+/// enough in most steps; the bodies are checked one by one only where the sum is too large.
 Failure failure_of_motion(const Model& model, const State& state, const List<int>& awake_bodies,
                           std::optional<BodyId>* failed_body) {
   Eigen::Array2d squares(0.0, 0.0);
@@ -90,9 +90,10 @@ bool are_finite(const Model& model, const State& state, const AwakeSets& awake,
 
 }  // namespace
 
-// The numbers are the six stages of the tutorial (docs/tutorial.md). Impl inherits Model, State,
-// IslandLists and StepOutput, so one `world` is passed as each of them. A stage that throws ends
-// the step where it began; only exceptions of the system leave step().
+// The numbers count the stages of the tutorial (docs/tutorial.md): broad phase, narrow phase, rows,
+// velocities, sweeps, positions. Impl inherits Model, State, IslandLists and StepOutput, so one
+// `world` is passed as each of them. A step in which a stage throws StepFailed or CustomFailure
+// ends where it began, with a report; other exceptions, as std::bad_alloc, leave step().
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {

@@ -126,8 +126,9 @@ bool World::Impl::wake_touched() {
   return sleep.is_stale();
 }
 
-// Whether a body may have met a shape that was not looked at, so that the step has to be repeated.
-// The world then is where the step began.
+// Returns whether the step has to be repeated, since a body may have met a shape that was not
+// looked at. If so, the world returns to the start of the step, with longer assumed paths. Sets
+// hits_left_body instead where paths have been made longer often enough.
 bool World::Impl::has_missed_any(const StepContext& step) {
   if (is_set(stop)) return false;
   const MovedBodies moved{step,

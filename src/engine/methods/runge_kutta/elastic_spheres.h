@@ -46,7 +46,7 @@ class ElasticSpheres {
   const List<Plane>& planes() const { return planes_; }
 
  private:
-  /// Position and velocity of a sphere at one time.
+  /// Parabola of a sphere: position and velocity at the time `since`.
   struct Flight {
     Eigen::Vector3d x, v;
     double since = 0.0;         ///< time from the start of the interval [s]

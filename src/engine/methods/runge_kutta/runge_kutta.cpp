@@ -30,7 +30,7 @@ IntegrationResult integrate(System& system, const StageMemory& memory, double t,
                                                          step, accuracy.most_attempts, stop);
 }
 
-/// The quaternion (x, y, z, w) of a body with known angular momentum, as a System.
+/// The quaternion (x, y, z, w) of a body with known angular momentum, as a System of integrate.h.
 class Turning {
  public:
   Turning(const MassProperties& mass, const Vector3d& momentum, const Vector3d& torque)
@@ -117,7 +117,7 @@ IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOption
   const bool begins = !has_started_ || equations_.inputs().is_time_dependent();
   if (begins)
     equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
-  // Jumps count once, not in later intervals.
+  // has_jumped() is of the last begin(): without a begin() now, an earlier interval handled it.
   const bool has_jumped = begins && equations_.inputs().has_jumped();
   if (!has_started_ || has_jumped || !equations_.satisfies_velocity_constraints(span.t, y))
     return start(span, accuracy, memory);
@@ -243,7 +243,7 @@ IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,
   }
   const bool goes_on = state->angular_velocity == after_.angular_velocity &&
                        state->orientation.coeffs() == after_.orientation.coeffs();
-  if (!goes_on)  // otherwise L keeps its bits
+  if (!goes_on)  // otherwise momentum_ is continued, to the last bit
     momentum_ = apply_inertia(mass.inertia, state->orientation, state->angular_velocity);
   Turning turning(mass, momentum_, torque);
   std::array<double, StageMemory::kRows * Turning::size()> numbers;

@@ -151,9 +151,9 @@ void RowSolver::finish_row(std::size_t i, const Row& row, const Jacobian& J, dou
   spring_work_ += 0.5 * row.stiffness * (by_all * by_all - by_v * by_v);
 }
 
-// Removes w by impulses along the Jacobians after the step, which gives back energy that a step
-// along straight lines loses, up to the loss of the component. Damps components in which curved
-// paths of spring ends have added energy.
+// Finds the velocities that the next step removes: w as impulses along the Jacobians after the
+// step. The difference to w returns kinetic energy that motion along straight lines lost, at most
+// the loss of the component. A component whose springs gained energy along curved paths is damped.
 double RowSolver::take_out_corrections(const List<int>& moved, const Masses& masses,
                                        const Bodies& bodies, List<Twist>* corrections) {
   for (const int body : moved) {
@@ -192,7 +192,8 @@ double RowSolver::take_out_corrections(const List<int>& moved, const Masses& mas
   return work;
 }
 
-// Gathers each component as one rigid body, with its motion and the changes to be made.
+// Sums up mass, centre, inertia, momenta and kinetic energy of each component as of one rigid body,
+// and the angular momentum of the pending changes of velocity.
 void RowSolver::gather_rigid(const List<int>& moved, const Masses& masses, const Bodies& bodies) {
   rigid_.resize(components_.size());
   for (const int body : moved) rigid_[body] = Rigid{};
@@ -227,9 +228,9 @@ void RowSolver::gather_rigid(const List<int>& moved, const Masses& masses, const
   }
 }
 
-// Scales the changes of velocities, and damps components that gained energy. A component without
-// attachment gets the lost momenta back as a common motion. Returns the work of the angular
-// momentum that corrections left [J].
+// Scales the changes of velocities, and damps components that gained energy. A component that no
+// row connects with an immovable body gets the lost momenta back as a rigid motion of the
+// component. Returns the work of the angular momentum that corrections left [J].
 double RowSolver::limit_changes(const List<int>& moved, const Masses& masses,
                                 const Bodies& bodies) {
   gather_rigid(moved, masses, bodies);
@@ -271,10 +272,10 @@ double RowSolver::limit_changes(const List<int>& moved, const Masses& masses,
   return work;
 }
 
-// Finds the angular momentum that corrections leave in components without attachment, and gives it
-// back as a common turning. A displacement h w at a velocity v changes x × m v. Removal along the
-// Jacobians after the step changes L by the opposite, but contacts, which may have ended, have no
-// such Jacobian. Returns the work [J].
+// Finds the angular momentum that correction velocities w add to components that no row connects
+// with an immovable body, and removes it by a rigid rotation of the component. A displacement h w
+// at a velocity v changes x × m v. finish_row() takes back the share of joints, by their Jacobians
+// after the step; contacts may have ended and have none. Returns the work [J].
 double RowSolver::keep_angular_momentum(const List<int>& moved, const Masses& masses,
                                         const Bodies& bodies) {
   constexpr double kKept = 1e-9;  // share of Σ m h ‖w‖ ‖v‖ that is rounding

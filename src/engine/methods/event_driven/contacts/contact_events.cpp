@@ -133,7 +133,8 @@ bool ContactEvents::go_straight(bool is_straight) {
   return equations_.restart(numbers_.data(), derivative(), nullptr);
 }
 
-// Makes a substep from the saved state and derivative.
+// Takes the substep in which events are then searched, from the state in kept_. Where slips were
+// assumed straight and are not, takes it again with slips that turn.
 bool ContactEvents::take_first(Span* span, double* step) {
   const double tolerance = span->accuracy.tolerance, first = *step;
   if (equations_.is_straight()) {

@@ -118,7 +118,8 @@ bool ContactStates::decide(const ContactWatched& event, const double* y, const C
   return decide(event, within.resting, y, pairs, solver, equations);
 }
 
-// Decides as if contacts with a slip up to `least_slip` [m/s] did not slip.
+// Chooses which contacts open, stick and slip after an event. A contact that slips by at most
+// `least_slip` [m/s] counts as sticking.
 bool ContactStates::decide(const ContactWatched& event, double least_slip, const double* y,
                            const ContactPairs& pairs, CountedSolver* solver,
                            ContactEquations* equations) {

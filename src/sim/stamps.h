@@ -12,9 +12,6 @@ namespace constraint_sim {
 class Stamps {
  public:
   static constexpr std::int64_t kLast = 4294967295999999999;  ///< last stamp, 2³² s - 1 ns [ns]
-  /// Least advance [ns]. Python's tf2 takes a stamp as a double of seconds, whose steps are 238 ns
-  /// today and 477 ns from 2038: stamps closer together would be repeated ones there.
-  static constexpr std::int64_t kLeastAdvance = 1000;
 
   enum class Source {
     kWall,       ///< wall time that follows simulated time evenly while the world runs
@@ -34,7 +31,7 @@ class Stamps {
       simulated_anchor_ = simulated;
     }
     anchored_ = running;
-    last_ = std::min(std::max(of(now, simulated), last_ + kLeastAdvance), kLast);
+    last_ = std::min(std::max(of(now, simulated), last_ + least_advance(last_)), kLast);
     return last_;
   }
 
@@ -51,6 +48,13 @@ class Stamps {
   static std::int64_t nanoseconds(double seconds) {
     if (!(seconds > 0.0)) return 0;
     return seconds < 4294967296.0 ? std::min(std::llround(seconds * 1e9), 0LL + kLast) : kLast;
+  }
+
+  /// Least advance from a stamp [ns]. Python's tf2 takes stamps as doubles of seconds, whose steps
+  /// are 238 ns in 2026 and 477 ns from 2038; it complains of stamps that are equal.
+  static std::int64_t least_advance(std::int64_t stamp) {
+    const double seconds = 1e-9 * static_cast<double>(stamp);
+    return std::max<std::int64_t>(1, std::llround(2e9 * (std::nextafter(seconds, 1e10) - seconds)));
   }
 
   /// Makes the next stamp start from wall time again, after simulated time lost its relation to

@@ -21,9 +21,9 @@ TEST(Stamps, FollowSimulatedTimeEvenlyThoughTheWallJitters) {
 TEST(Stamps, NeverRepeatNorGoBack) {
   Stamps stamps(Stamps::Source::kWall, 1.0);
   const std::int64_t first = stamps.next(100 * kSecond, 5.0, true);
-  EXPECT_EQ(stamps.next(100 * kSecond, 5.0, true), first + Stamps::kLeastAdvance);
+  EXPECT_EQ(stamps.next(100 * kSecond, 5.0, true), first + 1);
   // paused, wall time set back
-  EXPECT_EQ(stamps.next(90 * kSecond, 1.0, false), first + 2 * Stamps::kLeastAdvance);
+  EXPECT_EQ(stamps.next(90 * kSecond, 1.0, false), first + 2);
 }
 
 // Python's tf2 takes stamps as doubles of seconds.
@@ -68,12 +68,11 @@ TEST(Stamps, OfAWorldBetweenTwoMessagesLieBetweenTheirs) {
   EXPECT_EQ(simulated.of(100 * kSecond, 2.5), 5 * kSecond / 2);
 }
 
-TEST(Stamps, OfSimulatedTimeAreItselfAndALittleOnWhereItStands) {
+TEST(Stamps, OfSimulatedTimeAreItselfAndANanosecondOnWhereItStands) {
   Stamps stamps(Stamps::Source::kSimulated, 1.0);
-  EXPECT_EQ(stamps.next(100 * kSecond, 0.0, false),
-            Stamps::kLeastAdvance);  // 0 means no time in ROS
+  EXPECT_EQ(stamps.next(100 * kSecond, 0.0, false), 1);  // 0 means no time in ROS
   EXPECT_EQ(stamps.next(100 * kSecond, 2.5, true), 5 * kSecond / 2);
-  EXPECT_EQ(stamps.next(101 * kSecond, 2.5, false), 5 * kSecond / 2 + Stamps::kLeastAdvance);
+  EXPECT_EQ(stamps.next(101 * kSecond, 2.5, false), 5 * kSecond / 2 + 1);
   EXPECT_EQ(stamps.next(102 * kSecond, 2.51, true), 251 * kSecond / 100);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 #include <variant>
 
 #include "engine/collision/manifold_points.h"
@@ -15,7 +16,7 @@ using Eigen::Vector3d;
 Vector3d normal(const BodyState& plane) { return plane.orientation * Vector3d::UnitZ(); }
 double offset(const Vector3d& N, const BodyState& plane) { return N.dot(plane.position); }
 
-/// Calls the narrowphase function of a pair of shapes, with the shapes in its order.
+/// The contacts of each pair of shapes, in one of the two orders.
 struct Collide {
   const BodyState& a;
   const BodyState& b;
@@ -51,29 +52,31 @@ struct Collide {
   Manifold operator()(const Cylinder& cylinder_a, const Cylinder& cylinder_b) const {
     return collide_cylinder_cylinder(cylinder_a, a, cylinder_b, b, margin);
   }
-  Manifold operator()(const Plane& plane, const Sphere& sphere) const {
-    return swapped(Collide{b, a, margin}(sphere, plane));
+};
+
+/// The separation of each pair of shapes whose contacts do not have the smallest gap.
+struct Separate {
+  const BodyState& a;
+  const BodyState& b;
+
+  Separation operator()(const Box& box_a, const Box& box_b) const {
+    return separation_of_boxes(box_a.size, a, box_b.size, b);
   }
-  Manifold operator()(const Plane& plane, const Box& box) const {
-    return swapped(Collide{b, a, margin}(box, plane));
+  Separation operator()(const Box& box, const Cylinder& cylinder) const {
+    return separation_of_box_and_cylinder(box.size, a, cylinder, b);
   }
-  Manifold operator()(const Sphere& sphere, const Box& box) const {
-    return swapped(Collide{b, a, margin}(box, sphere));
+  Separation operator()(const Cylinder& cylinder_a, const Cylinder& cylinder_b) const {
+    return separation_of_cylinders(cylinder_a, a, cylinder_b, b);
   }
-  Manifold operator()(const Plane& plane, const Cylinder& cylinder) const {
-    return swapped(Collide{b, a, margin}(cylinder, plane));
-  }
-  Manifold operator()(const Sphere& sphere, const Cylinder& cylinder) const {
-    return swapped(Collide{b, a, margin}(cylinder, sphere));
-  }
-  Manifold operator()(const Cylinder& cylinder, const Box& box) const {
-    return swapped(Collide{b, a, margin}(box, cylinder));
-  }
-  template <class ShapeA, class ShapeB>
-  Manifold operator()(const ShapeA&, const ShapeB&) const {
-    return {};
+  Separation operator()(const Cylinder& cylinder, const Plane&) const {
+    const Vector3d N = normal(b);
+    return separation_of_cylinder_and_plane(cylinder, a, N, offset(N, b));
   }
 };
+
+template <class A, class B>
+inline constexpr bool kNeverCollide = std::is_same_v<A, Point> || std::is_same_v<B, Point> ||
+                                      (std::is_same_v<A, Plane> && std::is_same_v<B, Plane>);
 
 }  // namespace
 
@@ -110,34 +113,40 @@ Manifold collide_sphere_plane(const Vector3d& p_a, double radius_a, const Vector
 
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
                  double margin) {
-  return std::visit(Collide{a, b, margin}, shape_a, shape_b);
+  const auto collide_pair = [&](const auto& of_a, const auto& of_b) -> Manifold {
+    using A = std::decay_t<decltype(of_a)>;
+    using B = std::decay_t<decltype(of_b)>;
+    if constexpr (std::is_invocable_v<Collide, const A&, const B&>) {
+      return Collide{a, b, margin}(of_a, of_b);
+    } else if constexpr (std::is_invocable_v<Collide, const B&, const A&>) {
+      return swapped(Collide{b, a, margin}(of_b, of_a));
+    } else {
+      static_assert(kNeverCollide<A, B>, "Collide has no function for this pair of shapes");
+      return {};
+    }
+  };
+  return std::visit(collide_pair, shape_a, shape_b);
 }
 
 Separation separation(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
                       const BodyState& b) {
-  const auto* box_a = std::get_if<Box>(&shape_a);
-  const auto* box_b = std::get_if<Box>(&shape_b);
-  if (box_a != nullptr && box_b != nullptr)
-    return separation_of_boxes(box_a->size, a, box_b->size, b);
-  const auto reversed = [](const Separation& of) { return Separation{-of.normal, of.gap}; };
-  if (const auto* cylinder_a = std::get_if<Cylinder>(&shape_a)) {
-    if (const auto* cylinder_b = std::get_if<Cylinder>(&shape_b))
-      return separation_of_cylinders(*cylinder_a, a, *cylinder_b, b);
-    if (box_b != nullptr)
-      return reversed(separation_of_box_and_cylinder(box_b->size, b, *cylinder_a, a));
-    if (std::holds_alternative<Plane>(shape_b))
-      return separation_of_cylinder_and_plane(*cylinder_a, a, normal(b), offset(normal(b), b));
-  } else if (const auto* cylinder_b = std::get_if<Cylinder>(&shape_b)) {
-    if (box_a != nullptr) return separation_of_box_and_cylinder(box_a->size, a, *cylinder_b, b);
-    if (std::holds_alternative<Plane>(shape_a))
-      return reversed(
-          separation_of_cylinder_and_plane(*cylinder_b, b, normal(a), offset(normal(a), a)));
-  }
-  const Manifold all = collide(shape_a, a, shape_b, b, kInfinity);
-  double gap = kInfinity;
-  for (int i = 0; i < all.count; ++i)
-    gap = std::min(gap, -all.points[static_cast<std::size_t>(i)].depth);
-  return {all.normal, gap};
+  const auto separate_pair = [&](const auto& of_a, const auto& of_b) -> Separation {
+    using A = std::decay_t<decltype(of_a)>;
+    using B = std::decay_t<decltype(of_b)>;
+    if constexpr (std::is_invocable_v<Separate, const A&, const B&>) {
+      return Separate{a, b}(of_a, of_b);
+    } else if constexpr (std::is_invocable_v<Separate, const B&, const A&>) {
+      const Separation reversed = Separate{b, a}(of_b, of_a);
+      return {-reversed.normal, reversed.gap};
+    } else {
+      const Manifold all = collide(shape_a, a, shape_b, b, kInfinity);
+      double gap = kInfinity;
+      for (int i = 0; i < all.count; ++i)
+        gap = std::min(gap, -all.points[static_cast<std::size_t>(i)].depth);
+      return {all.normal, gap};
+    }
+  };
+  return std::visit(separate_pair, shape_a, shape_b);
 }
 
 }  // namespace constraint_sim::engine

@@ -7,6 +7,8 @@
 #include <utility>
 #include <variant>
 
+#include "engine/model/fields.h"
+
 namespace constraint_sim::python {
 namespace {
 
@@ -31,71 +33,12 @@ void visit_body(Body& body, Visit visit) {
   visit("no_collision", body.no_collision);
 }
 
-template <class Motor, class Visit>
-void visit_motor(Motor& motor, Visit visit) {
-  visit("bias", motor.bias);
-  visit("amplitude", motor.amplitude);
-  visit("frequency", motor.frequency);
-  visit("phase", motor.phase);
-  visit("max_force", motor.max_force);
-  visit("timeout", motor.timeout);
-}
-
-/// Visits the motor of a coordinate.
-template <class Motor, class Visit>
-void visit_coordinate_motor(Motor& motor, Visit visit) {
-  visit_motor(motor, visit);
-  visit("position", motor.position);
-  visit("servo_frequency", motor.servo_frequency);
-  visit("servo_damping_ratio", motor.servo_damping_ratio);
-  visit("servo_stiffness", motor.servo_stiffness);
-  visit("servo_damping", motor.servo_damping);
-  visit("force", motor.force);
-}
-
-template <class Law, class Visit>
-void visit_law(Law& law, Visit visit) {
-  visit("lower", law.lower);
-  visit("upper", law.upper);
-  visit("limit_restitution", law.limit_restitution);
-  visit("friction", law.friction);
-  visit("damping", law.damping);
-  visit("stiffness", law.stiffness);
-  visit("rest", law.rest);
-  visit("frequency", law.frequency);
-  visit("damping_ratio", law.damping_ratio);
-  visit("position", law.position);
-  visit("zero", law.zero);
-}
-
-/// Visits the settings of an existing joint, except those of visit_distance() and visit_law().
-template <class Joint, class Visit>
-void visit_settings(Joint& joint, Visit visit) {
-  visit("baumgarte", joint.baumgarte);
-  visit("break_force", joint.break_force);
-  visit("break_torque", joint.break_torque);
-  visit("collide_connected", joint.collide_connected);
-  visit("enabled", joint.enabled);
-}
-
 template <class Joint, class Visit>
 void visit_joint(Joint& joint, Visit visit) {
   visit("name", joint.name);
   visit("anchor_a", joint.anchor_a);
   visit("anchor_b", joint.anchor_b);
-  visit_settings(joint, visit);
-}
-
-template <class Distance, class Visit>
-void visit_distance(Distance& distance, Visit visit) {
-  visit("length", distance.length);
-  visit("min_length", distance.min_length);
-  visit("max_length", distance.max_length);
-  visit("frequency", distance.frequency);
-  visit("damping_ratio", distance.damping_ratio);
-  visit("stiffness", distance.stiffness);
-  visit("damping", distance.damping);
-  visit("one_sided", distance.one_sided);
+  engine::visit_list(engine::kJointSettings, joint, visit);
 }
 
 template <class Value>
@@ -115,12 +58,29 @@ py::object to_python(const Eigen::Quaterniond& value) {
   return py::make_tuple(value.x(), value.y(), value.z(), value.w());
 }
 
-auto reader(Keywords* keywords) {
-  return [keywords](const char* key, auto& field) { keywords->read(key, &field); };
+template <class Struct>
+py::dict dict_of(const Struct& object);
+template <>
+py::object to_python(const std::optional<engine::CoordinateMotor>& value) {
+  return value ? py::object(dict_of(*value)) : py::none();
 }
 
 auto writer(py::dict* dict) {
-  return [dict](const char* key, const auto& field) { (*dict)[key] = to_python(field); };
+  return [dict](const char* key, const auto& field, auto...) { (*dict)[key] = to_python(field); };
+}
+
+template <class Struct>
+py::dict dict_of(const Struct& object) {
+  py::dict dict;
+  engine::visit_fields(object, writer(&dict));
+  return dict;
+}
+
+py::dict as_dict(const std::string& field, const py::object& value) {
+  if (!py::isinstance<py::dict>(value))
+    throw std::invalid_argument(field + ": must be a dict, got " +
+                                std::string(py::str(py::repr(value))));
+  return value.cast<py::dict>();
 }
 
 /// Returns the value named `text` in this list; throws std::invalid_argument naming `field`.
@@ -158,6 +118,16 @@ void read(Keywords* keywords, const char* key, engine::Method* value) {
   std::string text = engine::name(*value);
   keywords->read(key, &text);
   *value = named(key, text, method_names());
+}
+
+/// Reads the motor of a coordinate; None keeps the motor.
+void read(Keywords* keywords, const char* key, std::optional<engine::CoordinateMotor>* value) {
+  const py::object motor = keywords->find(key);
+  if (motor && !motor.is_none()) motor_from(as_dict(key, motor), &value->emplace());
+}
+
+auto reader(Keywords* keywords) {
+  return [keywords](const char* key, auto& field, auto...) { read(keywords, key, &field); };
 }
 
 engine::Shape shape_from(const py::object& value) {
@@ -266,55 +236,26 @@ std::string body_name(const engine::World& world, engine::BodyId id) {
 
 void motor_from(const py::dict& keywords, engine::Motor* target) {
   Keywords reading("motor", keywords);
-  visit_motor(*target, reader(&reading));
+  engine::visit_fields(*target, reader(&reading));
   reading.expect_no_more();
-}
-
-py::dict motor_dict(const engine::Motor& motor) {
-  py::dict dict;
-  visit_motor(motor, writer(&dict));
-  return dict;
 }
 
 void motor_from(const py::dict& keywords, engine::CoordinateMotor* target) {
   Keywords reading("motor", keywords);
-  visit_coordinate_motor(*target, reader(&reading));
+  engine::visit_fields(*target, reader(&reading));
   reading.expect_no_more();
-}
-
-py::dict motor_dict(const engine::CoordinateMotor& motor) {
-  py::dict dict;
-  visit_coordinate_motor(motor, writer(&dict));
-  return dict;
 }
 
 namespace {
 
-py::dict as_dict(const std::string& field, const py::object& value) {
-  if (!py::isinstance<py::dict>(value))
-    throw std::invalid_argument(field + ": must be a dict, got " +
-                                std::string(py::str(py::repr(value))));
-  return value.cast<py::dict>();
-}
-
-/// Reads a law without its motor; returns whether any keyword was given.
+/// Reads a law; returns whether any keyword was given.
 bool read_law(Keywords* reading, engine::CoordinateLaw* law) {
   bool is_given = false;
-  visit_law(*law, [&](const char* key, auto& field) {
+  engine::visit_fields(*law, [&](const char* key, auto& field, auto) {
     is_given |= static_cast<bool>(reading->find(key));
-    reading->read(key, &field);
+    read(reading, key, &field);
   });
-  const py::object motor = reading->find("motor");
-  if (!motor || motor.is_none()) return is_given || motor;
-  motor_from(as_dict("motor", motor), &law->motor.emplace());
-  return true;
-}
-
-py::dict law_dict(const engine::CoordinateLaw& law) {
-  py::dict dict;
-  visit_law(law, writer(&dict));
-  dict["motor"] = law.motor ? py::object(motor_dict(*law.motor)) : py::none();
-  return dict;
+  return is_given;
 }
 
 /// Reads the laws of the first coordinate, or of all in a list.
@@ -382,7 +323,7 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
                                 engine::names_of_further_kinds());
   joint.kind = *kind;
   if (engine::couples(joint.kind)) read_coupling(&reading, world, &joint);
-  if (engine::if_distance(joint) != nullptr) visit_distance(joint.distance, reader(&reading));
+  if (engine::if_distance(joint) != nullptr) engine::visit_fields(joint.distance, reader(&reading));
   if (engine::has_frames(joint.kind)) {
     const auto is_given = [&](const char* key) { return static_cast<bool>(reading.find(key)); };
     if (is_given("axis_a")) {
@@ -407,9 +348,9 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
 
 void change_joint(const py::dict& keywords, engine::Joint* joint) {
   Keywords reading("set_joint", keywords);
-  visit_settings(*joint, reader(&reading));
+  engine::visit_list(engine::kJointSettings, *joint, reader(&reading));
   if (auto* distance = engine::if_distance(*joint)) {
-    visit_distance(*distance, reader(&reading));
+    engine::visit_fields(*distance, reader(&reading));
     if (const py::object motor = reading.find("motor")) {
       joint->motor = engine::Motor{};
       if (!motor.is_none()) motor_from(as_dict("motor", motor), &joint->motor);
@@ -451,13 +392,13 @@ py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool
   if (engine::couples(joint.kind))
     dict["value"] = world.joint_state(world.find_joint(joint.name)).coupling.constant;
   if (const auto* distance = engine::if_distance(joint)) {
-    visit_distance(*distance, writer(&dict));
-    dict["motor"] = motor_dict(joint.motor);
+    engine::visit_fields(*distance, writer(&dict));
+    dict["motor"] = dict_of(joint.motor);
   }
   if (const int count = engine::coordinates(joint.kind)) {
     py::list laws;
     for (int i = 0; i < count; ++i)
-      laws.append(law_dict(joint.coordinates[static_cast<std::size_t>(i)]));
+      laws.append(dict_of(joint.coordinates[static_cast<std::size_t>(i)]));
     dict["coordinates"] = laws;
   }
   dict["broken"] = broken;

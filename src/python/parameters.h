@@ -23,9 +23,7 @@ void state_from(const py::dict& keywords, engine::BodyState* target);
 py::dict state_dict(const engine::BodyState& state);
 
 void motor_from(const py::dict& keywords, engine::Motor* target);
-py::dict motor_dict(const engine::Motor& motor);
 void motor_from(const py::dict& keywords, engine::CoordinateMotor* target);
-py::dict motor_dict(const engine::CoordinateMotor& motor);
 
 /// Reads a joint between bodies of `world`. `broken`: whether the joint starts broken.
 engine::Joint joint_from(const py::dict& keywords, const engine::World& world, bool* broken);

@@ -1,84 +1,16 @@
 #include "ros/laws.h"
 
-#include <algorithm>
-#include <iterator>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
-#include <utility>
+#include <type_traits>
 
+#include "engine/model/fields.h"
 #include "sim/errors.h"
 
 namespace constraint_sim {
 namespace {
-
-struct LawKey {
-  const char* name;
-  void (*set)(engine::CoordinateLaw& law, double value);
-};
-
-// Keys of laws.
-constexpr LawKey kLawKeys[] = {
-    {"lower", [](engine::CoordinateLaw& law, double value) { law.lower = value; }},
-    {"upper", [](engine::CoordinateLaw& law, double value) { law.upper = value; }},
-    {"limit_restitution",
-     [](engine::CoordinateLaw& law, double value) { law.limit_restitution = value; }},
-    {"friction", [](engine::CoordinateLaw& law, double value) { law.friction = value; }},
-    {"damping", [](engine::CoordinateLaw& law, double value) { law.damping = value; }},
-    {"stiffness", [](engine::CoordinateLaw& law, double value) { law.stiffness = value; }},
-    {"rest", [](engine::CoordinateLaw& law, double value) { law.rest = value; }},
-    {"frequency", [](engine::CoordinateLaw& law, double value) { law.frequency = value; }},
-    {"damping_ratio", [](engine::CoordinateLaw& law, double value) { law.damping_ratio = value; }},
-    {"position", [](engine::CoordinateLaw& law, double value) { law.position = value; }},
-    {"zero", [](engine::CoordinateLaw& law, double value) { law.zero = value; }},
-};
-
-struct MotorKey {
-  const char* name;
-  void (*set)(engine::CoordinateMotor& motor, double value);
-};
-
-constexpr MotorKey kMotorKeys[] = {
-    {"bias", [](engine::CoordinateMotor& motor, double value) { motor.bias = value; }},
-    {"amplitude", [](engine::CoordinateMotor& motor, double value) { motor.amplitude = value; }},
-    {"motor_frequency",
-     [](engine::CoordinateMotor& motor, double value) { motor.frequency = value; }},
-    {"phase", [](engine::CoordinateMotor& motor, double value) { motor.phase = value; }},
-    {"max_force", [](engine::CoordinateMotor& motor, double value) { motor.max_force = value; }},
-    {"timeout", [](engine::CoordinateMotor& motor, double value) { motor.timeout = value; }},
-    {"motor_position",
-     [](engine::CoordinateMotor& motor, double value) { motor.position = value; }},
-    {"motor_force", [](engine::CoordinateMotor& motor, double value) { motor.force = value; }},
-    {"servo_frequency",
-     [](engine::CoordinateMotor& motor, double value) { motor.servo_frequency = value; }},
-    {"servo_damping_ratio",
-     [](engine::CoordinateMotor& motor, double value) { motor.servo_damping_ratio = value; }},
-    {"servo_stiffness",
-     [](engine::CoordinateMotor& motor, double value) { motor.servo_stiffness = value; }},
-    {"servo_damping",
-     [](engine::CoordinateMotor& motor, double value) { motor.servo_damping = value; }},
-    {"motor", [](engine::CoordinateMotor&, double) {}},
-};
-
-template <class Keys>
-auto find_key(const Keys& keys, const std::string& name) {
-  return std::find_if(std::begin(keys), std::end(keys),
-                      [&](const auto& key) { return name == key.name; });
-}
-
-// Sets a key of a law. The first key of a motor adds the motor.
-bool set_key(engine::CoordinateLaw& law, const std::string& name, double value) {
-  const auto* const key = find_key(kLawKeys, name);
-  if (key != std::end(kLawKeys)) {
-    key->set(law, value);
-    return true;
-  }
-  const auto* const motor_key = find_key(kMotorKeys, name);
-  if (motor_key == std::end(kMotorKeys)) return false;
-  if (!law.motor) law.motor.emplace();
-  motor_key->set(*law.motor, value);
-  return true;
-}
 
 // Takes the prefix `1/` off a key such as `1/stiffness` and returns its number; 0 without one.
 std::size_t take_coordinate(std::string* key) {
@@ -93,41 +25,35 @@ bool flag(double value, const char* field) {
   return value == 1.0;
 }
 
-using engine::Joint;
+// Returns the key of a field of a motor: three of the names could be taken for fields of the law.
+std::string key_of_motor(const std::string& field) {
+  const bool is_like_law = field == "frequency" || field == "position" || field == "force";
+  return is_like_law ? "motor_" + field : field;
+}
 
-struct JointKey {
-  const char* name;
-  void (*set)(Joint& joint, double value);
-};
+// Sets the field with this key; returns false where no field has this key.
+template <class List, class Struct>
+bool set_field(const List& list, const std::string& key, double value, Struct* target) {
+  bool is_known = false;
+  engine::visit_list(list, *target, [&](const char* field, auto& member, auto) {
+    if (key != (std::is_base_of_v<engine::Motor, Struct> ? key_of_motor(field) : field)) return;
+    is_known = true;
+    if constexpr (std::is_same_v<decltype(member), bool&>)
+      member = flag(value, field);
+    else if constexpr (std::is_assignable_v<decltype(member), double>)
+      member = value;
+  });
+  return is_known;
+}
 
-constexpr JointKey kJointKeys[] = {
-    {"enabled", [](Joint& joint, double value) { joint.enabled = flag(value, "enabled"); }},
-    {"collide_connected",
-     [](Joint& joint, double value) {
-       joint.collide_connected = flag(value, "collide_connected");
-     }},
-    {"break_force", [](Joint& joint, double value) { joint.break_force = value; }},
-    {"break_torque", [](Joint& joint, double value) { joint.break_torque = value; }},
-    {"baumgarte", [](Joint& joint, double value) { joint.baumgarte = value; }},
-};
-
-constexpr JointKey kDistanceKeys[] = {
-    {"length", [](Joint& joint, double value) { joint.distance.length = value; }},
-    {"min_length", [](Joint& joint, double value) { joint.distance.min_length = value; }},
-    {"max_length", [](Joint& joint, double value) { joint.distance.max_length = value; }},
-    {"frequency", [](Joint& joint, double value) { joint.distance.frequency = value; }},
-    {"damping_ratio", [](Joint& joint, double value) { joint.distance.damping_ratio = value; }},
-    {"stiffness", [](Joint& joint, double value) { joint.distance.stiffness = value; }},
-    {"damping", [](Joint& joint, double value) { joint.distance.damping = value; }},
-    {"one_sided",
-     [](Joint& joint, double value) { joint.distance.one_sided = flag(value, "one_sided"); }},
-    {"bias", [](Joint& joint, double value) { joint.motor.bias = value; }},
-    {"amplitude", [](Joint& joint, double value) { joint.motor.amplitude = value; }},
-    {"motor_frequency", [](Joint& joint, double value) { joint.motor.frequency = value; }},
-    {"phase", [](Joint& joint, double value) { joint.motor.phase = value; }},
-    {"max_force", [](Joint& joint, double value) { joint.motor.max_force = value; }},
-    {"timeout", [](Joint& joint, double value) { joint.motor.timeout = value; }},
-};
+// Sets a key of a law. The first key of a motor adds the motor.
+bool set_key(const std::string& key, double value, engine::CoordinateLaw* law) {
+  if (set_field(engine::kFields<engine::CoordinateLaw>, key, value, law)) return true;
+  engine::CoordinateMotor motor = law->motor.value_or(engine::CoordinateMotor{});
+  if (!set_field(engine::kFields<engine::CoordinateMotor>, key, value, &motor)) return false;
+  law->motor = motor;
+  return true;
+}
 
 // Switches the motor between rate, position and force: a key of one kind clears the other kinds.
 void choose_motor(const std::string& key, engine::CoordinateLaw* law) {
@@ -141,22 +67,16 @@ void choose_motor(const std::string& key, engine::CoordinateLaw* law) {
   motor.servo_stiffness = motor.servo_damping = 0.0;
 }
 
-template <class Keys>
-bool set_by_key(const Keys& keys, const std::string& name, double value, Joint* joint) {
-  const auto* const key = find_key(keys, name);
-  if (key == std::end(keys)) return false;
-  key->set(*joint, value);
-  return true;
-}
-
-bool set_property(const std::string& given, double value, Joint* joint) {
-  if (set_by_key(kJointKeys, given, value, joint)) return true;
-  if (engine::if_distance(*joint) != nullptr) return set_by_key(kDistanceKeys, given, value, joint);
+bool set_property(const std::string& given, double value, engine::Joint* joint) {
+  if (set_field(engine::kJointSettings, given, value, joint)) return true;
+  if (engine::DistanceJoint* const distance = engine::if_distance(*joint))
+    return set_field(engine::kFields<engine::DistanceJoint>, given, value, distance) ||
+           set_field(engine::kFields<engine::Motor>, given, value, &joint->motor);
   std::string name = given;
   const std::size_t i = take_coordinate(&name);
   if (i >= static_cast<std::size_t>(engine::coordinates(joint->kind))) return false;
   engine::CoordinateLaw& law = joint->coordinates[i];
-  if (name != "motor") return set_key(law, name, value);
+  if (name != "motor") return set_key(name, value, &law);
   if (!flag(value, given.c_str()))
     law.motor.reset();
   else if (!law.motor)

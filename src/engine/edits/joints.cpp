@@ -14,9 +14,9 @@
 #include "engine/edits/find_named.h"
 #include "engine/edits/joint_defaults.h"
 #include "engine/edits/motor_ends.h"
-#include "engine/edits/same_laws.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
+#include "engine/model/fields.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"
 

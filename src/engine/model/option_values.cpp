@@ -12,29 +12,33 @@
 
 namespace constraint_sim::engine {
 
-void check(const char* name, const Eigen::Vector3d& value, AnyValue) { check_finite(name, value); }
+void check(const std::string& name, double value, AnyValue) { check_finite(name, value); }
 
-void check(const char* name, double value, Positive range) {
+void check(const std::string& name, const Eigen::Vector3d& value, AnyValue) {
+  check_finite(name, value);
+}
+
+void check(const std::string& name, double value, Positive range) {
   check_positive(name, value);
   check_between(name, value, range.least, range.most);
 }
 
-void check(const char* name, double value, PositiveOrInfinity) {
+void check(const std::string& name, double value, PositiveOrInfinity) {
   if (!(value > 0.0)) refuse(name, "must be above 0, or .inf, got " + shortest(value));
 }
 
-void check(const char* name, double value, NotNegative) { check_not_negative(name, value); }
+void check(const std::string& name, double value, NotNegative) { check_not_negative(name, value); }
 
-void check(const char* name, double value, Share) { check_share(name, value); }
+void check(const std::string& name, double value, Share) { check_share(name, value); }
 
-void check(const char* name, int value, Count range) {
+void check(const std::string& name, int value, Count range) {
   if (value < 1) refuse(name, "must be >= 1, got " + std::to_string(value));
   if (value > range.most)
     refuse(name,
            "must be at most " + std::to_string(range.most) + ", got " + std::to_string(value));
 }
 
-void check(const char* name, int value, EitherOf range) {
+void check(const std::string& name, int value, EitherOf range) {
   if (value != range.first && value != range.second)
     refuse(name, "must be " + words(value, range) + ", got " + std::to_string(value));
 }

@@ -6,17 +6,18 @@
 
 namespace constraint_sim::engine {
 
-// Checks of options. Each throws std::invalid_argument("NAME: must be ..., got VALUE") for a value
-// out of range.
-void check(const char* name, const Eigen::Vector3d& value, AnyValue);
-inline void check(const char*, Method, AnyValue) {}
-inline void check(const char*, bool, AnyValue) {}
-void check(const char* name, double value, Positive range);
-void check(const char* name, double value, PositiveOrInfinity);
-void check(const char* name, double value, NotNegative);
-void check(const char* name, double value, Share);
-void check(const char* name, int value, Count range);
-void check(const char* name, int value, EitherOf range);
+// Checks of options and fields. Each throws std::invalid_argument("NAME: must be ..., got VALUE")
+// for a value out of range.
+void check(const std::string& name, double value, AnyValue);
+void check(const std::string& name, const Eigen::Vector3d& value, AnyValue);
+inline void check(const std::string&, Method, AnyValue) {}
+inline void check(const std::string&, bool, AnyValue) {}
+void check(const std::string& name, double value, Positive range);
+void check(const std::string& name, double value, PositiveOrInfinity);
+void check(const std::string& name, double value, NotNegative);
+void check(const std::string& name, double value, Share);
+void check(const std::string& name, int value, Count range);
+void check(const std::string& name, int value, EitherOf range);
 
 // Ranges in the words of docs/scenes.md; empty where the type has no limits.
 inline std::string words(const Eigen::Vector3d&, AnyValue) { return "[3]"; }

@@ -11,6 +11,8 @@
 #include "constraint_sim/engine/report.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/numbers.h"
+#include "engine/model/fields.h"
+#include "engine/model/option_values.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -26,12 +28,6 @@ bool is_name_start(char c) {
 
 void check_most(const std::string& field, double size, double most, const std::string& got) {
   if (size > most) refuse(field, "must be at most " + shortest(most) + ", got " + got);
-}
-
-/// Accepts 0, or a number whose square is not 0.
-void check_zero_or_positive(const std::string& field, double value) {
-  check_not_negative(field, value);
-  if (value != 0.0) check_positive(field, value);
 }
 
 bool is_name_character(char c) { return is_name_start(c) || c == '.' || c == '/' || c == '-'; }
@@ -214,21 +210,38 @@ void validate(const Body& body) {
   check_share("restitution", body.restitution);
 }
 
-void validate(const Motor& motor) {
-  check_finite("bias", motor.bias);
-  check_finite("amplitude", motor.amplitude);
-  check_not_negative("frequency", motor.frequency);
-  check_finite("phase", motor.phase);
-  check_not_negative("max_force", motor.max_force);
-  check_not_negative("timeout", motor.timeout);
+namespace {
+
+void check(const char* field, double value, ZeroOrPositive) {
+  check_not_negative(field, value);
+  if (value != 0.0) check_positive(field, value);
+}
+void check(const char* field, double value, Limit range) {
+  if (value != range.none) check_finite(field, value);
+}
+void check(const char*, double, OwnRange) {}
+void check(const char* field, const CoordinateMotor& motor, AnyValue) {
+  try {
+    validate(motor);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(field + std::string(".") + error.what());
+  }
+}
+template <class Value, class Range>
+void check(const char* field, const std::optional<Value>& value, Range range) {
+  if (value) check(field, *value, range);
 }
 
+constexpr auto kCheck = [](const char* field, const auto& value, auto range) {
+  check(field, value, range);
+};
+
+}  // namespace
+
+void validate(const Motor& motor) { visit_fields(motor, kCheck); }
+
 void validate(const CoordinateMotor& motor) {
-  validate(static_cast<const Motor&>(motor));
-  if (motor.position) check_finite("position", *motor.position);
-  check_not_negative("servo_frequency", motor.servo_frequency);
-  check_not_negative("servo_damping_ratio", motor.servo_damping_ratio);
-  if (motor.force) check_finite("force", *motor.force);
+  visit_fields(motor, kCheck);
   const auto only_one = [](const char* field, double value, const char* other) {
     refuse(field, "a motor goes by velocity, to a position or with a force, got " +
                       shortest(value) + " beside " + other);
@@ -237,8 +250,6 @@ void validate(const CoordinateMotor& motor) {
   if (motor.position && motor.is_moving())
     only_one("position", *motor.position, "bias or amplitude");
   if (motor.force && motor.is_moving()) only_one("force", *motor.force, "bias or amplitude");
-  check_not_negative("servo_stiffness", motor.servo_stiffness);
-  check_not_negative("servo_damping", motor.servo_damping);
   for (const auto& [field, value] : {std::pair("servo_frequency", motor.servo_frequency),
                                      {"servo_stiffness", motor.servo_stiffness},
                                      {"servo_damping", motor.servo_damping}})
@@ -251,34 +262,14 @@ void validate(const CoordinateMotor& motor) {
 }
 
 void validate(const CoordinateLaw& law) {
-  if (law.motor) {
-    try {
-      validate(*law.motor);
-    } catch (const std::invalid_argument& error) {
-      throw std::invalid_argument(std::string("motor.") + error.what());
-    }
-  }
-  const auto check_limit = [](const char* field, double value, double none) {
-    if (value != none) check_finite(field, value);
-  };
-  check_limit("lower", law.lower, -kInfinity);
-  check_limit("upper", law.upper, kInfinity);
+  visit_fields(law, kCheck);
   if (!(law.lower < law.upper))
     refuse("upper", "must be above lower " + shortest(law.lower) + ", got " + shortest(law.upper));
-  check_share("limit_restitution", law.limit_restitution);
-  check_not_negative("friction", law.friction);
-  check_not_negative("damping", law.damping);
-  check_not_negative("stiffness", law.stiffness);
-  check_finite("rest", law.rest);
-  check_not_negative("frequency", law.frequency);
-  check_not_negative("damping_ratio", law.damping_ratio);
   if (law.damping_ratio > 0.0 && law.frequency == 0.0)
     refuse("damping_ratio", "needs a frequency > 0, got " + shortest(law.damping_ratio));
   if (law.frequency > 0.0 && (law.stiffness > 0.0 || law.damping > 0.0))
     refuse("frequency", "a spring has frequency and damping_ratio, or stiffness and damping, got " +
                             shortest(law.frequency) + " beside these");
-  if (law.position) check_finite("position", *law.position);
-  check_finite("zero", law.zero);
 }
 
 namespace {
@@ -297,18 +288,13 @@ void validate_tension_spring(const DistanceJoint& joint) {
 }
 
 void validate_distance(const DistanceJoint& joint) {
-  if (joint.length) check_zero_or_positive("length", *joint.length);
-  check_not_negative("min_length", joint.min_length);
+  visit_fields(joint, kCheck);
   if (!(joint.max_length > 0.0))
     refuse("max_length", "must be a number > 0, got " + shortest(joint.max_length));
   if (std::isfinite(joint.max_length)) check_positive("max_length", joint.max_length);
   if (joint.max_length < joint.min_length)
     refuse("max_length", "must not be below min_length " + shortest(joint.min_length) + ", got " +
                              shortest(joint.max_length));
-  check_zero_or_positive("frequency", joint.frequency);
-  check_not_negative("damping_ratio", joint.damping_ratio);
-  check_not_negative("stiffness", joint.stiffness);
-  check_not_negative("damping", joint.damping);
   if (joint.damping_ratio > 0.0 && !(joint.frequency > 0.0))
     refuse("damping_ratio", "needs a frequency > 0, got " + shortest(joint.damping_ratio));
   if (joint.frequency > 0.0 && (joint.stiffness > 0.0 || joint.damping > 0.0))
@@ -387,9 +373,7 @@ void validate(const Joint& joint) {
   validate_motor(joint);
   validate_coordinates(joint);
   validate_coupling(joint);
-  if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
-  check_not_negative("break_force", joint.break_force);
-  check_not_negative("break_torque", joint.break_torque);
+  visit_list(kJointSettings, joint, kCheck);
   if (is_custom_force(joint.kind) && joint.break_force + joint.break_torque > 0.0)
     refuse("break_force", "a custom force does not break, got " + shortest(joint.break_force) +
                               " and a break_torque of " + shortest(joint.break_torque));

@@ -19,15 +19,9 @@ double present_distance(const World& world, const Joint& joint) {
       .norm();
 }
 
-const YamlElement::Words kLawKeys{"position",  "lower",         "upper",     "limit_restitution",
-                                  "friction",  "damping",       "stiffness", "rest",
-                                  "frequency", "damping_ratio", "zero"};
-
 /// Returns the keys of a type of constraint beside the keys of all types.
 YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type) {
-  if (type == "distance")
-    return {"length",    "min_length", "max_length", "frequency", "damping_ratio",
-            "stiffness", "damping",    "one_sided",  "free"};
+  if (type == "distance") return keys_of(kFields<DistanceJoint>, {"free"});
   if (type == "rope") return {"max_length", "frequency", "damping_ratio", "stiffness", "damping"};
   if (type == "strut") return {"min_length"};
   if (type == "spring")
@@ -38,7 +32,7 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
   YamlElement::Words keys;
   if (has_frames(*kind)) keys = {"axis_a", "axis_b", "frame_a", "frame_b"};
   if (coordinates(*kind) > 0) {
-    keys.insert(keys.end(), kLawKeys.begin(), kLawKeys.end());
+    keys = keys_of(kFields<CoordinateLaw>, keys);
     keys.push_back("coordinates");
   }
   if (has_frames(*kind) || info(*kind).form == RowsForm::kPoint) keys.push_back("break_torque");
@@ -82,14 +76,7 @@ DistanceJoint read_distance(const YamlElement& item, const std::string& type, co
   DistanceJoint distance;
   if (type == "rope") distance.max_length = present_distance(world, joint);
   if (type == "strut") distance.min_length = present_distance(world, joint);
-  if (const auto length = item.find("length")) distance.length = length->number();
-  item.read("min_length", &distance.min_length);
-  item.read("max_length", &distance.max_length);
-  item.read("frequency", &distance.frequency);
-  item.read("damping_ratio", &distance.damping_ratio);
-  item.read("stiffness", &distance.stiffness);
-  item.read("damping", &distance.damping);
-  item.read("one_sided", &distance.one_sided);
+  visit_fields(distance, [&](const char* key, auto& value, auto) { item.read(key, &value); });
   if (type == "rope" && distance.is_soft())
     item.attempt([&] { distance = tension_spring(distance); });
   // A strut without a lower limit, or a spring without stiffness, would be a rigid rod.
@@ -99,61 +86,24 @@ DistanceJoint read_distance(const YamlElement& item, const std::string& type, co
   return distance;
 }
 
-const YamlElement::Words kMotorKeys{"bias",  "amplitude", "frequency",
-                                    "phase", "max_force", "timeout"};
-
-void read_bias(const YamlElement& item, Motor* motor) {
-  item.read("bias", &motor->bias);
-  item.read("amplitude", &motor->amplitude);
-  item.read("frequency", &motor->frequency);
-  item.read("phase", &motor->phase);
-  item.read("max_force", &motor->max_force);
-  item.read("timeout", &motor->timeout);
-}
-
-Motor read_motor(const YamlElement& item) {
-  item.expect_keys(kMotorKeys);
-  Motor motor;
-  read_bias(item, &motor);
+template <class AnyMotor>
+AnyMotor read_motor(const YamlElement& item) {
+  item.expect_keys(keys_of(kFields<AnyMotor>));
+  AnyMotor motor;
+  visit_fields(motor, [&](const char* key, auto& value, auto) { item.read(key, &value); });
   item.attempt([&] { validate(motor); });
   return motor;
 }
-
-}  // namespace
-
-CoordinateMotor read_coordinate_motor(const YamlElement& item) {
-  YamlElement::Words keys = kMotorKeys;
-  keys.insert(keys.end(), {"position", "servo_frequency", "servo_damping_ratio", "servo_stiffness",
-                           "servo_damping", "force"});
-  item.expect_keys(keys);
-  CoordinateMotor motor;
-  read_bias(item, &motor);
-  if (const auto position = item.find("position")) motor.position = position->number();
-  item.read("servo_frequency", &motor.servo_frequency);
-  item.read("servo_damping_ratio", &motor.servo_damping_ratio);
-  item.read("servo_stiffness", &motor.servo_stiffness);
-  item.read("servo_damping", &motor.servo_damping);
-  if (const auto force = item.find("force")) motor.force = force->number();
-  item.attempt([&] { validate(motor); });
-  return motor;
-}
-
-namespace {
 
 CoordinateLaw read_law(const YamlElement& item) {
   CoordinateLaw law;
-  if (const auto motor = item.find("motor")) law.motor = read_coordinate_motor(*motor);
-  if (const auto lower = item.find("lower")) law.lower = lower->number();
-  if (const auto upper = item.find("upper")) law.upper = upper->number();
-  item.read("limit_restitution", &law.limit_restitution);
-  item.read("friction", &law.friction);
-  item.read("damping", &law.damping);
-  item.read("stiffness", &law.stiffness);
-  item.read("rest", &law.rest);
-  item.read("frequency", &law.frequency);
-  item.read("damping_ratio", &law.damping_ratio);
-  if (const auto position = item.find("position")) law.position = position->number();
-  item.read("zero", &law.zero);
+  visit_fields(law, [&](const char* key, auto& value, auto) {
+    if constexpr (std::is_same_v<decltype(value), std::optional<CoordinateMotor>&>) {
+      if (const auto motor = item.find(key)) value = read_motor<CoordinateMotor>(*motor);
+    } else {
+      item.read(key, &value);
+    }
+  });
   if (law.position && item.find("zero"))
     item.at("zero").fail("the position already says it; give one or the other");
   item.attempt([&] { validate(law); });
@@ -167,8 +117,7 @@ void read_laws(const YamlElement& item, Joint* joint) {
     joint->coordinates[0] = read_law(item);
     return;
   }
-  YamlElement::Words keys = kLawKeys;
-  keys.push_back("motor");
+  const YamlElement::Words keys = keys_of(kFields<CoordinateLaw>);
   for (const std::string& key : keys)
     if (const auto flat = item.find(key))
       flat->fail("belongs into the list of coordinates beside it");
@@ -194,7 +143,7 @@ std::string type_of_joint(const YamlElement& item) {
 /// Reads the keys of a gear, a pulley or a screw. Coupled joints must exist already.
 void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
   if (has_pitch(joint->kind)) joint->pitch = item.at("pitch").number();
-  if (const auto value = item.find("value")) joint->coupling.value = value->number();
+  item.read("value", &joint->coupling.value);
   if (!couples_joints(joint->kind)) return;
   const List<YamlElement> names = item.at("joints").items();
   if (names.size() != 2)
@@ -247,6 +196,10 @@ void read_expiry(const YamlElement& item, int count, JointState* state) {
 
 }  // namespace
 
+CoordinateMotor read_coordinate_motor(const YamlElement& item) {
+  return read_motor<CoordinateMotor>(item);
+}
+
 BodyId read_body_reference(const YamlElement& item, const std::string& key, const World& world) {
   const auto reference = item.find(key);
   if (!reference) return kWorldBody;
@@ -282,12 +235,9 @@ Joint read_joint(const YamlElement& item, const World& world) {
   if (coordinates(joint.kind) > 0)
     read_laws(item, &joint);
   else if (const auto motor = item.find("motor"))
-    joint.motor = read_motor(*motor);
-  if (const auto baumgarte = item.find("baumgarte")) joint.baumgarte = baumgarte->number();
-  item.read("break_force", &joint.break_force);
-  item.read("break_torque", &joint.break_torque);
-  item.read("collide_connected", &joint.collide_connected);
-  item.read("enabled", &joint.enabled);
+    joint.motor = read_motor<Motor>(*motor);
+  visit_list(kJointSettings, joint,
+             [&](const char* key, auto& value, auto) { item.read(key, &value); });
   return joint;
 }
 

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "constraint_sim/engine/world.h"
+#include "engine/model/fields.h"
 #include "engine/model/state.h"
 #include "engine/model/validate.h"
 #include "engine/scene/yaml_element.h"
@@ -15,6 +16,13 @@ namespace constraint_sim::engine {
 [[noreturn]] inline void fail_unknown(const YamlElement& element, const std::string& word,
                                       const std::string& existing) {
   element.fail("there is no " + in_quotes(word) + " (yet); there are " + existing);
+}
+
+/// Returns `further` keys and the keys of a list of fields.
+template <class List>
+YamlElement::Words keys_of(const List& list, YamlElement::Words further = {}) {
+  std::apply([&](const auto&... field) { (further.push_back(field.key), ...); }, list);
+  return further;
 }
 
 /// Returns the body named by a key; the world where the key is left out.

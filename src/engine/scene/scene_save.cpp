@@ -7,6 +7,7 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
 #include "engine/math/list.h"
+#include "engine/model/fields.h"
 #include "engine/model/shape_names.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"
@@ -27,6 +28,10 @@ void write(YAML::Emitter* out, const char* key, Method value) { write(out, key, 
 std::string number(double value) { return std::isinf(value) ? ".inf" : shortest(value); }
 
 void write(YAML::Emitter* out, const char* key, double value) { write(out, key, number(value)); }
+
+void write(YAML::Emitter* out, const char* key, const std::optional<double>& value) {
+  if (value) write(out, key, *value);
+}
 
 void write(YAML::Emitter* out, const char* key, bool value) {
   *out << YAML::Key << key << YAML::Value << value;
@@ -133,7 +138,7 @@ void write_body(YAML::Emitter* out, const World& world, BodyId id) {
 
 void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
   const bool has_length = !distance.is_limited() || distance.is_soft();
-  if (has_length && distance.length) write(out, "length", *distance.length);
+  if (has_length) write(out, "length", distance.length);
   if (distance.min_length > 0.0) write(out, "min_length", distance.min_length);
   if (std::isfinite(distance.max_length)) write(out, "max_length", distance.max_length);
   if (!distance.is_soft()) return;
@@ -142,58 +147,42 @@ void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
   if (distance.one_sided) write(out, "one_sided", true);
 }
 
-/// Writes the rate of a velocity motor.
-void write_rate(YAML::Emitter* out, const Motor& motor) {
-  write(out, "bias", motor.bias);
-  write(out, "amplitude", motor.amplitude);
-  write(out, "frequency", motor.frequency);
-  write(out, "phase", motor.phase);
-}
-
 void write_motor(YAML::Emitter* out, const Motor& motor) {
-  const bool is_default = motor.bias == 0.0 && motor.amplitude == 0.0 && motor.frequency == 0.0 &&
-                          motor.phase == 0.0 && motor.max_force == 0.0 && motor.timeout == 0.0;
-  if (is_default) return;
+  if (are_same(motor, Motor{})) return;
   *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
-  write_rate(out, motor);
-  write(out, "max_force", motor.max_force);
-  write(out, "timeout", motor.timeout);
+  visit_fields(motor, [out](const char* key, double value, auto) { write(out, key, value); });
   *out << YAML::EndMap;
 }
 
 /// Writes the motor of a coordinate: by velocity, to a position or with a force.
-void write_motor_of_coordinate(YAML::Emitter* out, const CoordinateMotor& motor) {
-  *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
-  if (motor.position) {
-    write(out, "position", *motor.position);
-    if (motor.is_servo()) {
-      write(out, "servo_stiffness", motor.servo_stiffness);
-      write(out, "servo_damping", motor.servo_damping);
+void write(YAML::Emitter* out, const char* key, const std::optional<CoordinateMotor>& motor) {
+  *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginMap;
+  if (motor->position) {
+    write(out, "position", *motor->position);
+    if (motor->is_servo()) {
+      write(out, "servo_stiffness", motor->servo_stiffness);
+      write(out, "servo_damping", motor->servo_damping);
     }
-  } else if (motor.force) {
-    write(out, "force", *motor.force);
+  } else if (motor->force) {
+    write(out, "force", *motor->force);
   } else {
-    write_rate(out, motor);
+    write(out, "bias", motor->bias);
+    write(out, "amplitude", motor->amplitude);
+    write(out, "frequency", motor->frequency);
+    write(out, "phase", motor->phase);
   }
-  write(out, "max_force", motor.max_force);
-  write(out, "timeout", motor.timeout);
+  write(out, "max_force", motor->max_force);
+  write(out, "timeout", motor->timeout);
   *out << YAML::EndMap;
 }
 
 /// Writes the settings of a law that differ from their defaults.
 void write_law(YAML::Emitter* out, const CoordinateLaw& law) {
   const CoordinateLaw none;
-  if (law.motor) write_motor_of_coordinate(out, *law.motor);
-  if (std::isfinite(law.lower)) write(out, "lower", law.lower);
-  if (std::isfinite(law.upper)) write(out, "upper", law.upper);
-  for (const auto& [key, field] :
-       {std::pair("limit_restitution", &CoordinateLaw::limit_restitution),
-        {"friction", &CoordinateLaw::friction},
-        {"damping", &CoordinateLaw::damping},
-        {"stiffness", &CoordinateLaw::stiffness},
-        {"rest", &CoordinateLaw::rest},
-        {"zero", &CoordinateLaw::zero}})
-    if (law.*field != none.*field) write(out, key, law.*field);
+  const auto write_changed = [&](const auto& field) {
+    if (!are_same(law.*field.member, none.*field.member)) write(out, field.key, law.*field.member);
+  };
+  std::apply([&](const auto&... field) { (write_changed(field), ...); }, kFields<CoordinateLaw>);
 }
 
 void write_laws(YAML::Emitter* out, const Joint& joint) {
@@ -321,7 +310,7 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   if (const auto* distance = if_distance(joint)) write_distance(out, *distance);
   if (!couples_joints(joint.kind)) write_motor(out, joint.motor);
   write_laws(out, joint);
-  if (joint.baumgarte) write(out, "baumgarte", *joint.baumgarte);
+  write(out, "baumgarte", joint.baumgarte);
   write(out, "break_force", joint.break_force);
   if (joint.break_torque > 0.0) write(out, "break_torque", joint.break_torque);
   write(out, "collide_connected", joint.collide_connected);

@@ -161,6 +161,10 @@ void YamlElement::read(const std::string& key, double* target) const {
   if (const auto value = find(key)) *target = value->number();
 }
 
+void YamlElement::read(const std::string& key, std::optional<double>* target) const {
+  if (const auto value = find(key)) *target = value->number();
+}
+
 void YamlElement::read(const std::string& key, int* target) const {
   if (const auto value = find(key)) *target = value->whole_number();
 }

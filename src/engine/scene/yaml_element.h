@@ -46,6 +46,7 @@ class YamlElement {
 
   // Reads the value of a key of this map into `target`, which stays unchanged without the key.
   void read(const std::string& key, double* target) const;
+  void read(const std::string& key, std::optional<double>* target) const;
   void read(const std::string& key, int* target) const;
   void read(const std::string& key, bool* target) const;
   void read(const std::string& key, Eigen::Vector3d* target) const;

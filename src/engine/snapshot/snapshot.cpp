@@ -13,6 +13,7 @@
 #include "engine/constraints/custom.h"
 #include "engine/islands/method_choice.h"
 #include "engine/math/list.h"
+#include "engine/model/fields.h"
 #include "engine/snapshot/snapshot_checks.h"
 #include "engine/snapshot/snapshot_fields.h"
 #include "engine/support/memory.h"
@@ -92,8 +93,10 @@ class Visitor {
       visit_enum(value);
     else if constexpr (std::is_arithmetic_v<T>)
       visit_number(value);
+    else if constexpr (kHasFields<std::remove_const_t<T>>)
+      engine::visit_fields(value, [this](const char*, auto& field, auto) { (*this)(field); });
     else if constexpr (HasFields<T>::value)
-      visit_fields(value);
+      visit_tied(value);
     else
       visit(value);
   }
@@ -104,7 +107,7 @@ class Visitor {
   using Value = std::conditional_t<kReads, T, const T>;
 
   template <class T>
-  void visit_fields(T& value) {
+  void visit_tied(T& value) {
     using Struct = std::remove_const_t<T>;
     // A report has NaN for an estimate that does not exist.
     constexpr bool kIsReport = std::is_same_v<Struct, StepReport> || std::is_same_v<Struct, Island>;
@@ -156,18 +159,6 @@ class Visitor {
     (*this)(size);
     if constexpr (kReads) text.resize(bytes_.checked(size));
     if (size > 0) bytes_(&text[0], size);
-  }
-  void visit(Value<CoordinateMotor>& motor) {
-    static_assert(sizeof(CoordinateMotor) ==
-                      sizeof(Motor) + 4 * sizeof(double) + 2 * sizeof(std::optional<double>),
-                  "list the new field");
-    (*this)(static_cast<Value<Motor>&>(motor));
-    (*this)(motor.position);
-    (*this)(motor.servo_frequency);
-    (*this)(motor.servo_damping_ratio);
-    (*this)(motor.servo_stiffness);
-    (*this)(motor.servo_damping);
-    (*this)(motor.force);
   }
   void visit(Value<WorldOptions>& options) {
     visit_options(options, [this](const OptionInfo&, auto& value, auto) { (*this)(value); });

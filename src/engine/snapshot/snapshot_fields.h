@@ -12,8 +12,9 @@
 
 namespace constraint_sim::engine {
 
-// The fields of all structs in snapshots. Structured bindings need exactly as many names as a
-// struct has fields: a struct with another number of fields does not compile.
+// The fields of structs in snapshots that have no list in model/fields.h. Structured bindings need
+// exactly as many names as a struct has fields: a struct with another number of fields does not
+// compile.
 
 template <class T>
 struct Of {};
@@ -41,9 +42,6 @@ auto fields(T&, Of<Plane>) {
 CONSTRAINT_SIM_FIELDS(ShapePose, a, b)
 CONSTRAINT_SIM_FIELDS(Body, a, b, c, d, e, f, g, h, i, j, k)
 CONSTRAINT_SIM_FIELDS(MassProperties, a, b, c)
-CONSTRAINT_SIM_FIELDS(Motor, a, b, c, d, e, f)
-CONSTRAINT_SIM_FIELDS(CoordinateLaw, a, b, c, d, e, f, g, h, i, j, k, l)
-CONSTRAINT_SIM_FIELDS(DistanceJoint, a, b, c, d, e, f, g, h)
 CONSTRAINT_SIM_FIELDS(Coupling, a, b, c, d, e)
 CONSTRAINT_SIM_FIELDS(Joint, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t)
 CONSTRAINT_SIM_FIELDS(CustomParameter, a, b)

@@ -1,0 +1,130 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <tuple>
+#include <type_traits>
+
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/options.h"
+#include "engine/math/numbers.h"
+
+namespace constraint_sim::engine {
+
+// The single list of fields of each struct that scenes set, as visit_options() is of options.
+// Scenes, checks, equality, snapshots, Python's keywords and the keys of set_constraint_properties
+// go through these lists; test/engine/test_fields.cpp compares them with the structs.
+
+/// A field of a struct: key in scenes, member and range of its values.
+template <class Struct, class Value, class Range>
+struct Field {
+  const char* key;
+  Value Struct::*member;
+  Range range;
+};
+template <class Struct, class Value, class Range>
+Field(const char*, Value Struct::*, Range) -> Field<Struct, Value, Range>;
+
+// Ranges beside the ranges of options.
+struct ZeroOrPositive {};  ///< 0, or a number whose square is not 0
+struct Limit {             ///< finite, or `none`: no limit
+  double none;
+};
+struct OwnRange {};  ///< checked in validate() of the struct
+
+/// Fields of a struct, in the order of its members and of saved scenes; nullptr: no list.
+template <class Struct>
+inline constexpr std::nullptr_t kFields = nullptr;
+template <class Struct>
+inline constexpr bool kHasFields = !std::is_null_pointer_v<decltype(kFields<Struct>)>;
+
+template <>
+inline constexpr auto kFields<DistanceJoint> = std::tuple{
+    Field{"length", &DistanceJoint::length, ZeroOrPositive{}},
+    Field{"min_length", &DistanceJoint::min_length, NotNegative{}},
+    Field{"max_length", &DistanceJoint::max_length, OwnRange{}},
+    Field{"frequency", &DistanceJoint::frequency, ZeroOrPositive{}},
+    Field{"damping_ratio", &DistanceJoint::damping_ratio, NotNegative{}},
+    Field{"stiffness", &DistanceJoint::stiffness, NotNegative{}},
+    Field{"damping", &DistanceJoint::damping, NotNegative{}},
+    Field{"one_sided", &DistanceJoint::one_sided, AnyValue{}},
+};
+
+template <>
+inline constexpr auto kFields<Motor> = std::tuple{
+    Field{"bias", &Motor::bias, AnyValue{}},
+    Field{"amplitude", &Motor::amplitude, AnyValue{}},
+    Field{"frequency", &Motor::frequency, NotNegative{}},
+    Field{"phase", &Motor::phase, AnyValue{}},
+    Field{"max_force", &Motor::max_force, NotNegative{}},
+    Field{"timeout", &Motor::timeout, NotNegative{}},
+};
+
+template <>
+inline constexpr auto kFields<CoordinateMotor> = std::tuple_cat(
+    kFields<Motor>,
+    std::tuple{
+        Field{"position", &CoordinateMotor::position, AnyValue{}},
+        Field{"servo_frequency", &CoordinateMotor::servo_frequency, NotNegative{}},
+        Field{"servo_damping_ratio", &CoordinateMotor::servo_damping_ratio, NotNegative{}},
+        Field{"servo_stiffness", &CoordinateMotor::servo_stiffness, NotNegative{}},
+        Field{"servo_damping", &CoordinateMotor::servo_damping, NotNegative{}},
+        Field{"force", &CoordinateMotor::force, AnyValue{}},
+    });
+
+template <>
+inline constexpr auto kFields<CoordinateLaw> = std::tuple{
+    Field{"motor", &CoordinateLaw::motor, AnyValue{}},
+    Field{"lower", &CoordinateLaw::lower, Limit{-kInfinity}},
+    Field{"upper", &CoordinateLaw::upper, Limit{kInfinity}},
+    Field{"limit_restitution", &CoordinateLaw::limit_restitution, Share{}},
+    Field{"friction", &CoordinateLaw::friction, NotNegative{}},
+    Field{"damping", &CoordinateLaw::damping, NotNegative{}},
+    Field{"stiffness", &CoordinateLaw::stiffness, NotNegative{}},
+    Field{"rest", &CoordinateLaw::rest, AnyValue{}},
+    Field{"frequency", &CoordinateLaw::frequency, NotNegative{}},
+    Field{"damping_ratio", &CoordinateLaw::damping_ratio, NotNegative{}},
+    Field{"position", &CoordinateLaw::position, AnyValue{}},
+    Field{"zero", &CoordinateLaw::zero, AnyValue{}},
+};
+
+/// Settings of a joint that all kinds have and that may change while the joint exists.
+inline constexpr std::tuple kJointSettings{
+    Field{"baumgarte", &Joint::baumgarte, Share{}},
+    Field{"break_force", &Joint::break_force, NotNegative{}},
+    Field{"break_torque", &Joint::break_torque, NotNegative{}},
+    Field{"collide_connected", &Joint::collide_connected, AnyValue{}},
+    Field{"enabled", &Joint::enabled, AnyValue{}},
+};
+
+/// Calls visit(key, member of `object`, range) for each field of a list.
+template <class List, class Struct, class Visit>
+void visit_list(const List& list, Struct& object, Visit visit) {
+  std::apply(
+      [&](const auto&... field) { (visit(field.key, object.*field.member, field.range), ...); },
+      list);
+}
+/// Visits all fields of a struct with a list, const or not.
+template <class Struct, class Visit>
+void visit_fields(Struct& object, Visit visit) {
+  visit_list(kFields<std::remove_const_t<Struct>>, object, visit);
+}
+
+/// Whether values are equal, field by field and number by number; 0 and −0 are.
+template <class Value>
+bool are_same(const std::optional<Value>& a, const std::optional<Value>& b);
+template <class Value>
+bool are_same(const Value& a, const Value& b) {
+  if constexpr (kHasFields<Value>)
+    return std::apply(
+        [&](const auto&... field) { return (are_same(a.*field.member, b.*field.member) && ...); },
+        kFields<Value>);
+  else
+    return a == b;
+}
+template <class Value>
+bool are_same(const std::optional<Value>& a, const std::optional<Value>& b) {
+  return a && b ? are_same(*a, *b) : a.has_value() == b.has_value();
+}
+
+}  // namespace constraint_sim::engine

@@ -14,20 +14,12 @@ namespace {
 
 // ---- parameters, one line each: `visit(key, field)` serves reading and writing
 
-template <class State, class Visit>
-void visit_state(State& state, Visit visit) {
-  visit("position", state.position);
-  visit("orientation", state.orientation);
-  visit("linear_velocity", state.linear_velocity);
-  visit("angular_velocity", state.angular_velocity);
-}
-
 template <class Body, class Visit>
 void visit_body(Body& body, Visit visit) {
   visit("name", body.name);
   visit("mass", body.mass);
   visit("inertia", body.inertia);
-  visit_state(body.state, visit);
+  engine::visit_fields(body.state, visit);
   visit("friction", body.friction);
   visit("restitution", body.restitution);
   visit("no_collision", body.no_collision);
@@ -62,6 +54,10 @@ template <class Struct>
 py::dict dict_of(const Struct& object);
 template <>
 py::object to_python(const std::optional<engine::CoordinateMotor>& value) {
+  return value ? py::object(dict_of(*value)) : py::none();
+}
+template <>
+py::object to_python(const std::optional<engine::ShapePose>& value) {
   return value ? py::object(dict_of(*value)) : py::none();
 }
 
@@ -146,19 +142,9 @@ std::optional<engine::ShapePose> shape_pose_from(const py::object& value) {
                                 std::string(py::str(py::repr(value))));
   Keywords reading("shape_pose", value.cast<py::dict>());
   engine::ShapePose pose;
-  reading.read("position", &pose.position);
-  reading.read("orientation", &pose.orientation);
+  engine::visit_fields(pose, reader(&reading));
   reading.expect_no_more();
   return pose;
-}
-
-py::object shape_pose_dict(const std::optional<engine::ShapePose>& pose) {
-  if (!pose) return py::none();
-  py::dict dict;
-  dict["position"] = tuple_of(pose->position);
-  const Eigen::Vector4d& q = pose->orientation.coeffs();
-  dict["orientation"] = py::make_tuple(q[0], q[1], q[2], q[3]);
-  return dict;
 }
 
 engine::BodyId body_named(const engine::World& world, const std::string& name) {
@@ -212,21 +198,17 @@ py::dict body_dict(const engine::Body& body) {
   for (const auto& [name, type] : kBodyTypes)
     if (type == body.type) dict["type"] = name;
   dict["shape"] = body.shape;
-  dict["shape_pose"] = shape_pose_dict(body.shape_pose);
+  dict["shape_pose"] = to_python(body.shape_pose);
   return dict;
 }
 
 void state_from(const py::dict& keywords, engine::BodyState* target) {
   Keywords reading("set_state", keywords);
-  visit_state(*target, reader(&reading));
+  engine::visit_fields(*target, reader(&reading));
   reading.expect_no_more();
 }
 
-py::dict state_dict(const engine::BodyState& state) {
-  py::dict dict;
-  visit_state(state, writer(&dict));
-  return dict;
-}
+py::dict state_dict(const engine::BodyState& state) { return dict_of(state); }
 
 std::string body_name(const engine::World& world, engine::BodyId id) {
   return id == engine::kWorldBody ? "world" : world.body(id).name;

@@ -5,6 +5,7 @@
 #include <tuple>
 #include <type_traits>
 
+#include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/options.h"
 #include "engine/math/numbers.h"
@@ -31,12 +32,56 @@ struct Limit {             ///< finite, or `none`: no limit
   double none;
 };
 struct OwnRange {};  ///< checked in validate() of the struct
+struct Beside {};    ///< a struct whose keys stand beside the other keys
 
 /// Fields of a struct, in the order of its members and of saved scenes; nullptr: no list.
 template <class Struct>
 inline constexpr std::nullptr_t kFields = nullptr;
 template <class Struct>
 inline constexpr bool kHasFields = !std::is_null_pointer_v<decltype(kFields<Struct>)>;
+
+template <>
+inline constexpr auto kFields<Point> = std::tuple{};
+template <>
+inline constexpr auto kFields<Sphere> = std::tuple{Field{"radius", &Sphere::radius, Positive{}}};
+template <>
+inline constexpr auto kFields<Box> = std::tuple{Field{"size", &Box::size, Positive{}}};
+template <>
+inline constexpr auto kFields<Plane> = std::tuple{};
+template <>
+inline constexpr auto kFields<Cylinder> = std::tuple{
+    Field{"radius", &Cylinder::radius, Positive{}},
+    Field{"length", &Cylinder::length, Positive{}},
+};
+
+template <>
+inline constexpr auto kFields<ShapePose> = std::tuple{
+    Field{"position", &ShapePose::position, AnyValue{}},
+    Field{"orientation", &ShapePose::orientation, AnyValue{}},
+};
+
+template <>
+inline constexpr auto kFields<BodyState> = std::tuple{
+    Field{"position", &BodyState::position, AnyValue{}},
+    Field{"orientation", &BodyState::orientation, AnyValue{}},
+    Field{"linear_velocity", &BodyState::linear_velocity, AnyValue{}},
+    Field{"angular_velocity", &BodyState::angular_velocity, AnyValue{}},
+};
+
+template <>
+inline constexpr auto kFields<Body> = std::tuple{
+    Field{"name", &Body::name, AnyValue{}},
+    Field{"type", &Body::type, AnyValue{}},
+    Field{"shape", &Body::shape, AnyValue{}},
+    Field{"shape_pose", &Body::shape_pose, AnyValue{}},
+    Field{"mass", &Body::mass, OwnRange{}},
+    Field{"inertia", &Body::inertia, OwnRange{}},
+    Field{"state", &Body::state, Beside{}},
+    Field{"friction", &Body::friction, NotNegative{}},
+    Field{"restitution", &Body::restitution, Share{}},
+    Field{"no_collision", &Body::no_collision, AnyValue{}},
+    Field{"color", &Body::color, Share{}},
+};
 
 template <>
 inline constexpr auto kFields<DistanceJoint> = std::tuple{
@@ -97,12 +142,19 @@ inline constexpr std::tuple kJointSettings{
     Field{"enabled", &Joint::enabled, AnyValue{}},
 };
 
+template <class Struct, class Visit>
+void visit_fields(Struct& object, Visit visit);
+
 /// Calls visit(key, member of `object`, range) for each field of a list.
 template <class List, class Struct, class Visit>
 void visit_list(const List& list, Struct& object, Visit visit) {
-  std::apply(
-      [&](const auto&... field) { (visit(field.key, object.*field.member, field.range), ...); },
-      list);
+  const auto visit_field = [&](const auto& field) {
+    if constexpr (std::is_same_v<decltype(field.range), Beside>)
+      visit_fields(object.*field.member, visit);
+    else
+      visit(field.key, object.*field.member, field.range);
+  };
+  std::apply([&](const auto&... field) { (visit_field(field), ...); }, list);
 }
 /// Visits all fields of a struct with a list, const or not.
 template <class Struct, class Visit>

@@ -12,24 +12,18 @@
 
 namespace constraint_sim::engine {
 
-void check(const std::string& name, double value, AnyValue) { check_finite(name, value); }
-
-void check(const std::string& name, const Eigen::Vector3d& value, AnyValue) {
-  check_finite(name, value);
-}
-
 void check(const std::string& name, double value, Positive range) {
   check_positive(name, value);
   check_between(name, value, range.least, range.most);
 }
 
+void check(const std::string& name, const Eigen::Vector3d& value, Positive range) {
+  for (int i = 0; i < 3; ++i) check(name + "." + "xyz"[i], value[i], range);
+}
+
 void check(const std::string& name, double value, PositiveOrInfinity) {
   if (!(value > 0.0)) refuse(name, "must be above 0, or .inf, got " + shortest(value));
 }
-
-void check(const std::string& name, double value, NotNegative) { check_not_negative(name, value); }
-
-void check(const std::string& name, double value, Share) { check_share(name, value); }
 
 void check(const std::string& name, int value, Count range) {
   if (value < 1) refuse(name, "must be >= 1, got " + std::to_string(value));

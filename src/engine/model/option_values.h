@@ -3,19 +3,25 @@
 #include <string>
 
 #include "constraint_sim/engine/options.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 
 // Checks of options and fields. Each throws std::invalid_argument("NAME: must be ..., got VALUE")
 // for a value out of range.
-void check(const std::string& name, double value, AnyValue);
-void check(const std::string& name, const Eigen::Vector3d& value, AnyValue);
+inline void check(const std::string& name, double value, AnyValue) { check_finite(name, value); }
+inline void check(const std::string& name, const Eigen::Vector3d& value, AnyValue) {
+  check_finite(name, value);
+}
 inline void check(const std::string&, Method, AnyValue) {}
 inline void check(const std::string&, bool, AnyValue) {}
 void check(const std::string& name, double value, Positive range);
+void check(const std::string& name, const Eigen::Vector3d& value, Positive range);
 void check(const std::string& name, double value, PositiveOrInfinity);
-void check(const std::string& name, double value, NotNegative);
-void check(const std::string& name, double value, Share);
+inline void check(const std::string& name, double value, NotNegative) {
+  check_not_negative(name, value);
+}
+inline void check(const std::string& name, double value, Share) { check_share(name, value); }
 void check(const std::string& name, int value, Count range);
 void check(const std::string& name, int value, EitherOf range);
 

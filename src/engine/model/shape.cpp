@@ -1,7 +1,5 @@
 #include "constraint_sim/engine/shape.h"
 
-#include "engine/model/validate.h"
-
 namespace constraint_sim::engine {
 namespace {
 
@@ -24,25 +22,8 @@ struct UnitInertia {
   }
 };
 
-struct Validate {
-  void operator()(const Point&) const {}
-  void operator()(const Sphere& sphere) const { check_positive("shape.radius", sphere.radius); }
-  void operator()(const Box& box) const {
-    check_positive("shape.size.x", box.size.x());
-    check_positive("shape.size.y", box.size.y());
-    check_positive("shape.size.z", box.size.z());
-  }
-  void operator()(const Plane&) const {}
-  void operator()(const Cylinder& cylinder) const {
-    check_positive("shape.radius", cylinder.radius);
-    check_positive("shape.length", cylinder.length);
-  }
-};
-
 }  // namespace
 
 Eigen::Vector3d unit_inertia(const Shape& shape) { return std::visit(UnitInertia{}, shape); }
-
-void validate(const Shape& shape) { std::visit(Validate{}, shape); }
 
 }  // namespace constraint_sim::engine

@@ -135,31 +135,62 @@ void check_name(const std::string& field, const std::string& name) {
 
 namespace {
 
-void check_unit(const std::string& field, const Eigen::Quaterniond& q) {
+void check(const char* field, double value, ZeroOrPositive) {
+  check_not_negative(field, value);
+  if (value != 0.0) check_positive(field, value);
+}
+void check(const char* field, double value, Limit range) {
+  if (value != range.none) check_finite(field, value);
+}
+template <class Value>
+void check(const char*, const Value&, OwnRange) {}
+void check(const char* field, const std::string& name, AnyValue) { check_name(field, name); }
+void check(const char*, BodyType, AnyValue) {}
+void check(const char*, const Shape& shape, AnyValue) { validate(shape); }
+void check(const char*, const ShapePose& pose, AnyValue) { validate(pose); }
+void check(const char* field, const Eigen::Quaterniond& q, AnyValue) {
   if (!(std::abs(q.norm() - 1.0) <= 0.01))
     refuse(field, "must be a unit quaternion (x, y, z, w), got (" + shortest(q.x()) + ", " +
                       shortest(q.y()) + ", " + shortest(q.z()) + ", " + shortest(q.w()) + ")");
 }
+void check(const char* field, const std::array<double, 4>& color, Share) {
+  for (const double value : color)
+    if (!(value >= 0.0 && value <= 1.0))
+      refuse(field, "must be four numbers from 0 to 1, got " + shortest(value));
+}
+void check(const char* field, const CoordinateMotor& motor, AnyValue) {
+  try {
+    validate(motor);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(field + std::string(".") + error.what());
+  }
+}
+template <class Value, class Range>
+void check(const char* field, const std::optional<Value>& value, Range range) {
+  if (value) check(field, *value, range);
+}
+
+constexpr auto kCheck = [](const char* field, const auto& value, auto range) {
+  check(field, value, range);
+};
 
 }  // namespace
 
-void validate(const BodyState& state) {
-  check_finite("position", state.position);
-  check_unit("orientation", state.orientation);
-  check_finite("linear_velocity", state.linear_velocity);
-  check_finite("angular_velocity", state.angular_velocity);
-}
+void validate(const BodyState& state) { visit_fields(state, kCheck); }
 
-void validate(const ShapePose& pose) {
-  check_finite("position", pose.position);
-  check_unit("orientation", pose.orientation);
+void validate(const ShapePose& pose) { visit_fields(pose, kCheck); }
+
+void validate(const Shape& shape) {
+  const auto check_size = [](const char* key, const auto& size, Positive range) {
+    check(std::string("shape.") + key, size, range);
+  };
+  std::visit([&](const auto& of_kind) { visit_fields(of_kind, check_size); }, shape);
 }
 
 namespace {
 
 void check_shape_pose(const Body& body) {
   if (!body.shape_pose) return;
-  validate(*body.shape_pose);
   if (std::holds_alternative<Point>(body.shape) || std::holds_alternative<Plane>(body.shape))
     refuse("shape_pose", "only a sphere, a box or a cylinder has one");
   if (body.type == BodyType::kDynamic && body.inertia.isZero(0.0))
@@ -169,14 +200,8 @@ void check_shape_pose(const Body& body) {
 }  // namespace
 
 void validate(const Body& body) {
-  check_name("name", body.name);
-  if (body.color)
-    for (const double value : *body.color)
-      if (!(value >= 0.0 && value <= 1.0))
-        refuse("color", "must be four numbers from 0 to 1, got " + shortest(value));
-  validate(body.shape);
+  visit_fields(body, kCheck);
   check_shape_pose(body);
-  validate(body.state);
   if (body.type == BodyType::kDynamic) {
     check_positive("mass", body.mass);
     if (std::holds_alternative<Plane>(body.shape))
@@ -206,37 +231,7 @@ void validate(const Body& body) {
       refuse("angular_velocity",
              "a static body does not turn, got " + shown(body.state.angular_velocity));
   }
-  check_not_negative("friction", body.friction);
-  check_share("restitution", body.restitution);
 }
-
-namespace {
-
-void check(const char* field, double value, ZeroOrPositive) {
-  check_not_negative(field, value);
-  if (value != 0.0) check_positive(field, value);
-}
-void check(const char* field, double value, Limit range) {
-  if (value != range.none) check_finite(field, value);
-}
-void check(const char*, double, OwnRange) {}
-void check(const char* field, const CoordinateMotor& motor, AnyValue) {
-  try {
-    validate(motor);
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(field + std::string(".") + error.what());
-  }
-}
-template <class Value, class Range>
-void check(const char* field, const std::optional<Value>& value, Range range) {
-  if (value) check(field, *value, range);
-}
-
-constexpr auto kCheck = [](const char* field, const auto& value, auto range) {
-  check(field, value, range);
-};
-
-}  // namespace
 
 void validate(const Motor& motor) { visit_fields(motor, kCheck); }
 
@@ -361,8 +356,8 @@ void validate(const Joint& joint) {
   check_finite("anchor_a", joint.anchor_a);
   check_finite("anchor_b", joint.anchor_b);
   if (const DistanceJoint* distance = if_distance(joint)) validate_distance(*distance);
-  check_unit("frame_a", joint.frame_a);
-  if (joint.frame_b) check_unit("frame_b", *joint.frame_b);
+  check("frame_a", joint.frame_a, AnyValue{});
+  check("frame_b", joint.frame_b, AnyValue{});
   if (joint.axis_b) {
     check_axis("axis_b", *joint.axis_b);
     if (joint.frame_b) refuse("axis_b", "give this or frame_b, not both");

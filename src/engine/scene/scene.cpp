@@ -1,6 +1,8 @@
 #include "constraint_sim/engine/scene.h"
 
+#include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
@@ -60,62 +62,32 @@ void read_clock(const YamlElement& item, World* world) {
 
 // ---- bodies
 
-BodyType read_body_type(const YamlElement& item) {
-  const std::string word = item.word();
-  if (word == "dynamic") return BodyType::kDynamic;
-  if (word == "static") return BodyType::kStatic;
-  if (word == "kinematic") return BodyType::kKinematic;
-  fail_unknown(item, word, "dynamic, static, kinematic");
-}
-
-Shape read_shape(const YamlElement& item) {
+/// Returns the only key of a shape, its name, and the element of its dimensions.
+std::pair<std::string, YamlElement> kind_of_shape(const YamlElement& item) {
   const auto kinds = item.keys();
   if (kinds.size() != 1)
     item.fail("expected exactly one shape, got " + std::to_string(kinds.size()));
-  const YamlElement parameters = item.at(kinds[0]);
-  if (kinds[0] == "point") {
-    parameters.expect_keys({});
-    return Point{};
-  }
-  if (kinds[0] == "sphere") {
-    parameters.expect_keys({"radius"});
-    return Sphere{parameters.at("radius").number()};
-  }
-  if (kinds[0] == "box") {
-    parameters.expect_keys({"size"});
-    return Box{parameters.at("size").numbers(3)};
-  }
-  if (kinds[0] == "plane") {
-    parameters.expect_keys({"normal", "offset"});
-    return Plane{};
-  }
-  if (kinds[0] == "cylinder") {
-    parameters.expect_keys({"radius", "length"});
-    return Cylinder{parameters.at("radius").number(), parameters.at("length").number()};
-  }
-  fail_unknown(item, kinds[0], names_of_shapes());
+  return {kinds[0], item.at(kinds[0])};
 }
 
-BodyState read_state(const YamlElement& item) {
-  BodyState state;
-  item.read("position", &state.position);
-  if (const auto orientation = item.find("orientation")) {
-    const Eigen::Vector4d xyzw = orientation->numbers(4);
-    state.orientation.coeffs() = xyzw;
-  }
-  item.read("linear_velocity", &state.linear_velocity);
-  item.read("angular_velocity", &state.angular_velocity);
-  return state;
-}
-
-ShapePose read_shape_pose(const YamlElement& item) {
-  item.expect_keys({"position", "orientation"});
-  ShapePose pose;
-  item.read("position", &pose.position);
-  if (const auto orientation = item.find("orientation"))
-    pose.orientation.coeffs() = Eigen::Vector4d(orientation->numbers(4));
-  item.attempt([&] { validate(pose); });
-  return pose;
+Shape read_shape(const YamlElement& item) {
+  const auto [kind, dimensions] = kind_of_shape(item);
+  const auto* const name = std::find(kShapeNames.begin(), kShapeNames.end(), kind);
+  if (name == kShapeNames.end()) fail_unknown(item, kind, names_of_shapes());
+  Shape shape = shape_of_kind(static_cast<std::size_t>(name - kShapeNames.begin()));
+  std::visit(
+      [&, &dimensions = dimensions](auto& of_kind) {
+        using Kind = std::decay_t<decltype(of_kind)>;
+        const bool is_plane = std::is_same_v<Kind, Plane>;
+        dimensions.expect_keys(is_plane ? YamlElement::Words{"normal", "offset"} : keys_of<Kind>());
+        visit_fields(of_kind, [&](const char* key, auto& size, auto) {
+          dimensions.at(key);
+          dimensions.read(key, &size);
+        });
+      },
+      shape);
+  dimensions.attempt([&] { validate(shape); }, "shape.");
+  return shape;
 }
 
 /// Sets the pose of a body from `normal` and `offset` of its plane.
@@ -136,30 +108,44 @@ void read_plane_pose(const YamlElement& item, const YamlElement& plane, BodyStat
   state->orientation = frame_along(normal);
 }
 
+// Read a field of a body, which keeps its value without the key.
+template <class Value>
+void read(const YamlElement& item, const char* key, Value* value) {
+  item.read(key, value);
+}
+void read(const YamlElement& item, const char* key, std::string* name) {
+  *name = item.at(key).word();
+}
+void read(const YamlElement& item, const char* key, BodyType* type) {
+  const auto value = item.find(key);
+  if (!value) return;
+  const std::string word = value->word();
+  const auto* const name = std::find(kBodyTypeNames.begin(), kBodyTypeNames.end(), word);
+  if (name == kBodyTypeNames.end()) fail_unknown(*value, word, "dynamic, static, kinematic");
+  *type = static_cast<BodyType>(name - kBodyTypeNames.begin());
+}
+void read(const YamlElement& item, const char* key, Shape* shape) {
+  if (const auto value = item.find(key)) *shape = read_shape(*value);
+}
+void read(const YamlElement& item, const char* key, std::optional<ShapePose>* pose) {
+  const auto value = item.find(key);
+  if (!value) return;
+  value->expect_keys(keys_of<ShapePose>());
+  visit_fields(pose->emplace(),
+               [&](const char* part, auto& target, auto) { value->read(part, &target); });
+  value->attempt([&] { validate(**pose); });
+}
+void read(const YamlElement& item, const char* key, std::optional<std::array<double, 4>>* color) {
+  if (const auto value = item.find(key))
+    Eigen::Map<Eigen::Vector4d>(color->emplace().data()) = value->numbers(4);
+}
+
 Body read_body(const YamlElement& item) {
-  item.expect_keys({"name", "type", "shape", "mass", "inertia", "position", "orientation",
-                    "linear_velocity", "angular_velocity", "friction", "restitution",
-                    "no_collision", "color", "asleep", "correction", "shape_pose"});
+  item.expect_keys(keys_of<Body>({"asleep", "correction"}));
   Body body;
-  body.name = item.at("name").word();
-  if (const auto type = item.find("type")) body.type = read_body_type(*type);
-  item.read("mass", &body.mass);
-  item.read("inertia", &body.inertia);
-  body.state = read_state(item);
-  if (const auto shape = item.find("shape")) {
-    body.shape = read_shape(*shape);
-    const YamlElement parameters = shape->at(shape->keys()[0]);
-    parameters.attempt([&] { validate(body.shape); }, "shape.");
-    if (std::holds_alternative<Plane>(body.shape)) read_plane_pose(item, parameters, &body.state);
-  }
-  if (const auto pose = item.find("shape_pose")) body.shape_pose = read_shape_pose(*pose);
-  item.read("friction", &body.friction);
-  item.read("restitution", &body.restitution);
-  item.read("no_collision", &body.no_collision);
-  if (const auto color = item.find("color")) {
-    const Eigen::VectorXd values = color->numbers(4);
-    body.color = {values[0], values[1], values[2], values[3]};
-  }
+  visit_fields(body, [&](const char* key, auto& value, auto) { read(item, key, &value); });
+  if (std::holds_alternative<Plane>(body.shape))
+    read_plane_pose(item, kind_of_shape(item.at("shape")).second, &body.state);
   return body;
 }
 

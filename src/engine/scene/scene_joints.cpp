@@ -21,7 +21,7 @@ double present_distance(const World& world, const Joint& joint) {
 
 /// Returns the keys of a type of constraint beside the keys of all types.
 YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type) {
-  if (type == "distance") return keys_of(kFields<DistanceJoint>, {"free"});
+  if (type == "distance") return keys_of<DistanceJoint>({"free"});
   if (type == "rope") return {"max_length", "frequency", "damping_ratio", "stiffness", "damping"};
   if (type == "strut") return {"min_length"};
   if (type == "spring")
@@ -32,7 +32,7 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
   YamlElement::Words keys;
   if (has_frames(*kind)) keys = {"axis_a", "axis_b", "frame_a", "frame_b"};
   if (coordinates(*kind) > 0) {
-    keys = keys_of(kFields<CoordinateLaw>, keys);
+    keys = keys_of<CoordinateLaw>(keys);
     keys.push_back("coordinates");
   }
   if (has_frames(*kind) || info(*kind).form == RowsForm::kPoint) keys.push_back("break_torque");
@@ -44,22 +44,17 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
   return keys;
 }
 
-Eigen::Quaterniond read_frame(const YamlElement& item) {
-  Eigen::Quaterniond frame;
-  frame.coeffs() = Eigen::Vector4d(item.numbers(4));
-  return frame;
-}
-
 /// Reads frames, or their z axes.
 void read_frames(const YamlElement& item, Joint* joint) {
   for (const char* side : {"a", "b"}) {
     const auto axis = item.find(std::string("axis_") + side);
-    const auto frame = item.find(std::string("frame_") + side);
+    const std::string frame_key = std::string("frame_") + side;
+    const auto frame = item.find(frame_key);
     if (axis && frame) axis->fail("the frame already says it; give one or the other");
     if (!axis && !frame) continue;
     const bool is_a = side[0] == 'a';
     if (frame) {
-      (is_a ? joint->frame_a : joint->frame_b.emplace()) = read_frame(*frame);
+      item.read(frame_key, is_a ? &joint->frame_a : &joint->frame_b.emplace());
       continue;
     }
     const Eigen::Vector3d direction = axis->numbers(3);
@@ -88,7 +83,7 @@ DistanceJoint read_distance(const YamlElement& item, const std::string& type, co
 
 template <class AnyMotor>
 AnyMotor read_motor(const YamlElement& item) {
-  item.expect_keys(keys_of(kFields<AnyMotor>));
+  item.expect_keys(keys_of<AnyMotor>());
   AnyMotor motor;
   visit_fields(motor, [&](const char* key, auto& value, auto) { item.read(key, &value); });
   item.attempt([&] { validate(motor); });
@@ -117,7 +112,7 @@ void read_laws(const YamlElement& item, Joint* joint) {
     joint->coordinates[0] = read_law(item);
     return;
   }
-  const YamlElement::Words keys = keys_of(kFields<CoordinateLaw>);
+  const YamlElement::Words keys = keys_of<CoordinateLaw>();
   for (const std::string& key : keys)
     if (const auto flat = item.find(key))
       flat->fail("belongs into the list of coordinates beside it");

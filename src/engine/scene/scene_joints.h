@@ -18,10 +18,11 @@ namespace constraint_sim::engine {
   element.fail("there is no " + in_quotes(word) + " (yet); there are " + existing);
 }
 
-/// Returns `further` keys and the keys of a list of fields.
-template <class List>
-YamlElement::Words keys_of(const List& list, YamlElement::Words further = {}) {
-  std::apply([&](const auto&... field) { (further.push_back(field.key), ...); }, list);
+/// Returns `further` keys and the keys of a struct.
+template <class Struct>
+YamlElement::Words keys_of(YamlElement::Words further = {}) {
+  const Struct none{};
+  visit_fields(none, [&](const char* key, const auto&, auto) { further.push_back(key); });
   return further;
 }
 

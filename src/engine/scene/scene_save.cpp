@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint_kinds.h"
@@ -33,15 +34,8 @@ void write(YAML::Emitter* out, const char* key, const std::optional<double>& val
   if (value) write(out, key, *value);
 }
 
-void write(YAML::Emitter* out, const char* key, bool value) {
-  *out << YAML::Key << key << YAML::Value << value;
-}
-
-void write(YAML::Emitter* out, const char* key, int value) {
-  *out << YAML::Key << key << YAML::Value << value;
-}
-
-void write(YAML::Emitter* out, const char* key, std::uint64_t value) {
+template <class Whole, class = std::enable_if_t<std::is_integral_v<Whole>>>
+void write(YAML::Emitter* out, const char* key, Whole value) {
   *out << YAML::Key << key << YAML::Value << value;
 }
 
@@ -74,59 +68,46 @@ void write_options(YAML::Emitter* out, const World& world) {
 
 // ---- bodies
 
-const char* type_name(BodyType type) {
-  switch (type) {
-    case BodyType::kDynamic:
-      return "dynamic";
-    case BodyType::kStatic:
-      return "static";
-    case BodyType::kKinematic:
-      break;
-  }
-  return "kinematic";
+template <class Struct>
+void write_fields(YAML::Emitter* out, const Struct& object);
+
+void write(YAML::Emitter* out, const char* key, BodyType type) {
+  write(out, key, kBodyTypeNames[static_cast<std::size_t>(type)]);
 }
 
-struct ShapeWriter {
-  YAML::Emitter* out;
+void write(YAML::Emitter* out, const char* key, const Eigen::Quaterniond& q) {
+  write(out, key, q.coeffs());
+}
 
-  void operator()(const Point&) const {}
-  void operator()(const Sphere& sphere) const { write(out, "radius", sphere.radius); }
-  void operator()(const Box& box) const { write(out, "size", box.size); }
-  void operator()(const Plane&) const {}
-  void operator()(const Cylinder& cylinder) const {
-    write(out, "radius", cylinder.radius);
-    write(out, "length", cylinder.length);
-  }
-};
+void write(YAML::Emitter* out, const char* key, const Shape& shape) {
+  *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginMap;
+  *out << YAML::Key << kShapeNames[shape.index()] << YAML::Value << YAML::Flow << YAML::BeginMap;
+  std::visit([out](const auto& of_kind) { write_fields(out, of_kind); }, shape);
+  *out << YAML::EndMap << YAML::EndMap;
+}
+
+void write(YAML::Emitter* out, const char* key, const std::optional<ShapePose>& pose) {
+  if (!pose) return;
+  *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginMap;
+  write_fields(out, *pose);
+  *out << YAML::EndMap;
+}
+
+void write(YAML::Emitter* out, const char* key, const std::optional<std::array<double, 4>>& color) {
+  if (color) write(out, key, Eigen::Map<const Eigen::VectorXd>(color->data(), 4));
+}
+
+template <class Struct>
+void write_fields(YAML::Emitter* out, const Struct& object) {
+  visit_fields(object, [out](const char* key, const auto& value, auto) { write(out, key, value); });
+}
 
 void write_body(YAML::Emitter* out, const World& world, BodyId id) {
-  const Body& body = world.body(id);
-  const BodyState& state = world.state(id);
+  Body body = world.body(id);
+  body.state = world.state(id);
   const auto& impl = ImplAccess::of(world);
   *out << YAML::BeginMap;
-  write(out, "name", body.name);
-  write(out, "type", type_name(body.type));
-  *out << YAML::Key << "shape" << YAML::Value << YAML::Flow << YAML::BeginMap;
-  *out << YAML::Key << kShapeNames[body.shape.index()] << YAML::Value << YAML::Flow
-       << YAML::BeginMap;
-  std::visit(ShapeWriter{out}, body.shape);
-  *out << YAML::EndMap << YAML::EndMap;
-  if (body.shape_pose) {
-    *out << YAML::Key << "shape_pose" << YAML::Value << YAML::Flow << YAML::BeginMap;
-    write(out, "position", body.shape_pose->position);
-    write(out, "orientation", body.shape_pose->orientation.coeffs());
-    *out << YAML::EndMap;
-  }
-  write(out, "mass", body.mass);
-  write(out, "inertia", body.inertia);
-  write(out, "position", state.position);
-  write(out, "orientation", state.orientation.coeffs());
-  write(out, "linear_velocity", state.linear_velocity);
-  write(out, "angular_velocity", state.angular_velocity);
-  write(out, "friction", body.friction);
-  write(out, "restitution", body.restitution);
-  write(out, "no_collision", body.no_collision);
-  if (body.color) write(out, "color", Eigen::Map<const Eigen::VectorXd>(body.color->data(), 4));
+  write_fields(out, body);
   const std::size_t i = impl.index(id);
   if (impl.asleep[i]) write(out, "asleep", true);
   if (impl.any_corrections && !impl.corrections[i].isZero(0.0))
@@ -150,7 +131,7 @@ void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
 void write_motor(YAML::Emitter* out, const Motor& motor) {
   if (are_same(motor, Motor{})) return;
   *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
-  visit_fields(motor, [out](const char* key, double value, auto) { write(out, key, value); });
+  write_fields(out, motor);
   *out << YAML::EndMap;
 }
 
@@ -304,8 +285,8 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   if (has_pitch(joint.kind)) write(out, "pitch", joint.pitch);
   if (couples(joint.kind)) write(out, "value", state.coupling.constant);
   if (has_frames(joint.kind)) {
-    write(out, "frame_a", joint.frame_a.coeffs());
-    write(out, "frame_b", joint.frame_b->coeffs());
+    write(out, "frame_a", joint.frame_a);
+    write(out, "frame_b", *joint.frame_b);
   }
   if (const auto* distance = if_distance(joint)) write_distance(out, *distance);
   if (!couples_joints(joint.kind)) write_motor(out, joint.motor);

@@ -157,26 +157,6 @@ Eigen::VectorXd YamlElement::numbers(Eigen::Index size) const {
   return values;
 }
 
-void YamlElement::read(const std::string& key, double* target) const {
-  if (const auto value = find(key)) *target = value->number();
-}
-
-void YamlElement::read(const std::string& key, std::optional<double>* target) const {
-  if (const auto value = find(key)) *target = value->number();
-}
-
-void YamlElement::read(const std::string& key, int* target) const {
-  if (const auto value = find(key)) *target = value->whole_number();
-}
-
-void YamlElement::read(const std::string& key, bool* target) const {
-  if (const auto value = find(key)) *target = value->flag();
-}
-
-void YamlElement::read(const std::string& key, Eigen::Vector3d* target) const {
-  if (const auto value = find(key)) *target = value->numbers(3);
-}
-
 void YamlElement::fail(const std::string& why) const {
   throw SceneError(location(document_->source, line_) + (path_.empty() ? "" : path_ + ": ") + why);
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -44,12 +45,18 @@ class YamlElement {
   /// Returns exactly `size` finite numbers.
   Eigen::VectorXd numbers(Eigen::Index size) const;
 
-  // Reads the value of a key of this map into `target`, which stays unchanged without the key.
-  void read(const std::string& key, double* target) const;
-  void read(const std::string& key, std::optional<double>* target) const;
-  void read(const std::string& key, int* target) const;
-  void read(const std::string& key, bool* target) const;
-  void read(const std::string& key, Eigen::Vector3d* target) const;
+  // Read this value; quaternions are x, y, z, w.
+  void read(double* target) const { *target = number(); }
+  void read(std::optional<double>* target) const { *target = number(); }
+  void read(int* target) const { *target = whole_number(); }
+  void read(bool* target) const { *target = flag(); }
+  void read(Eigen::Vector3d* target) const { *target = numbers(3); }
+  void read(Eigen::Quaterniond* target) const { target->coeffs() = Eigen::Vector4d(numbers(4)); }
+  /// Reads the value of a key of this map into `target`, which stays unchanged without the key.
+  template <class Value>
+  void read(const std::string& key, Value* target) const {
+    if (const auto value = find(key)) value->read(target);
+  }
 
   /// Throws a SceneError about this value.
   [[noreturn]] void fail(const std::string& why) const;

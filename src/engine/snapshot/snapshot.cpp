@@ -14,6 +14,7 @@
 #include "engine/islands/method_choice.h"
 #include "engine/math/list.h"
 #include "engine/model/fields.h"
+#include "engine/model/shape_names.h"
 #include "engine/snapshot/snapshot_checks.h"
 #include "engine/snapshot/snapshot_fields.h"
 #include "engine/support/memory.h"
@@ -57,13 +58,6 @@ template <>
 constexpr long kCount<ContactState> = static_cast<long>(ContactState::kSlipping) + 1;
 template <>
 constexpr long kCount<ImplicitMode> = static_cast<long>(ImplicitMode::kDissipate) + 1;
-
-/// Returns the shape with an index in the variant Shape, with dimensions 0.
-template <std::size_t... kIndex>
-Shape shape_of_kind(std::size_t index, std::index_sequence<kIndex...> /*kinds*/) {
-  const std::array<Shape, sizeof...(kIndex)> kinds{Shape(std::in_place_index<kIndex>)...};
-  return kinds[index];
-}
 
 /// Visits values of all types in snapshots, down to numbers, and passes each number to
 /// bytes(&number, size). Bytes::kReads: bytes are read into the values, with the sizes of lists.
@@ -168,7 +162,7 @@ class Visitor {
     (*this)(index);
     if constexpr (kReads) {
       if (index >= std::variant_size_v<Shape>) fail_damaged("a shape");
-      shape = shape_of_kind(index, std::make_index_sequence<std::variant_size_v<Shape>>());
+      shape = shape_of_kind(index);
     }
     std::visit([this](auto& of_kind) { (*this)(of_kind); }, shape);
   }

@@ -27,20 +27,6 @@ struct Of {};
     return std::tie(__VA_ARGS__);          \
   }
 
-CONSTRAINT_SIM_FIELDS(BodyState, a, b, c, d)
-template <class T>
-auto fields(T&, Of<Point>) {
-  return std::tie();
-}
-CONSTRAINT_SIM_FIELDS(Sphere, a)
-CONSTRAINT_SIM_FIELDS(Box, a)
-CONSTRAINT_SIM_FIELDS(Cylinder, a, b)
-template <class T>
-auto fields(T&, Of<Plane>) {
-  return std::tie();
-}
-CONSTRAINT_SIM_FIELDS(ShapePose, a, b)
-CONSTRAINT_SIM_FIELDS(Body, a, b, c, d, e, f, g, h, i, j, k)
 CONSTRAINT_SIM_FIELDS(MassProperties, a, b, c)
 CONSTRAINT_SIM_FIELDS(Coupling, a, b, c, d, e)
 CONSTRAINT_SIM_FIELDS(Joint, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t)

@@ -4,6 +4,7 @@
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/list.h"
+#include "engine/model/fields.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -26,6 +27,7 @@ class Fnv1a {
     add(text.data(), text.size());
   }
   void add(const Eigen::Vector3d& v) { add(v.data(), 3 * sizeof(double)); }
+  void add(const Eigen::Quaterniond& q) { add(q.coeffs().data(), 4 * sizeof(double)); }
 
   std::uint64_t value() const { return hash_; }
 
@@ -80,35 +82,19 @@ void add(Fnv1a& hash, const WorldOptions& options) {
   visit_options(deciding, [&](const OptionInfo&, const auto& value, auto) { hash.add(value); });
 }
 
-void add(Fnv1a&, const Point&) {}
-void add(Fnv1a& hash, const Sphere& sphere) { hash.add(sphere.radius); }
-void add(Fnv1a& hash, const Box& box) { hash.add(box.size); }
-void add(Fnv1a&, const Plane&) {}
-void add(Fnv1a& hash, const Cylinder& cylinder) {
-  hash.add(cylinder.radius);
-  hash.add(cylinder.length);
-}
-
 void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodyState& state) {
   hash.add(body.name);
   hash.add(static_cast<std::uint64_t>(body.type));
   hash.add(std::uint64_t{body.shape.index()});
-  std::visit([&](const auto& shape) { add(hash, shape); }, body.shape);
-  if (body.shape_pose) {
-    hash.add(body.shape_pose->position);
-    hash.add(Eigen::Vector3d(body.shape_pose->orientation.vec()));
-    hash.add(body.shape_pose->orientation.w());
-  }
+  const auto add_field = [&](const char*, const auto& value, auto) { hash.add(value); };
+  std::visit([&](const auto& shape) { visit_fields(shape, add_field); }, body.shape);
+  if (body.shape_pose) visit_fields(*body.shape_pose, add_field);
   hash.add(body.mass);
   hash.add(mass.inertia);
   hash.add(body.friction);
   hash.add(body.restitution);
   hash.add(std::uint64_t{body.no_collision});
-  hash.add(state.position);
-  hash.add(Eigen::Vector3d(state.orientation.vec()));
-  hash.add(state.orientation.w());
-  hash.add(state.linear_velocity);
-  hash.add(state.angular_velocity);
+  visit_fields(state, add_field);
 }
 
 // Adds rows 1 to 3, and rows 4 to 6 where one of them is not zero: a ball joint has three rows.
@@ -134,10 +120,8 @@ void add_settings(Fnv1a& hash, const Joint& joint) {
     }
   }
   if (!info(joint.kind).has_frames) return;
-  for (const Eigen::Quaterniond& frame : {joint.frame_a, *joint.frame_b}) {
-    hash.add(Eigen::Vector3d(frame.vec()));
-    hash.add(frame.w());
-  }
+  hash.add(joint.frame_a);
+  hash.add(*joint.frame_b);
 }
 
 // Adds a law and the state of its coordinate. A coordinate without a law, in its first turn, adds

@@ -32,9 +32,9 @@ const std::string& build() {
 }
 
 template <class T, class = void>
-struct HasFields : std::false_type {};
+struct IsTied : std::false_type {};
 template <class T>
-struct HasFields<T, std::void_t<decltype(fields(std::declval<T&>(), Of<std::remove_const_t<T>>{}))>>
+struct IsTied<T, std::void_t<decltype(fields(std::declval<T&>(), Of<std::remove_const_t<T>>{}))>>
     : std::true_type {};
 
 /// Number of enumerators of an enum in snapshots.
@@ -89,7 +89,7 @@ class Visitor {
       visit_number(value);
     else if constexpr (kHasFields<std::remove_const_t<T>>)
       engine::visit_fields(value, [this](const char*, auto& field, auto) { (*this)(field); });
-    else if constexpr (HasFields<T>::value)
+    else if constexpr (IsTied<T>::value)
       visit_tied(value);
     else
       visit(value);

@@ -380,7 +380,7 @@ void print_summary(const World& world, const Outcome& outcome) {
                 static_cast<unsigned long long>(outcome.handed_over),
                 static_cast<unsigned long long>(outcome.taken_back));
   if (!outcome.unresolved_bodies.empty())
-    std::printf("not resolved           %zu light bodies; the report names them\n",
+    std::printf("not resolved           %zu bodies; the report names them\n",
                 outcome.unresolved_bodies.size());
   std::printf("state hash             %s\n", hash_text(world).c_str());
 }

@@ -183,8 +183,9 @@ class World {
   std::vector<Island> islands() const;
   /// Bodies that moved too fast for the time step in the last step, in the order of adding. Empty
   /// between an edit and the next step. On stiff islands h·ω > 2: errors may reach 1e-4 of a
-  /// joint's length or more, while heavy bodies stay accurate. On joints by impulses: rotation of
-  /// more than 2 rad in a step.
+  /// joint's length or more, while heavy bodies stay accurate. By energy_momentum: rotation that is
+  /// off by more than 0.01 rad in a step. On joints by impulses: rotation of more than 2 rad in a
+  /// step.
   std::vector<BodyId> unresolved_bodies() const;
   /// Joints that the last step found off by more than kUnclosedError [m] or kUnclosedAngle [rad]
   /// without being closed, in the order of adding. Empty between an edit and the next step.

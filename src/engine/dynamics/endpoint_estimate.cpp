@@ -32,8 +32,9 @@ Vector3d spin_of(const Vector3d* arms, const Vector3d* velocities) {
 }  // namespace
 
 double EndpointEstimate::first(double h, bool is_order_4, int parts, std::size_t bodies) {
-  return keep(h,
-              largest(last_, middle_, end_, 0.5 * h, is_order_4, std::max(parts / 2, 1), bodies));
+  // each half is off by as much
+  return keep(
+      h, 2.0 * largest(last_, middle_, end_, 0.5 * h, is_order_4, std::max(parts / 2, 1), bodies));
 }
 
 double EndpointEstimate::next(double h, bool is_order_4, int parts, std::size_t bodies) {

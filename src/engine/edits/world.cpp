@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "engine/islands/unresolved_bodies.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/model/validate.h"
@@ -289,7 +290,8 @@ void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const
   if (islands[i].method == Method::kSequentialImpulses)
     find_spinning(*this, *this, rollback, island_parts[i].members, found);
   else
-    find_unresolved(*this, motions[to_index(island_parts[i].motion)], found);
+    find_unresolved(*this, *this, rollback, island_parts[i].members,
+                    motions[to_index(island_parts[i].motion)], found);
 }
 
 std::vector<BodyId> World::unresolved_bodies() const {

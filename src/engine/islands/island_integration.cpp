@@ -9,6 +9,7 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/islands/compile.h"
 #include "engine/islands/method_choice.h"
+#include "engine/islands/unresolved_bodies.h"
 #include "engine/math/larger.h"
 #include "engine/math/numbers.h"
 
@@ -95,19 +96,6 @@ void open_joint(const Model& model, std::size_t j, double t, State* state) {
   const std::size_t a = model.index(joint.body_a), b = model.index(joint.body_b);
   begin_joint(joint, state->states[a], state->states[b], t, state->joint_states[j],
               model.masses[b].can_turn());
-}
-
-std::uint32_t find_unresolved(const Model& model, const IslandMotion& motion,
-                              List<std::size_t>* bodies) {
-  const List<int>& held = motion.equations().bodies();
-  std::uint32_t count = 0;
-  for (std::size_t k = 0; k < held.size(); ++k) {
-    if (model.options.time_step * motion.gradients().frequency_of(k) <= EnergyMomentum::kResolved)
-      continue;
-    ++count;
-    if (bodies != nullptr) bodies->push_back(to_index(held[k]));
-  }
-  return count;
 }
 
 void IslandIntegration::begin() {
@@ -484,7 +472,8 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
     }
     report.events += island.events;
     if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
-      island.unresolved_bodies = find_unresolved(model, lists->motions[parts.motion], nullptr);
+      island.unresolved_bodies = find_unresolved(model, *in.state, in.rollback, parts.members,
+                                                 lists->motions[parts.motion], nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
     report.local_error = larger(report.local_error, island.local_error);
     report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);

@@ -121,8 +121,4 @@ class IslandIntegration {
   Workers workers_;
 };
 
-/// Bodies of an island that move faster than the step resolves. Adds them to `bodies` unless null.
-std::uint32_t find_unresolved(const Model& model, const IslandMotion& motion,
-                              List<std::size_t>* bodies);
-
 }  // namespace constraint_sim::engine

@@ -7,8 +7,8 @@
 
 #include "engine/constraints/joint.h"
 #include "engine/islands/motion_bounds.h"
+#include "engine/islands/unresolved_bodies.h"
 #include "engine/math/numbers.h"
-#include "engine/methods/energy_momentum/energy_momentum.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -85,21 +85,6 @@ bool find_worst_joint(const Model& model, const State& state, const List<int>& a
 }
 
 }  // namespace
-
-std::uint32_t find_spinning(const Model& model, const State& state, const Rollback& rollback,
-                            const IslandMembers& members, List<std::size_t>* bodies) {
-  if (members.joints.empty()) return 0;
-  const double most = EnergyMomentum::kResolved / model.options.time_step;
-  std::uint32_t count = 0;
-  for (const int body : members.bodies) {
-    const double w = std::max(state.states[body].angular_velocity.squaredNorm(),
-                              rollback.states()[body].angular_velocity.squaredNorm());
-    if (!model.masses[body].can_turn() || w <= most * most) continue;
-    ++count;
-    if (bodies != nullptr) bodies->push_back(to_index(body));
-  }
-  return count;
-}
 
 void Monitors::set_resting(const Model& model, const State& state, const RestingSets& resting,
                            const IslandLists& lists) {

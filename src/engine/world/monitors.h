@@ -31,11 +31,6 @@ struct MonitorInput {
   const MethodPartition& partition;
 };
 
-/// Bodies on joints of an island that turn too fast for impulses: by more than
-/// EnergyMomentum::kResolved in a step. Adds them to `bodies` unless null.
-std::uint32_t find_spinning(const Model& model, const State& state, const Rollback& rollback,
-                            const IslandMembers& members, List<std::size_t>* bodies);
-
 /// Measures a step once it is over: errors of joints, and energy. Finds errors that nothing closes,
 /// contacts that creep or overlap, and energy that rises without a cause. Decides nothing.
 class Monitors {

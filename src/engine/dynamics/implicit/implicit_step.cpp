@@ -15,6 +15,8 @@ using Kind = ImplicitLink::Kind;
 // A row depends on others in this step where its pivot falls below this share of its diagonal
 // entry.
 constexpr double kDependentPivot = 1e-10;
+// Largest frequency, over the spin, that forces of a rotation itself may make.
+constexpr double kCentrifugal = 2.0;
 
 }  // namespace
 
@@ -46,7 +48,8 @@ void ImplicitStep::forget() {
 std::pair<double, double> ImplicitStep::largest_spin(double most_frequency) const {
   double spin = 0.0, speed = 0.0;
   for (std::size_t i = 0; i < model_.rotating(); ++i) {
-    if (frequency_of(i) > most_frequency) continue;
+    // forces of the rotation itself make a frequency of about the spin
+    if (frequency_of(i) > std::max(most_frequency, kCentrifugal * motion_.spin(i))) continue;
     spin = std::max(spin, motion_.spin(i));
     speed = std::max(speed, motion_.spin(i) * model_.radius_of_gyration(i));
   }

@@ -33,6 +33,9 @@ constexpr double kMomentaryOff = 1e-9;
 constexpr double kMomentaryMet = 1e-13;
 
 constexpr double kMostStepParts = 32.0;
+// A midpoint step rotates a body by 2 atan(θ/2) instead of θ = h|W|, an error of θ³/kTurnOrder2;
+// composed θ⁵/kTurnOrder4.
+constexpr double kTurnOrder2 = 12.0, kTurnOrder4 = 1075.0;
 constexpr int kSpansUntilLonger = 4;
 
 // Coefficients of Suzuki's composition.
@@ -58,14 +61,20 @@ bool EnergyMomentum::start(const Interval& span, EquationsOfMotion* equations,
   return true;
 }
 
-// Number of steps by the rotation tolerance. A midpoint step rotates a body by 2 atan(θ/2) instead
-// of θ = h|W|, an error of θ³/12; composed θ⁵/1075.
+// Number of steps by the rotation tolerance.
 int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance) const {
   const auto [spin, speed] = step_equations_.largest_spin(kResolved / h);
   if (speed == 0.0 || tolerance == 0.0) return 1;
-  const double longest = composes ? std::sqrt(std::sqrt(1075.0 * tolerance / speed))
-                                  : std::sqrt(12.0 * tolerance / speed);
+  const double longest = composes ? std::sqrt(std::sqrt(kTurnOrder4 * tolerance / speed))
+                                  : std::sqrt(kTurnOrder2 * tolerance / speed);
   return static_cast<int>(std::clamp(std::ceil(h * spin / longest), 1.0, kMostStepParts));
+}
+
+double EnergyMomentum::turn_error(double turn, double tolerance) const {
+  const double most = tolerance > 0.0 ? kMostStepParts : 1.0;
+  const double angle = turn / (refinement_ > 0 ? std::ldexp(most, refinement_) : most);
+  const double square = angle * angle;
+  return turn * (refinement_ < 0 ? square * square / kTurnOrder4 : square / kTurnOrder2);
 }
 
 IntegrationResult EnergyMomentum::advance(const Interval& span, const IntegratorOptions& accuracy,

@@ -19,6 +19,8 @@ class EnergyMomentum {
  public:
   /// Bound on h ω below which steps resolve the motion of a body.
   static constexpr double kResolved = 2.0;
+  /// Error of the rotation of a body in a tick up to which steps resolve it [rad].
+  static constexpr double kResolvedTurn = 0.01;
 
   explicit EnergyMomentum(const EquationsOfMotion& equations) : step_equations_(equations) {}
 
@@ -32,6 +34,9 @@ class EnergyMomentum {
   /// Largest frequency ω of the bodies under the forces of the last step [rad/s].
   double frequency() const { return step_equations_.frequency(); }
   double frequency_of(std::size_t body) const { return step_equations_.frequency_of(body); }
+  /// Error of a rotation by `turn` [rad] in an interval like the last one, in as many substeps as
+  /// the tolerance may ask for [rad].
+  double turn_error(double turn, double tolerance) const;
   /// Whether the next interval continues the last one.
   bool has_started() const { return has_started_; }
   /// Notes that bodies were moved from outside.

@@ -311,7 +311,7 @@ TEST(ClosingFrame, GoesOnFromWhatWasSavedWhileAMotorRuns) {
       world.step();
       loaded.step();
     }
-    EXPECT_EQ(loaded.joint_state(loaded.joint_ids().front()).closing_since, 0.0) << name(method);
+    EXPECT_EQ(loaded.joint_state(loaded.joint_ids().front()).to_close.since, 0.0) << name(method);
     for (const BodyId body : world.body_ids())
       EXPECT_LE((world.state(body).position - loaded.state(body).position).norm(), 1e-7);
   }

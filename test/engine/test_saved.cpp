@@ -295,8 +295,8 @@ TEST(Saved, KeepsWhatIsClosing) {
     const JointState& a = world.joint_state(world.find_joint(name));
     const JointState& b = again.joint_state(again.find_joint(name));
     EXPECT_TRUE(b.closing);
-    EXPECT_EQ(b.closing_since, a.closing_since);
-    EXPECT_EQ(b.closing_offset, a.closing_offset);
+    EXPECT_EQ(b.to_close.since, a.to_close.since);
+    EXPECT_EQ(b.to_close.offset, a.to_close.offset);
     EXPECT_EQ(b.initial_error, a.initial_error);
     EXPECT_EQ(b.error, a.error);
   }

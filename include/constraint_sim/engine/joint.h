@@ -200,7 +200,20 @@ struct CouplingState {
   /// Generalized force along the first coordinate, mean over the step [N or N m].
   double effort = 0.0;
   double impulse = 0.0;  ///< impulse along the first coordinate, for warm starting [N s or N m s]
-  double offset = 0.0;   ///< error at `closing_since`
+};
+
+/// Errors that a joint closes, as they were at time `since`.
+struct ErrorsToClose {
+  double since = 0.0;  ///< simulated time at which closing began [s]
+  /// Error of each row and coordinate [m or rad]. Zero for rows that are closed by moving the frame
+  /// on B, with `shift` and `turn`.
+  RowVector offset = RowVector::Zero();
+  /// Pose, relative to the frame on B, that met the rows: shift of the anchor in B's frame [m], and
+  /// rotation vector in the joint's frame on B [rad]. For ball joints and kinds that keep axes
+  /// aligned.
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+  double coupling = 0.0;  ///< error of the coupling, in the unit of the first coordinate
 };
 
 /// State of a joint; updated by each step.
@@ -226,17 +239,9 @@ struct JointState {
   std::array<CoordinateState, kMaxCoordinates> coordinates;  ///< for kinds other than kDistance
   CouplingState coupling;                                    ///< for kinds that couple coordinates
 
-  double travel = 0.0;  ///< ∫ζ dt since the joint was added: length added by the motor [m]
-  double closing_since = 0.0;  ///< simulated time at which closing began [s]
-  /// Error of each row and coordinate at `closing_since` [m or rad]. Zero for rows that are closed
-  /// by moving the frame on B, with closing_shift and closing_turn.
-  RowVector closing_offset = RowVector::Zero();
-  /// Pose, relative to the frame on B, that met the rows at `closing_since`: shift of the anchor in
-  /// B's frame [m], and rotation vector in the joint's frame on B [rad]. For ball joints and kinds
-  /// that keep axes aligned.
-  Eigen::Vector3d closing_shift = Eigen::Vector3d::Zero();
-  Eigen::Vector3d closing_turn = Eigen::Vector3d::Zero();
-  /// Remaining share of `closing_turn` where impulses remove a share per step.
+  double travel = 0.0;     ///< ∫ζ dt since the joint was added: length added by the motor [m]
+  ErrorsToClose to_close;  ///< errors that are closed while `closing`
+  /// Remaining share of the turn `to_close` where impulses remove a share per step.
   double closing_share = 0.0;
   /// End of the bias of a distance joint, simulated [s].
   double expires_at = std::numeric_limits<double>::infinity();

@@ -5,8 +5,8 @@
 #include <limits>
 #include <tuple>
 
+#include "engine/constraints/closing_errors.h"
 #include "engine/constraints/coupling.h"
-#include "engine/constraints/course.h"
 #include "engine/constraints/custom.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
@@ -26,8 +26,7 @@ const MovingFrame kHome;  // frame at home, without motion
 
 Prescribed turn_to_close(const JointState& state, const JointStep& step, double beta, bool at_end) {
   if (step.closing_time > 0.0)
-    return closing_course(step.t - state.closing_since + (at_end ? step.h : 0.0),
-                          step.closing_time);
+    return closing_errors(state, step.t + (at_end ? step.h : 0.0), step.closing_time).share();
   return {at_end ? (1.0 - beta) * state.closing_share : state.closing_share, 0.0, 0.0};
 }
 
@@ -221,7 +220,8 @@ bool is_overloaded(const Joint& joint, const BodyState& a, const BodyState& b,
 }
 
 bool is_closed(const JointState& state, const JointStep& step) {
-  if (step.closing_time > 0.0) return step.t + step.h >= state.closing_since + step.closing_time;
+  if (step.closing_time > 0.0)
+    return step.t + step.h >= end_of_closing(state.to_close, step.closing_time);
   return std::abs(state.error) <= std::max(kFits, kClosedShare * std::abs(state.initial_error));
 }
 
@@ -232,8 +232,8 @@ MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState
   if (!state.closing || !closes_by_frame(info(joint.kind))) return {};
   const double beta = joint.baumgarte.value_or(step.beta);
   const Eigen::Vector3d shift =
-      step.closing_time > 0.0 ? state.closing_shift : Eigen::Vector3d(Eigen::Vector3d::Zero());
-  return {joint.anchor_b, axes_on_b(joint), shift, state.closing_turn,
+      step.closing_time > 0.0 ? state.to_close.shift : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  return {joint.anchor_b, axes_on_b(joint), shift, state.to_close.turn,
           turn_to_close(state, step, beta, at_end)};
 }
 
@@ -366,23 +366,23 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   }
   const bool is_by_frame = closes_by_frame(kind) && (kind.alignment != Alignment::kFree || b_turns);
   MovingFrame frame;
-  state.closing_shift.setZero();
-  state.closing_turn.setZero();
+  state.to_close.shift.setZero();
+  state.to_close.turn.setZero();
   if (is_by_frame && !state.broken) {
-    std::tie(state.closing_shift, state.closing_turn) = opening_of(joint, a, b);
+    std::tie(state.to_close.shift, state.to_close.turn) = opening_of(joint, a, b);
     state.closing_share = 1.0;
     frame = frame_where_met(joint, a, b, state.radius);
   }
   try {
     measure_joint(joint, a, b, state.bias, Passed{}, frame, state);
-    state.closing_offset = row_errors(joint, a, b, state);
+    state.to_close.offset = row_errors(joint, a, b, state);
   } catch (const CustomFailure&) {  // the next step reports the failure
     state.error = std::numeric_limits<double>::quiet_NaN();
   }
   state.initial_error = state.error;
-  state.closing_since = t;
-  state.coupling.offset = coupling_error(joint, state);
-  if (is_by_frame) state.closing_offset.head(kind.rows).setZero();
+  state.to_close.since = t;
+  state.to_close.coupling = coupling_error(joint, state);
+  if (is_by_frame) state.to_close.offset.head(kind.rows).setZero();
   state.closing = acts(joint, state) && is_rigid(joint) && std::abs(state.error) > kFits;
 }
 
@@ -419,11 +419,10 @@ bool is_always_rigid(const Joint& joint) {
 bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
           const JointState& state) {
   if (!state.closing) return std::abs(state.error) <= kFits;
-  const double share = closing_course(step.t - state.closing_since, step.closing_time).value;
-  if (has_length(joint.kind)) return std::abs(state.error - share * state.initial_error) <= kFits;
+  const ClosingErrors allowed = closing_errors(state, step.t, step.closing_time);
+  if (has_length(joint.kind)) return std::abs(state.error - allowed.of(0).value) <= kFits;
   const JointKindInfo& kind = info(joint.kind);
-  const double coupling =
-      state.coupling.value - state.coupling.constant - share * state.coupling.offset;
+  const double coupling = state.coupling.value - state.coupling.constant - allowed.coupling().value;
   const bool is_slack = joint.coupling.one_sided && coupling <= kFits;
   if (couples(joint.kind) && !is_slack && !(std::abs(coupling) <= kFits)) return false;
   // The moving frame on B is used, since coordinates with the frame at home may differ widely.
@@ -434,8 +433,6 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
     const double angle = misalignment(kind.alignment, vectors).norm();
     if (!(std::max(open.norm(), state.radius * angle) <= kFits)) return false;
   }
-  // Errors of coordinates and rows that are still to be closed.
-  const RowVector allowed = share * state.closing_offset;
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateLaw& law = joint.coordinates[i];
     if (!is_held(law)) continue;
@@ -443,12 +440,13 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
     const CoordinateState& coordinate = state.coordinates[i];
     const double q = reading(form, value(form, vectors), law.zero, coordinate.position);
     const double metres = form.is_angle ? state.radius : 1.0;
-    if (!(metres * std::abs(q - coordinate.held - allowed[kind.rows + i]) <= kFits)) return false;
+    if (!(metres * std::abs(q - coordinate.held - allowed.of(kind.rows + i).value) <= kFits))
+      return false;
   }
   if (kind.alignment != Alignment::kFree) return true;
   double square = 0.0;
   for (int k = 0; k < kind.rows; ++k) {
-    const double off = value(kind.row[k], vectors) - allowed[k];
+    const double off = value(kind.row[k], vectors) - allowed.of(k).value;
     square += off * off;
   }
   return square <= kFits * kFits;

@@ -1,11 +1,10 @@
 #pragma once
 
-#include <utility>
-
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/world.h"
 #include "engine/constraints/anchor_pair.h"
+#include "engine/constraints/closing_errors.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/law.h"
 #include "engine/constraints/moving_frame.h"
@@ -155,23 +154,20 @@ class PrescribedMotion {
   bool is_constant() const { return !is_driven() && !is_closing(); }
   /// Returns the prescribed length of a distance joint at simulated time t [s].
   Prescribed length(double t) const;
-  /// Returns the share of offset() that rows of other kinds still have as error at time t.
-  Prescribed share_to_close(double t) const;
-  const RowVector& offset() const { return closing_offset_; }
-  /// Returns the prescribed error of the coupling; coupling_offset() is the error at the start of
-  /// closing.
-  Prescribed coupling(double t) const;
-  double coupling_offset() const { return coupling_offset_; }
+  /// Returns the prescribed errors at time t.
+  ClosingErrors closing(double t) const { return closing(to_close_, t); }
+  /// Returns the errors at time t where the joint had other errors to close.
+  ClosingErrors closing(const ErrorsToClose& errors, double t) const {
+    return is_closing() ? ClosingErrors(errors, t, closing_time_) : ClosingErrors();
+  }
+  /// Errors at the start of closing; zero where the joint does not close.
+  const ErrorsToClose& to_close() const { return to_close_; }
   /// Whether the frame on B moves while the joint closes.
   bool moves_frame() const { return is_closing() && moves_frame_; }
   /// Returns the frame on B at time t, with its home `anchor_b`, `frame_b`.
   MovingFrame frame(double t, const Eigen::Vector3d& anchor_b,
                     const Eigen::Matrix3d& frame_b) const {
-    return {anchor_b, frame_b, closing_shift_, closing_turn_, share_to_close(t)};
-  }
-  /// Returns distance [m] and angle [rad] by which the frame on B moves while the joint closes.
-  std::pair<double, double> opening() const {
-    return {closing_shift_.norm(), closing_turn_.norm()};
+    return {anchor_b, frame_b, to_close_.shift, to_close_.turn, closing(t).share()};
   }
   /// Returns the prescribed error of a row, or the prescribed value of the form of a coordinate,
   /// for kinds other than kDistance.
@@ -196,12 +192,8 @@ class PrescribedMotion {
     visit.beside(self.count_);
     visit.beside(self.rows_);
     visit.beside(self.is_driven_);
-    for (auto* time : {&self.start_, &self.closing_since_, &self.closing_time_})
-      visit.beside(*time);
-    visit.beside(self.closing_offset_);
-    visit.beside(self.coupling_offset_);
-    visit.beside(self.closing_shift_);
-    visit.beside(self.closing_turn_);
+    for (auto* time : {&self.start_, &self.closing_time_}) visit.beside(*time);
+    visit.beside(self.to_close_);
     visit.beside(self.moves_frame_);
     if constexpr (Visit::kReads) {
       for (auto& held : self.held_) held.phase = motor_phase(held.motor, self.start_);
@@ -232,11 +224,8 @@ class PrescribedMotion {
   int rows_ = 0;           // number of rows, which precede the coordinates
   bool is_driven_ = false;
   double start_ = 0.0;  // start of the interval [s]
-  double closing_since_ = 0.0, closing_time_ = 0.0;
-  RowVector closing_offset_ = RowVector::Zero();
-  double coupling_offset_ = 0.0;
-  Eigen::Vector3d closing_shift_ = Eigen::Vector3d::Zero();
-  Eigen::Vector3d closing_turn_ = Eigen::Vector3d::Zero();
+  double closing_time_ = 0.0;
+  ErrorsToClose to_close_;
   bool moves_frame_ = false;
 };
 

@@ -66,13 +66,9 @@ void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointSta
   }
   if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;
   if (!state.closing) return;
-  closing_since_ = state.closing_since;
+  to_close_ = state.to_close;
   closing_time_ = span.closing_time;
-  closing_offset_ = state.closing_offset;
-  coupling_offset_ = state.coupling.offset;
-  closing_shift_ = state.closing_shift;
-  closing_turn_ = state.closing_turn;
-  moves_frame_ = kind.alignment != Alignment::kFree || !closing_shift_.isZero(0.0);
+  moves_frame_ = kind.alignment != Alignment::kFree || !to_close_.shift.isZero(0.0);
 }
 
 void PrescribedMotion::hold(std::size_t i, double value, const Motor& motor) {
@@ -85,17 +81,15 @@ Prescribed PrescribedMotion::length(double t) const {
   Prescribed length = moved(held_[0], t);
   length.value += held_[0].value;
   if (!is_closing()) return length;
-  const Prescribed share = share_to_close(t);
-  length.value += closing_offset_[0] * share.value;
-  length.rate += closing_offset_[0] * share.rate;
-  length.acceleration += closing_offset_[0] * share.acceleration;
+  const Prescribed error = closing(t).of(0);
+  length.value += error.value;
+  length.rate += error.rate;
+  length.acceleration += error.acceleration;
   return length;
 }
 
 Prescribed PrescribedMotion::target(int function, double t) const {
-  const Prescribed share = share_to_close(t);
-  const double offset = closing_offset_[function];
-  Prescribed target{offset * share.value, offset * share.rate, offset * share.acceleration};
+  Prescribed target = closing(t).of(function);
   if (function < rows_) return target;
   const Held& held = held_[function - rows_];
   const Prescribed driven = moved(held, t);
@@ -103,17 +97,6 @@ Prescribed PrescribedMotion::target(int function, double t) const {
   target.rate += driven.rate;
   target.acceleration += driven.acceleration;
   return target;
-}
-
-Prescribed PrescribedMotion::coupling(double t) const {
-  if (coupling_offset_ == 0.0) return {};
-  const Prescribed share = share_to_close(t);
-  return {coupling_offset_ * share.value, coupling_offset_ * share.rate,
-          coupling_offset_ * share.acceleration};
-}
-
-Prescribed PrescribedMotion::share_to_close(double t) const {
-  return is_closing() ? closing_course(t - closing_since_, closing_time_) : Prescribed{};
 }
 
 void finish_span(const Joint& joint, const JointStep& span, JointState& state) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/constraints/closing_errors.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
@@ -15,18 +16,27 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Error that a row still has to close at the start of the step, and the rate of closing.
-struct Closing {
-  double offset = 0.0;  // [m]
-  double rate = 0.0;    // [m/s]
+// Errors that a joint still has to close at the start of the step, and their mean rates.
+class ClosingInStep {
+ public:
+  ClosingInStep(const JointState& state, const JointStep& step)
+      : before_(closing_errors(state, step.t, step.closing_time)),
+        after_(closing_errors(state, step.t + step.h, step.closing_time)),
+        h_(step.h) {}
 
-  Closing(const JointState& state, const JointStep& step, int component) {
-    if (!state.closing || step.closing_time == 0.0) return;
-    const double begun = step.t - state.closing_since;
-    const double error = state.closing_offset[component];
-    offset = error * closing_course(begun, step.closing_time).value;
-    rate = (error * closing_course(begun + step.h, step.closing_time).value - offset) / step.h;
+  struct Part {
+    double offset, rate;  // [m], [m/s]
+  };
+  Part of(int component) const { return part(before_.of(component), after_.of(component)); }
+  Part coupling() const { return part(before_.coupling(), after_.coupling()); }
+
+ private:
+  Part part(const Prescribed& before, const Prescribed& after) const {
+    return {before.value, (after.value - before.value) / h_};
   }
+
+  ClosingErrors before_, after_;
+  double h_;
 };
 
 // Whether an error of this sign violates the limit of the row.
@@ -51,7 +61,7 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
                  const JointStep& step, JointState& state, Row* rows) {
   drive(distance, step, joint.motor, state);
   const double beta = joint.baumgarte.value_or(step.beta);
-  const Closing closing(state, step, 0);
+  const ClosingInStep::Part closing = ClosingInStep(state, step).of(0);
   const int count = write_distance_rows(distance, anchors, state.travel, rows);
   for (Row* row = rows; row != rows + count; ++row) {
     row->target = row->drive = state.bias;
@@ -82,9 +92,10 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
   JointVectors ahead;
   if (frame.moves) ahead = JointVectors(joint, a, b, frame_in(joint, step, state, true));
   const double beta = joint.baumgarte.value_or(step.beta);
+  const ClosingInStep errors(state, step);
   for (int k = 0; k < kind.rows; ++k) {
     const RowForm form = kind.row[k];
-    const Closing closing(state, step, k);
+    const ClosingInStep::Part closing = errors.of(k);
     rows[k].J = jacobian(form, vectors);
     rows[k].C = value(form, vectors) - closing.offset;
     rows[k].component = k;
@@ -101,7 +112,7 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
     if (law.is_none()) continue;
     const ScalarForm& form = kind.coordinate[i];
     CoordinateStep asked{step.h, beta, 0.0, coordinate.held};
-    const Closing closing(state, step, kind.rows + i);
+    const ClosingInStep::Part closing = errors.of(kind.rows + i);
     if (law.motor && law.motor->is_rigid()) {
       drive(law, step, &coordinate);
       asked.bias = coordinate.bias + closing.rate;
@@ -229,16 +240,8 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
   row.coordinate = kOfCoupling;
   row.normal_row = Row::kCoupled;
   row.J = J[0];
-  row.C = state.coupling.value - state.coupling.constant;
-  double rate = 0.0;
-  if (state.closing && step.closing_time > 0.0) {
-    const double begun = step.t - state.closing_since;
-    const double left = state.coupling.offset * closing_course(begun, step.closing_time).value;
-    row.C -= left;
-    rate =
-        (state.coupling.offset * closing_course(begun + step.h, step.closing_time).value - left) /
-        step.h;
-  }
+  const ClosingInStep::Part closing = ClosingInStep(state, step).coupling();
+  row.C = state.coupling.value - state.coupling.constant - closing.offset;
   const double beta = joint.baumgarte.value_or(step.beta);
   if (joint.coupling.one_sided) {
     row.upper = 0.0;
@@ -246,7 +249,7 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
   } else {
     set_bias_rigid(row, beta, step.h);
   }
-  row.correction += rate;
+  row.correction += closing.rate;
   row.impulse = std::min(state.coupling.impulse, row.upper);
   rows->push_back(row);
   row.normal_row = Row::kCoupledPart;

@@ -11,19 +11,20 @@ namespace {
 // Opening of a joint when it began to be closed [m], with or without the offsets of its motors.
 double offset_of(const IslandModel& island, const IntervalInputs& inputs, std::size_t l,
                  const PrescribedMotion& motion, bool with_motors) {
-  if (!island.is_general(l)) return motion.offset().norm();
+  if (!island.is_general(l)) return motion.to_close().offset.norm();
   const IslandModel::Link& link = island.links()[l];
   RowVector offset = RowVector::Zero();
-  const auto [shift, turn] = motion.opening();
-  const double by_frame = motion.moves_frame() ? math::hypot(shift, link.radius * turn) : 0.0;
+  const ErrorsToClose& start = motion.to_close();
+  const double by_frame =
+      motion.moves_frame() ? math::hypot(start.shift.norm(), link.radius * start.turn.norm()) : 0.0;
   for (std::size_t k = 0; k < island.rows_of(l); ++k)
     if (with_motors || link.function[k] < info(link.kind).rows)
       offset[static_cast<Eigen::Index>(k)] =
-          motion.offset()[link.function[k]] / inputs.row_length(island, island.row_of(l) + k);
+          start.offset[link.function[k]] / inputs.row_length(island, island.row_of(l) + k);
   double by_coupling = 0.0;
   if (couples(link.kind))
     for (const IslandModel::CoupledRow& coupled : island.coupled_rows())
-      if (coupled.link == l) by_coupling = coupled.metres * motion.coupling_offset();
+      if (coupled.link == l) by_coupling = coupled.metres * start.coupling;
   return math::hypot(offset.norm(), by_frame, by_coupling);
 }
 
@@ -40,7 +41,7 @@ double opening(const PlacedRows& rows, bool with_motors) {
   double angle = 0.0;
   for (const auto& [l, motion] : rows.inputs.motions()) {
     if (!motion.is_closing()) continue;
-    const double open = std::abs(motion.share_to_close(rows.time).value) *
+    const double open = std::abs(motion.closing(rows.time).share().value) *
                         offset_of(rows.island, rows.inputs, l, motion, with_motors);
     const double arm = closing_arm(rows, l);
     if (arm > 0.0) angle = std::max(angle, open / arm);

@@ -123,7 +123,7 @@ void IntervalInputs::update(const IslandModel& island, double t) {
       continue;
     }
     const IslandModel::Link& link = island.links()[l];
-    length_[l] = motion.share_to_close(t);
+    length_[l] = motion.closing(t).share();
     if (couples(link.kind)) update_coupling(island, l, motion, t);
     if (motion.moves_frame()) set_frame(island, l, motion.frame(t, link.anchor_b, link.frame_b));
     for (std::size_t k = 0; k < island.rows_of(l); ++k) {
@@ -151,7 +151,7 @@ void IntervalInputs::update_coupling(const IslandModel& island, std::size_t l,
   for (std::size_t c = 0; c < coupling_offset_.size(); ++c) {
     const IslandModel::CoupledRow& coupled = island.coupled_rows()[c];
     if (coupled.link != l) continue;
-    coupling_offset_[c] = motion.coupling(t);
+    coupling_offset_[c] = motion.closing(t).coupling();
     rate_target_[coupled.row] = coupling_offset_[c].rate;
     acceleration_target_[coupled.row] = coupling_offset_[c].acceleration;
   }

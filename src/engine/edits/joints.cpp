@@ -3,6 +3,7 @@
 #include <sstream>
 #include <utility>
 
+#include "engine/constraints/closing_errors.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/custom.h"
 #include "engine/constraints/distance.h"
@@ -204,7 +205,7 @@ void World::Impl::start_joint(std::size_t j) {
   state = *joint_starts[j].state;
   const double elapsed = time() - joint_starts[j].time;
   visit_motors(joints[j], state, [&](const Motor&, double& end) { end += elapsed; });
-  state.closing_since += elapsed;
+  state.to_close.since += elapsed;
 }
 
 // Continues the state of a joint of a saved scene.
@@ -220,11 +221,7 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   open_joint(*this, j, time(), this);  // measures the error with the saved travel
   state.closing = saved.closing && is_rigid(joints[j]) && acts(joints[j], state);
   if (state.closing) {
-    state.closing_since = saved.closing_since;
-    state.closing_offset = saved.closing_offset;
-    state.coupling.offset = saved.coupling.offset;
-    state.closing_shift = saved.closing_shift;
-    state.closing_turn = saved.closing_turn;
+    state.to_close = saved.to_close;
     state.closing_share = saved.closing_share;
     state.initial_error = saved.initial_error;
   }
@@ -259,12 +256,9 @@ bool World::Impl::is_as_added(JointId id) const {
         now.expires_at != then.expires_at)
       return false;
   }
-  const bool closes_alike =
-      !added.closing ||
-      (state.closing_since == added.closing_since && state.closing_offset == added.closing_offset &&
-       state.closing_shift == added.closing_shift && state.closing_turn == added.closing_turn &&
-       state.closing_share == added.closing_share && state.initial_error == added.initial_error &&
-       state.coupling.offset == added.coupling.offset);
+  const bool closes_alike = !added.closing || (are_same(state.to_close, added.to_close) &&
+                                               state.closing_share == added.closing_share &&
+                                               state.initial_error == added.initial_error);
   if (state.coupling.constant != added.coupling.constant || state.coupling.impulse != 0.0)
     return false;
   return state.travel == 0.0 && !state.saturated && state.impulse.isZero(0.0) &&

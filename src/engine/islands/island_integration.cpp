@@ -371,7 +371,7 @@ void IslandIntegration::split_step(const IntegrationStep& in) {
     visit_motors(model.joints[j], state->joint_states[j],
                  [&](const Motor&, double end) { split_at(end); });
     if (state->joint_states[j].closing)
-      split_at(state->joint_states[j].closing_since + model.options.closing_time);
+      split_at(end_of_closing(state->joint_states[j].to_close, model.options.closing_time));
   }
   if (interval_ends_.size() == 2) return;
   std::sort(interval_ends_.begin(), interval_ends_.end());

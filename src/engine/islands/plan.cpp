@@ -303,8 +303,8 @@ std::string text_of_opening(const World& world, JointId id) {
     parts.push_back("length " + shown_figure(std::abs(state.error)) + " m off");
   else
     parts = open_parts(world, joint, state);
-  if (couples(joint.kind) && std::abs(state.coupling.offset) > 1e-6)
-    parts.push_back("coupling " + shown_figure(std::abs(state.coupling.offset)) +
+  if (couples(joint.kind) && std::abs(state.to_close.coupling) > 1e-6)
+    parts.push_back("coupling " + shown_figure(std::abs(state.to_close.coupling)) +
                     (starts_with_angle(world, joint) ? " rad off" : " m off"));
   std::string line;
   for (const std::string& part : parts) line += (line.empty() ? "" : ", ") + part;

@@ -255,7 +255,7 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
   read_rows(item, "impulse", kind, &state.impulse);
   item.read("coupling_constant", &state.coupling.constant);
   item.read("coupling_impulse", &state.coupling.impulse);
-  item.read("closing_coupling", &state.coupling.offset);
+  item.read("closing_coupling", &state.to_close.coupling);
   const int size = coordinates(kind);
   const auto read_coordinates = [&](const char* key, double CoordinateState::*field) {
     if (size == 0) return;
@@ -271,11 +271,11 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
   if (const auto value = item.find("expires_at")) read_expiry(*value, size, &state);
   if (const auto since = item.find("closing_since")) {
     state.closing = true;
-    state.closing_since = since->number();
+    state.to_close.since = since->number();
     item.at("closing_offset");
-    read_rows(item, "closing_offset", kind, &state.closing_offset);
-    item.read("closing_shift", &state.closing_shift);
-    item.read("closing_turn", &state.closing_turn);
+    read_rows(item, "closing_offset", kind, &state.to_close.offset);
+    item.read("closing_shift", &state.to_close.shift);
+    item.read("closing_turn", &state.to_close.turn);
     item.read("closing_share", &state.closing_share);
     state.initial_error = item.at("initial_error").number();
   }
@@ -283,11 +283,11 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
     check_finite("travel", state.travel);
     check_finite("coupling_constant", state.coupling.constant);
     check_finite("coupling_impulse", state.coupling.impulse);
-    check_finite("closing_coupling", state.coupling.offset);
+    check_finite("closing_coupling", state.to_close.coupling);
     if (std::isfinite(state.expires_at)) check_finite("expires_at", state.expires_at);
-    check_finite("closing_since", state.closing_since);
-    check_finite("closing_shift", state.closing_shift);
-    check_finite("closing_turn", state.closing_turn);
+    check_finite("closing_since", state.to_close.since);
+    check_finite("closing_shift", state.to_close.shift);
+    check_finite("closing_turn", state.to_close.turn);
     check_finite("closing_share", state.closing_share);
     check_finite("initial_error", state.initial_error);
   });

@@ -239,14 +239,14 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
     write_rows(out, "self_stress_of", joint, self_stress.impulse);
   }
   if (state.closing) {
-    write(out, "closing_since", state.closing_since);
-    write_rows(out, "closing_offset", joint, state.closing_offset);
+    write(out, "closing_since", state.to_close.since);
+    write_rows(out, "closing_offset", joint, state.to_close.offset);
     if (closes_by_frame(info(joint.kind))) {
-      write(out, "closing_shift", state.closing_shift);
-      write(out, "closing_turn", state.closing_turn);
+      write(out, "closing_shift", state.to_close.shift);
+      write(out, "closing_turn", state.to_close.turn);
       write(out, "closing_share", state.closing_share);
     }
-    if (couples(joint.kind)) write(out, "closing_coupling", state.coupling.offset);
+    if (couples(joint.kind)) write(out, "closing_coupling", state.to_close.coupling);
     write(out, "initial_error", state.initial_error);
   }
   *out << YAML::EndMap;

@@ -179,12 +179,12 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   if (!joint.enabled) hash.add(std::string("disabled"));
   if (state.saturated) hash.add(std::string("saturated"));
   if (!state.closing) return;
-  hash.add(state.closing_since);
-  if (couples(joint.kind)) hash.add(state.coupling.offset);
-  add(hash, state.closing_offset);
+  hash.add(state.to_close.since);
+  if (couples(joint.kind)) hash.add(state.to_close.coupling);
+  add(hash, state.to_close.offset);
   if (closes_by_frame(info(joint.kind))) {
-    hash.add(state.closing_shift);
-    hash.add(state.closing_turn);
+    hash.add(state.to_close.shift);
+    hash.add(state.to_close.turn);
     hash.add(state.closing_share);
   }
   hash.add(state.initial_error);

@@ -283,7 +283,8 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
     const double error = std::abs(joint_state.error);
     const bool is_off = error > unclosed_error(in, j) || joint_state.angle_error > kUnclosedAngle;
     if (!is_off || !acts(model.joints[j], joint_state) || !is_rigid(model.joints[j])) continue;
-    Open now{model.joint_ids[j], error, 0.0, joint_state.closing ? joint_state.closing_since : 0.0};
+    Open now{model.joint_ids[j], error, 0.0,
+             joint_state.closing ? joint_state.to_close.since : 0.0};
     while (before != open_before_.end() && before->id.value < now.id.value) ++before;
     const bool is_known = before != open_before_.end() && before->id == now.id;
     const bool closes_anew =

@@ -70,8 +70,8 @@ bool are_finite(const Model& model, const State& state, const AwakeSets& awake,
              coordinate.held + coordinate.braking;
     }
     if (joint.closing)
-      sum += joint.closing_offset.sum() + joint.closing_shift.sum() + joint.closing_turn.sum() +
-             joint.closing_share + joint.coupling.offset;
+      sum += joint.to_close.offset.sum() + joint.to_close.shift.sum() + joint.to_close.turn.sum() +
+             joint.closing_share + joint.to_close.coupling;
     if (couples(model.joints[i].kind))
       sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort +
              joint.coupling.impulse;

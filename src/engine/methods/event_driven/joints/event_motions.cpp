@@ -114,7 +114,7 @@ void EventMotions::begin_course(std::size_t l, double t) {
     if (law.is_rope()) continue;
     CoordinateState& coordinate = told.coordinates[law.coordinate];
     const Hold hold = states_[c].hold;
-    double& offset = told.closing_offset[law.function];
+    double& offset = told.to_close.offset[law.function];
     if (is_limit(hold)) {
       coordinate.held = law.limit(hold == Hold::kUpper);
       if (law.goal || (hold == Hold::kUpper ? offset < 0.0 : offset > 0.0)) offset = 0.0;
@@ -148,26 +148,27 @@ Prescribed EventMotions::limit(std::size_t c, bool upper_one, double t) const {
   const PrescribedMotion& course = courses_[law.joint];
   const JointState& state = joint_states_[law.joint];
   if (law.is_coupling) {
-    Prescribed at_limit = course.coupling(t);
+    Prescribed at_limit = course.closing(t).coupling();
     at_limit.value += state.coupling.constant;
     return at_limit;
   }
   // The offset of a motor with a goal belongs to its prescribed motion.
   const bool has_offset = course.is_closing() && !law.goal;
-  const double offset = has_offset ? state.closing_offset[law.function] : 0.0;
+  const double offset = has_offset ? state.to_close.offset[law.function] : 0.0;
   const bool is_open = (upper_one ? offset > 0.0 : offset < 0.0);
-  const Prescribed share = course.share_to_close(t);
+  const Prescribed error =
+      has_offset ? course.closing(state.to_close, t).of(law.function) : Prescribed{};
   Prescribed at_limit;
   if (law.is_distance) {
     at_limit = course.length(t);
     at_limit.value -= base_[law.joint];
     if (offset != 0.0 && !is_open) {
-      at_limit.value -= offset * share.value;
-      at_limit.rate -= offset * share.rate;
-      at_limit.acceleration -= offset * share.acceleration;
+      at_limit.value -= error.value;
+      at_limit.rate -= error.rate;
+      at_limit.acceleration -= error.acceleration;
     }
   } else if (is_open) {
-    at_limit = {offset * share.value, offset * share.rate, offset * share.acceleration};
+    at_limit = error;
   }
   at_limit.value += law.limit(upper_one);
   return at_limit;
@@ -175,10 +176,8 @@ Prescribed EventMotions::limit(std::size_t c, bool upper_one, double t) const {
 
 double EventMotions::travel(std::size_t joint, double t) const {
   const PrescribedMotion& course = courses_[joint];
-  const double closing =
-      course.is_closing() ? joint_states_[joint].closing_offset[0] * course.share_to_close(t).value
-                          : 0.0;
-  return course.length(t).value - closing - base_[joint];
+  const Prescribed error = course.closing(joint_states_[joint].to_close, t).of(0);
+  return course.length(t).value - error.value - base_[joint];
 }
 
 Prescribed EventMotions::rest(std::size_t c, double t) const {
@@ -189,9 +188,10 @@ Prescribed EventMotions::rest(std::size_t c, double t) const {
 // Prescribed motion of a motor with a goal.
 Prescribed EventMotions::course_of(std::size_t c, double t) const {
   const OneSidedLaw& law = laws()[c];
-  const double offset = joint_states_[law.joint].closing_offset[law.function];
-  const Prescribed share = courses_[law.joint].share_to_close(t);
-  return {*law.goal + offset * share.value, offset * share.rate, offset * share.acceleration};
+  const ErrorsToClose& errors = joint_states_[law.joint].to_close;
+  Prescribed course = courses_[law.joint].closing(errors, t).of(law.function);
+  course.value += *law.goal;
+  return course;
 }
 
 Prescribed EventMotions::zeta(std::size_t c, double t, double q) const {
@@ -317,11 +317,9 @@ void EventMotions::hold_motors(std::size_t l, double t) {
     const CoordinateLaw& law = joints_[l].coordinates[i];
     if (!is_held(law)) continue;
     const int function = kind.rows + static_cast<int>(i);
-    const double closing = courses_[l].is_closing() ? joint_states_[l].closing_offset[function] *
-                                                          courses_[l].share_to_close(t).value
-                                                    : 0.0;
+    const Prescribed error = courses_[l].closing(joint_states_[l].to_close, t).of(function);
     joint_states_[l].coordinates[i].held =
-        courses_[l].target(function, t).value - closing + law.zero;
+        courses_[l].target(function, t).value - error.value + law.zero;
   }
 }
 

@@ -194,8 +194,12 @@ bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driv
   if (motor.is_servo()) {
     motor.position = target;
   } else if (is_over && way.to_position) {
-    motor.position = way.spline.end();
+    // The motor holds the end for a tick first, since a position sets out from the present rate.
+    const bool holds = motor.position || motor.bias == 0.0;
     motor.bias = 0.0;
+    if (holds) motor.position = way.spline.end();
+    driver->set_motor(id, motor);
+    return !holds;
   } else {
     motor.position.reset();
     motor.bias = is_over ? 0.0 : (target - world.joint_state(id).coordinates[0].held) / h;

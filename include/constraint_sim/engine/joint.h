@@ -202,7 +202,17 @@ struct CouplingState {
   double impulse = 0.0;  ///< impulse along the first coordinate, for warm starting [N s or N m s]
 };
 
-/// Errors that a joint closes, as they were at time `since`.
+/// Motion of a coordinate to a new position of its motor, set while the coordinate moved. Its error
+/// goes from the values at `since` to rest at the position.
+struct MovingStart {
+  double since = 0.0;         ///< simulated time at which the position was set [s]
+  double duration = 0.0;      ///< [s]; 0: no such motion
+  double offset = 0.0;        ///< error [m or rad]
+  double rate = 0.0;          ///< rate of the error [m/s or rad/s]
+  double acceleration = 0.0;  ///< second derivative of the error [m/s² or rad/s²]
+};
+
+/// Errors that a joint closes, as they were at time `since`, at rest.
 struct ErrorsToClose {
   double since = 0.0;  ///< simulated time at which closing began [s]
   /// Error of each row and coordinate [m or rad]. Zero for rows that are closed by moving the frame
@@ -214,6 +224,8 @@ struct ErrorsToClose {
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
   double coupling = 0.0;  ///< error of the coupling, in the unit of the first coordinate
+  /// Motions that replace `offset` of their coordinates.
+  std::array<MovingStart, kMaxCoordinates> moving;
 };
 
 /// State of a joint; updated by each step.

@@ -58,4 +58,12 @@ inline Prescribed motor_course(const Motor& motor, const math::SineCosine& phase
 /// with u = since/closing_time. Velocity and acceleration are zero at both ends.
 Prescribed closing_course(double since, double closing_time);
 
+/// Returns the error `since` seconds after the start of a motion: the polynomial of degree 5 that
+/// starts with offset, rate and acceleration, and has none of these at the end of its duration.
+Prescribed moving_course(const MovingStart& start, double since);
+
+/// Returns the longest duration up to `longest` in which the error does not change its sign, but at
+/// least `shortest` [s]. A longer motion would go beyond the position and return.
+double duration_without_overshoot(const MovingStart& start, double shortest, double longest);
+
 }  // namespace constraint_sim::engine

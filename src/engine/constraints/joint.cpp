@@ -24,9 +24,11 @@ constexpr double kClosedShare = 0.01;
 
 const MovingFrame kHome;  // frame at home, without motion
 
-Prescribed turn_to_close(const JointState& state, const JointStep& step, double beta, bool at_end) {
+Prescribed turn_to_close(const Joint& joint, const JointState& state, const JointStep& step,
+                         double beta, bool at_end) {
   if (step.closing_time > 0.0)
-    return closing_errors(state, step.t + (at_end ? step.h : 0.0), step.closing_time).share();
+    return closing_errors(joint, state, step.t + (at_end ? step.h : 0.0), step.closing_time)
+        .share();
   return {at_end ? (1.0 - beta) * state.closing_share : state.closing_share, 0.0, 0.0};
 }
 
@@ -234,7 +236,7 @@ MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState
   const Eigen::Vector3d shift =
       step.closing_time > 0.0 ? state.to_close.shift : Eigen::Vector3d(Eigen::Vector3d::Zero());
   return {joint.anchor_b, axes_on_b(joint), shift, state.to_close.turn,
-          turn_to_close(state, step, beta, at_end)};
+          turn_to_close(joint, state, step, beta, at_end)};
 }
 
 void note_force(const Joint& joint, const RowVector& impulse, double h, JointState& state) {
@@ -366,8 +368,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   }
   const bool is_by_frame = closes_by_frame(kind) && (kind.alignment != Alignment::kFree || b_turns);
   MovingFrame frame;
-  state.to_close.shift.setZero();
-  state.to_close.turn.setZero();
+  state.to_close = {};
   if (is_by_frame && !state.broken) {
     std::tie(state.to_close.shift, state.to_close.turn) = opening_of(joint, a, b);
     state.closing_share = 1.0;
@@ -419,7 +420,7 @@ bool is_always_rigid(const Joint& joint) {
 bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
           const JointState& state) {
   if (!state.closing) return std::abs(state.error) <= kFits;
-  const ClosingErrors allowed = closing_errors(state, step.t, step.closing_time);
+  const ClosingErrors allowed = closing_errors(joint, state, step.t, step.closing_time);
   if (has_length(joint.kind)) return std::abs(state.error - allowed.of(0).value) <= kFits;
   const JointKindInfo& kind = info(joint.kind);
   const double coupling = state.coupling.value - state.coupling.constant - allowed.coupling().value;

@@ -158,7 +158,7 @@ class PrescribedMotion {
   ClosingErrors closing(double t) const { return closing(to_close_, t); }
   /// Returns the errors at time t where the joint had other errors to close.
   ClosingErrors closing(const ErrorsToClose& errors, double t) const {
-    return is_closing() ? ClosingErrors(errors, t, closing_time_) : ClosingErrors();
+    return is_closing() ? ClosingErrors(errors, rows_, t, closing_time_) : ClosingErrors();
   }
   /// Errors at the start of closing; zero where the joint does not close.
   const ErrorsToClose& to_close() const { return to_close_; }

@@ -19,9 +19,9 @@ namespace {
 // Errors that a joint still has to close at the start of the step, and their mean rates.
 class ClosingInStep {
  public:
-  ClosingInStep(const JointState& state, const JointStep& step)
-      : before_(closing_errors(state, step.t, step.closing_time)),
-        after_(closing_errors(state, step.t + step.h, step.closing_time)),
+  ClosingInStep(const Joint& joint, const JointState& state, const JointStep& step)
+      : before_(closing_errors(joint, state, step.t, step.closing_time)),
+        after_(closing_errors(joint, state, step.t + step.h, step.closing_time)),
         h_(step.h) {}
 
   struct Part {
@@ -61,7 +61,7 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
                  const JointStep& step, JointState& state, Row* rows) {
   drive(distance, step, joint.motor, state);
   const double beta = joint.baumgarte.value_or(step.beta);
-  const ClosingInStep::Part closing = ClosingInStep(state, step).of(0);
+  const ClosingInStep::Part closing = ClosingInStep(joint, state, step).of(0);
   const int count = write_distance_rows(distance, anchors, state.travel, rows);
   for (Row* row = rows; row != rows + count; ++row) {
     row->target = row->drive = state.bias;
@@ -92,7 +92,7 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
   JointVectors ahead;
   if (frame.moves) ahead = JointVectors(joint, a, b, frame_in(joint, step, state, true));
   const double beta = joint.baumgarte.value_or(step.beta);
-  const ClosingInStep errors(state, step);
+  const ClosingInStep errors(joint, state, step);
   for (int k = 0; k < kind.rows; ++k) {
     const RowForm form = kind.row[k];
     const ClosingInStep::Part closing = errors.of(k);
@@ -240,7 +240,7 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
   row.coordinate = kOfCoupling;
   row.normal_row = Row::kCoupled;
   row.J = J[0];
-  const ClosingInStep::Part closing = ClosingInStep(state, step).coupling();
+  const ClosingInStep::Part closing = ClosingInStep(joint, state, step).coupling();
   row.C = state.coupling.value - state.coupling.constant - closing.offset;
   const double beta = joint.baumgarte.value_or(step.beta);
   if (joint.coupling.one_sided) {

@@ -1,5 +1,6 @@
 // Settings of a joint changed while it acts: laws, springs, limits, motors, and whether it acts.
 
+#include <algorithm>
 #include <tuple>
 #include <utility>
 
@@ -8,6 +9,8 @@
 #include "engine/edits/coupling_loops.h"
 #include "engine/edits/joint_defaults.h"
 #include "engine/edits/motor_ends.h"
+#include "engine/islands/coordinate_motions.h"
+#include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/model/fields.h"
 #include "engine/model/validate.h"
@@ -20,17 +23,25 @@ void World::Impl::replace_joint(std::size_t j, const Joint& joint,
   wake_ends(joint);
   if (is_always_rigid(joint) != is_always_rigid(joints[j]))
     edits.note_topology();  // only rigid joints close loops
+  const CoordinateMotions motions(*this, *this, j);
   const Joint before = std::exchange(joints[j], joint);
-  bool begins = false;
+  CoordinateMotions::Flags is_sent{};
   for (std::size_t i = 0; i < changes.size(); ++i)
-    if (changes[i].law)
-      begins = follow_law(j, i, before.coordinates[i], changes[i].motor) || begins;
-  if (begins) open_joint(*this, j, time(), this);
+    if (changes[i].law) is_sent[i] = follow_law(j, i, before.coordinates[i], changes[i].motor);
+  if (std::find(is_sent.begin(), is_sent.end(), true) != is_sent.end()) {
+    JointState& state = joint_states[j];
+    const JointStep now = joint_step(options, time(), options.time_step);
+    if (goes_on_closing(state, now.t, now.closing_time))
+      measure_joint(joint, states[index(joint.body_a)], states[index(joint.body_b)], now, state);
+    else
+      open_joint(*this, j, time(), this);
+    motions.send(*this, is_sent, this);
+  }
   edits.note_laws_of(*this, joint);
 }
 
-// Updates the state of a coordinate to a changed law. Returns whether the joint has to close an
-// error, since a motor holds another position.
+// Updates the state of a coordinate to a changed law. Returns whether a motor holds another
+// position.
 bool World::Impl::follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before,
                              bool is_motor_set) {
   const CoordinateLaw& law = joints[j].coordinates[i];
@@ -39,10 +50,12 @@ bool World::Impl::follow_law(std::size_t j, std::size_t i, const CoordinateLaw& 
   coordinate.held += law.zero - before.zero;
   shift_couplings(j, static_cast<int>(i), law.zero - before.zero);
   if (is_motor_set) coordinate.expires_at = law.motor ? end_of(*law.motor, time()) : kInfinity;
+  const bool is_position = law.motor && law.motor->position && law.motor->is_rigid();
+  if (is_position && law.zero == before.zero && are_same(law.motor, before.motor)) return false;
   if (!(before.motor && before.motor->is_rigid() && !before.motor->position))
     coordinate.held = coordinate.position;
   coordinate.braking = 0.0;
-  if (!law.motor || !law.motor->position || !law.motor->is_rigid()) return false;
+  if (!is_position) return false;
   coordinate.held = *law.motor->position;
   return true;
 }

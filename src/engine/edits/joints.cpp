@@ -205,7 +205,7 @@ void World::Impl::start_joint(std::size_t j) {
   state = *joint_starts[j].state;
   const double elapsed = time() - joint_starts[j].time;
   visit_motors(joints[j], state, [&](const Motor&, double& end) { end += elapsed; });
-  state.to_close.since += elapsed;
+  visit_starts(state.to_close, [&](double& since) { since += elapsed; });
 }
 
 // Continues the state of a joint of a saved scene.

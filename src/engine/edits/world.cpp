@@ -106,7 +106,7 @@ void World::set_time(double time, std::uint64_t step_count) {
     visit_motors(impl_->joints[j], state, [&](const Motor& motor, double& end) {
       end = time + (end == now + motor.timeout ? motor.timeout : end - now);
     });
-    state.to_close.since = time + (state.to_close.since - now);
+    visit_starts(state.to_close, [&](double& since) { since = time + (since - now); });
   }
   for (Wrench& wrench : impl_->wrenches) {
     wrench.start += time - now;

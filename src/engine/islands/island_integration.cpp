@@ -4,10 +4,12 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/constraints/closing_errors.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/islands/compile.h"
+#include "engine/islands/coordinate_motions.h"
 #include "engine/islands/method_choice.h"
 #include "engine/islands/unresolved_bodies.h"
 #include "engine/math/larger.h"
@@ -85,6 +87,15 @@ void begin_islands(const List<int>& smooth, const List<JointState>& joint_states
     parts.needs_method_choice = parts.has_failed = false;
     if (parts.motion >= 0) lists->motions[parts.motion].begin_step(joint_states);
   }
+}
+
+// Closes the error of a joint that does not fit from time t on. Coordinates on their way to a
+// position keep their rates.
+void begin_misfit(const Model& model, std::size_t j, double t, State* state) {
+  const CoordinateMotions motions(model, *state, j);
+  const bool was_closing = state->joint_states[j].closing;
+  open_joint(model, j, t, state);
+  if (was_closing) motions.send(model, motions.are_prescribed(), state);
 }
 
 }  // namespace
@@ -304,7 +315,7 @@ void IslandIntegration::begin_entering(const IntegrationStep& in) {
       if (!is_known_off && is_rigid(model.joints[j]) &&
           !fits(model.joints[j], topology.state_a(*state, j), topology.state_b(*state, j), span,
                 state->joint_states[j]))
-        open_joint(model, j, span.t, state);
+        begin_misfit(model, j, span.t, state);
     }
     compile_if_opened(model, topology, state->joint_states, &parts, &lists->motions);
   }
@@ -371,7 +382,7 @@ void IslandIntegration::split_step(const IntegrationStep& in) {
     visit_motors(model.joints[j], state->joint_states[j],
                  [&](const Motor&, double end) { split_at(end); });
     if (state->joint_states[j].closing)
-      split_at(end_of_closing(state->joint_states[j].to_close, model.options.closing_time));
+      visit_ends(state->joint_states[j].to_close, model.options.closing_time, split_at);
   }
   if (interval_ends_.size() == 2) return;
   std::sort(interval_ends_.begin(), interval_ends_.end());

@@ -189,6 +189,20 @@ void read_expiry(const YamlElement& item, int count, JointState* state) {
     state->coordinates[i].expires_at = ends[i].number_or_infinity();
 }
 
+/// Reads the motions of coordinates to new positions, one for each coordinate.
+void read_moving(const YamlElement& item, int count,
+                 std::array<MovingStart, kMaxCoordinates>* moving) {
+  const List<YamlElement> starts = item.items();
+  if (static_cast<int>(starts.size()) != count)
+    item.fail("must be one for each coordinate, got " + std::to_string(starts.size()));
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const Eigen::VectorXd numbers = starts[i].numbers(5);
+    for (const double number : numbers) starts[i].attempt([&] { check_finite("moving", number); });
+    starts[i].attempt([&] { check_not_negative("moving", numbers[1]); });
+    (*moving)[i] = {numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]};
+  }
+}
+
 }  // namespace
 
 CoordinateMotor read_coordinate_motor(const YamlElement& item) {
@@ -248,7 +262,7 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"coupling_constant", "coupling_impulse", "closing_coupling", "travel",
                     "saturated", "expires_at", "impulse", "self_stress", "self_stress_of",
                     "positions", "held", "braking", "closing_since", "closing_offset",
-                    "closing_shift", "closing_turn", "closing_share", "initial_error"});
+                    "closing_shift", "closing_turn", "closing_share", "moving", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
   item.read("saturated", &state.saturated);
@@ -277,6 +291,7 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
     item.read("closing_shift", &state.to_close.shift);
     item.read("closing_turn", &state.to_close.turn);
     item.read("closing_share", &state.closing_share);
+    if (const auto moving = item.find("moving")) read_moving(*moving, size, &state.to_close.moving);
     state.initial_error = item.at("initial_error").number();
   }
   item.attempt([&] {

@@ -207,6 +207,22 @@ void write_expiry(YAML::Emitter* out, const Joint& joint, const JointState& stat
   *out << YAML::EndSeq;
 }
 
+/// Writes the motions of coordinates to new positions, one for each coordinate.
+void write_moving(YAML::Emitter* out, int count,
+                  const std::array<MovingStart, kMaxCoordinates>& moving) {
+  const auto moves = [](const MovingStart& start) { return start.duration > 0.0; };
+  if (std::none_of(moving.begin(), moving.end(), moves)) return;
+  *out << YAML::Key << "moving" << YAML::Value << YAML::Flow << YAML::BeginSeq;
+  for (std::size_t i = 0; i < to_index(count); ++i) {
+    *out << YAML::Flow << YAML::BeginSeq;
+    for (const double number : {moving[i].since, moving[i].duration, moving[i].offset,
+                                moving[i].rate, moving[i].acceleration})
+      *out << shortest(number);
+    *out << YAML::EndSeq;
+  }
+  *out << YAML::EndSeq;
+}
+
 /// Writes the state that a joint continues from, unless adding the joint gives the same state.
 void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
@@ -247,6 +263,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
       write(out, "closing_share", state.closing_share);
     }
     if (couples(joint.kind)) write(out, "closing_coupling", state.to_close.coupling);
+    write_moving(out, coordinates(joint.kind), state.to_close.moving);
     write(out, "initial_error", state.initial_error);
   }
   *out << YAML::EndMap;

@@ -39,7 +39,8 @@ auto fields(T& value, Of<CustomElement>) {
 }
 CONSTRAINT_SIM_FIELDS(CoordinateState, a, b, c, d, e, f, g)
 CONSTRAINT_SIM_FIELDS(CouplingState, a, b, c, d, e)
-CONSTRAINT_SIM_FIELDS(ErrorsToClose, a, b, c, d, e)
+CONSTRAINT_SIM_FIELDS(MovingStart, a, b, c, d, e)
+CONSTRAINT_SIM_FIELDS(ErrorsToClose, a, b, c, d, e, f)
 CONSTRAINT_SIM_FIELDS(JointState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r)
 CONSTRAINT_SIM_FIELDS(JointStart, a, b, c, d, e, f)
 CONSTRAINT_SIM_FIELDS(Wrench, a, b, c, d, e)

@@ -188,6 +188,14 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
     hash.add(state.closing_share);
   }
   hash.add(state.initial_error);
+  for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
+    const MovingStart& moving = state.to_close.moving[i];
+    if (moving.duration == 0.0) continue;
+    hash.add(std::uint64_t{i});
+    for (const double number :
+         {moving.since, moving.duration, moving.offset, moving.rate, moving.acceleration})
+      hash.add(number);
+  }
 }
 
 void add(Fnv1a& hash, const TouchingPair& pair, const std::string& body_a,

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "engine/constraints/closing_errors.h"
 #include "engine/constraints/joint.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/unresolved_bodies.h"
@@ -283,8 +284,10 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
     const double error = std::abs(joint_state.error);
     const bool is_off = error > unclosed_error(in, j) || joint_state.angle_error > kUnclosedAngle;
     if (!is_off || !acts(model.joints[j], joint_state) || !is_rigid(model.joints[j])) continue;
-    Open now{model.joint_ids[j], error, 0.0,
-             joint_state.closing ? joint_state.to_close.since : 0.0};
+    Open now{model.joint_ids[j], error, 0.0, 0.0};
+    if (joint_state.closing)
+      visit_starts(joint_state.to_close,
+                   [&](double since) { now.closing_since = std::max(now.closing_since, since); });
     while (before != open_before_.end() && before->id.value < now.id.value) ++before;
     const bool is_known = before != open_before_.end() && before->id == now.id;
     const bool closes_anew =

@@ -70,6 +70,9 @@ bool are_finite(const Model& model, const State& state, const AwakeSets& awake,
              coordinate.held + coordinate.braking;
     }
     if (joint.closing)
+      for (const MovingStart& moving : joint.to_close.moving)
+        sum += moving.offset + moving.rate + moving.acceleration;
+    if (joint.closing)
       sum += joint.to_close.offset.sum() + joint.to_close.shift.sum() + joint.to_close.turn.sum() +
              joint.closing_share + joint.to_close.coupling;
     if (couples(model.joints[i].kind))

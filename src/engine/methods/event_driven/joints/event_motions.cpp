@@ -17,6 +17,12 @@ namespace {
 constexpr double kShortest = 1e-12;
 constexpr double kKeepsTravel = 1e-6;  // [m] a motor holds a length that is off by less
 
+/// Ends the motion of a coordinate to a position.
+void end_motion(const OneSidedLaw& law, ErrorsToClose* errors) {
+  errors->offset[law.function] = 0.0;
+  errors->moving[to_index(law.coordinate)] = {};
+}
+
 bool is_limit(Hold hold) { return hold == Hold::kUpper || hold == Hold::kLower; }
 
 }  // namespace
@@ -115,14 +121,15 @@ void EventMotions::begin_course(std::size_t l, double t) {
     CoordinateState& coordinate = told.coordinates[law.coordinate];
     const Hold hold = states_[c].hold;
     double& offset = told.to_close.offset[law.function];
+    const auto leave_motion = [&] { end_motion(law, &told.to_close); };
     if (is_limit(hold)) {
       coordinate.held = law.limit(hold == Hold::kUpper);
-      if (law.goal || (hold == Hold::kUpper ? offset < 0.0 : offset > 0.0)) offset = 0.0;
+      if (law.goal || (hold == Hold::kUpper ? offset < 0.0 : offset > 0.0)) leave_motion();
     } else if (hold == Hold::kBrake) {
-      offset = 0.0;
+      leave_motion();
     } else if (hold != Hold::kNone && !(law.goal && hold == Hold::kDrive)) {
       coordinate.held = held_[c];
-      offset = 0.0;
+      leave_motion();
     }
   }
   JointStep step = step_;

@@ -329,6 +329,23 @@ TEST_P(ForceLimitsAt, AMotorThatALoadPushesAwayComesBack) {
   }
 }
 
+// A motor that a short load throws off its prescribed motion comes back with all its force, and
+// arrives before that motion ends. It rests at its position, and the motion is over.
+TEST_P(ForceLimitsAt, AMotorThatArrivesBeforeItsMotionRestsThere) {
+  constexpr double kGoal = 0.4;
+  Slider slider(automatic(GetParam()), to_position(kGoal, 200.0));
+  slider.push(-400.0, 0.1, 0.01);
+  for (int i = 0; i < steps(1.0); ++i) {
+    ASSERT_FALSE(slider.world.step().failed);
+    ASSERT_NE(slider.world.islands().front().why, MethodReason::kRefused) << i;
+    // 0.15 s with accelerations of 100 and 50 m/s² from rest over the whole way
+    if (slider.world.time() < 0.1 + 0.01 + 0.02 + 0.15) continue;
+    ASSERT_NEAR(slider.q(), kGoal, kPlaceAtTicks) << i;
+    ASSERT_NEAR(slider.rate(), 0.0, 1e-8) << i;
+    ASSERT_FALSE(slider.state().saturated) << i;
+  }
+}
+
 // Friction adds to the force of a motor that holds, and acts with or against a motor that slips.
 TEST_P(ForceLimitsAt, AMotorHoldsWithItsForceAndFriction) {
   CoordinateLaw law = to_position(0.0, 5.0);

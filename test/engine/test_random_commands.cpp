@@ -117,9 +117,9 @@ TEST(RandomCommands, MotorsRestOnTheirStops) {
   }
 }
 
-// Commands to motors at rest, and changes of the method at any time, are no errors: the joints stay
-// closed, nothing is reported as unclosed, and no step has a warning, as of energy that nobody
-// supplied.
+// Commands to motors at rest and in motion, and changes of the method at any time, are no errors:
+// the joints stay closed, nothing is reported as unclosed, no step has a warning, as of energy that
+// nobody supplied, and the arm arrives at the last targets.
 TEST(RandomCommands, AreNoErrors) {
   constexpr Method kMethods[] = {Method::kAuto, Method::kEnergyMomentum, Method::kRungeKutta};
   Random random;
@@ -127,11 +127,12 @@ TEST(RandomCommands, AreNoErrors) {
     CommandedArm arm(&random, kCommandTimeSteps[1 + seed % 3], false);
     const double h = arm.world.options().time_step;
     const int moves = static_cast<int>(std::lround(0.6 / h)), steps = 2 * moves;  // of 0.5 s
-    const int sent = random.below(moves / 8), sent_again = sent + moves;
+    const int sent = random.below(steps / 2), sent_again = random.below(steps);
     const int switched = random.below(steps);
     WorldOptions options = arm.world.options();
     options.method = kMethods[random.below(3)];
-    for (int i = 0; i < steps; ++i) {
+    const double last_share = sent_again < sent ? 1.0 : 0.5;
+    for (int i = 0; i < steps + moves; ++i) {
       if (i == sent) arm.send();
       if (i == sent_again) arm.send(0.5);
       if (i == switched) arm.world.set_options(options);
@@ -145,6 +146,9 @@ TEST(RandomCommands, AreNoErrors) {
       ASSERT_TRUE(warnings.empty()) << seed << " step " << i << " of " << steps << ", switched at "
                                     << switched << ": " << to_string(warnings.front());
     }
+    for (std::size_t k = 0; k < arm.joints.size(); ++k)
+      EXPECT_NEAR(arm.coordinate(k).position, last_share * arm.targets[k], 1e-8)
+          << seed << " joint " << k;
   }
 }
 

@@ -419,7 +419,10 @@ bool is_always_rigid(const Joint& joint) {
 
 bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
           const JointState& state) {
-  if (!state.closing) return std::abs(state.error) <= kFits;
+  // A motor that has lost its motion goes to its position by its force.
+  const bool may_be_lost = any_coordinate(joint, has_course_to_lose);
+  if (!state.closing && !(may_be_lost && std::abs(state.error) > kFits))
+    return std::abs(state.error) <= kFits;
   const ClosingErrors allowed = closing_errors(joint, state, step.t, step.closing_time);
   if (has_length(joint.kind)) return std::abs(state.error - allowed.of(0).value) <= kFits;
   const JointKindInfo& kind = info(joint.kind);
@@ -436,9 +439,13 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   }
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateLaw& law = joint.coordinates[i];
-    if (!is_held(law)) continue;
     const ScalarForm& form = kind.coordinate[i];
     const CoordinateState& coordinate = state.coordinates[i];
+    if (!is_held(law)) {
+      if (!state.closing && !(std::abs(beyond_limits(law, coordinate.position)) <= kFits))
+        return false;
+      continue;
+    }
     const double q = reading(form, value(form, vectors), law.zero, coordinate.position);
     const double metres = form.is_angle ? state.radius : 1.0;
     if (!(metres * std::abs(q - coordinate.held - allowed.of(kind.rows + i).value) <= kFits))

@@ -300,9 +300,11 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
     // Joints of inconsistent or sleeping islands are unclosed at once, since their errors stay.
     const MethodReason why = lists.islands[in.topology.island_of_joint(model, j)].why;
     const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
-    // Joints that impulses open beside contacts are unclosed from the first step.
+    // Joints that impulses open beside contacts, or in place of an integration that gave up, are
+    // unclosed from the first step.
     const bool is_opened = why == MethodReason::kManyContacts || why == MethodReason::kContact ||
-                           why == MethodReason::kContactsGivenUp || why == MethodReason::kOverlap;
+                           why == MethodReason::kContactsGivenUp || why == MethodReason::kOverlap ||
+                           why == MethodReason::kRefused;
     if (now.age < patience && ((!stays && !is_opened) || joint_state.closing)) continue;
     unclosed_.push_back(now.id);
     if (error <= worst) continue;

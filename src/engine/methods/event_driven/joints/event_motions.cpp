@@ -246,13 +246,20 @@ void EventMotions::note_positions(const EventBodies& bodies, double t,
 void EventMotions::find_lost(const EventProblem& problem, double t) {
   for (std::size_t c = 0; c < laws().size(); ++c) {
     if (!laws()[c].goal || !problem.is_free(c)) continue;
-    const Prescribed course = course_of(c, t);
     const EventReading& reading = problem.reading(c);
-    if (std::abs(reading.q - course.value) <= kTouching &&
-        std::abs(reading.rate - course.rate) <= kResting)
+    const auto follows = [&](const Prescribed& course) {
+      return std::abs(reading.q - course.value) <= kTouching &&
+             std::abs(reading.rate - course.rate) <= kResting;
+    };
+    if (follows(course_of(c, t))) {
       braking_[c] = 0.0;
-    else if (braking_[c] == 0.0)
+    } else if (braking_[c] == 0.0) {
       braking_[c] = braking_of(problem, c);
+    } else if (follows({*laws()[c].goal, 0.0, 0.0})) {
+      // The motor arrived before the motion that it had lost.
+      braking_[c] = 0.0;
+      end_motion(laws()[c], &joint_states_[laws()[c].joint].to_close);
+    }
   }
 }
 
@@ -378,6 +385,9 @@ void EventMotions::write(std::size_t l, JointState* state,
     coordinate.held = position(l, law.coordinate);
     if (law.goal) {
       coordinate.braking = braking_[c];
+      const ErrorsToClose& errors = joint_states_[l].to_close;
+      state->to_close.offset[law.function] = errors.offset[law.function];
+      state->to_close.moving[to_index(law.coordinate)] = errors.moving[to_index(law.coordinate)];
       if (!(braking_[c] > 0.0)) coordinate.held = *law.goal;
     } else if (states_[c].hold == Hold::kDrive) {
       coordinate.held = held_[c];

@@ -6,15 +6,20 @@
 #include <stdexcept>
 #include <utility>
 
+#include "engine/math/elementary.h"
+#include "engine/math/numbers.h"
 #include "engine/model/validate.h"
 #include "sim/errors.h"
 
 namespace constraint_sim {
 namespace {
 
-// Deviation of a point at time 0 from the joint's position [m or rad]: messages give positions with
-// few digits.
+// Deviation of a point at the start from the joint's position [m or rad] within which it is the
+// joint's state: messages give positions with few digits.
 constexpr double kSamePlace = 1e-3;
+// Share of a tick by which the places of its first and last rate are inside: rates of splines may
+// jump at points, and times are rounded.
+constexpr double kInside = 1e-9;
 
 std::string of_joint(const std::string& joint) { return "joint '" + joint + "' "; }
 
@@ -73,30 +78,56 @@ double present(const engine::Joint& joint, const engine::JointState& state) {
   return joint.coordinates[0].motor->is_servo() ? now.position : now.held;
 }
 
+/// Returns the spline of one joint. It begins at `elapsed` [s], the time since the start of a
+/// trajectory that is late, with the joint's present state: earlier points are dropped, and so is a
+/// point at that time which is elsewhere, as in ros_control.
 Spline spline_of(const engine::World& world, engine::JointId id, const JointTrajectory& trajectory,
-                 std::size_t k) {
+                 std::size_t k, double elapsed) {
   const engine::Joint& joint = world.joint(id);
   motor_of(joint);
   const engine::JointState& state = world.joint_state(id);
   std::vector<TrajectoryPoint> points{
-      {0.0, present(joint, state), state.coordinates[0].velocity, 0.0}};
+      {elapsed, present(joint, state), state.coordinates[0].velocity, 0.0}};
   for (const JointTrajectory::Point& given : trajectory.points) {
     TrajectoryPoint point{given.time, given.positions[k], 0.0, 0.0};
     check_limits(joint, point.position);
     if (!given.velocities.empty()) point.velocity = given.velocities[k];
     if (!given.accelerations.empty()) point.acceleration = given.accelerations[k];
-    if (given.time > 0.0) {
+    if (given.time > elapsed) {
       points.push_back(point);
-      continue;
+    } else if (given.time == elapsed &&
+               std::abs(point.position - points[0].position) <= kSamePlace) {
+      points[0].velocity = point.velocity;
+      points[0].acceleration = point.acceleration;
+    } else if (&given == &trajectory.points.back()) {
+      refuse("points", of_joint(joint.name) + "is at " + std::to_string(points[0].position) +
+                           " and cannot be elsewhere at once, got " +
+                           std::to_string(point.position) + " at a time that is not later");
     }
-    if (std::abs(point.position - points[0].position) > kSamePlace)
-      refuse("points[0].positions",
-             of_joint(joint.name) + "is at " + std::to_string(points[0].position) +
-                 " and cannot be elsewhere at once, got " + std::to_string(point.position));
-    points[0].velocity = point.velocity;
-    points[0].acceleration = point.acceleration;
   }
   return {std::move(points), order_of(trajectory)};
+}
+
+/// Lets a motor by rate go through a tick that begins at `time` [s] from the rate `begin` to the
+/// rate `end`, with this mean [m/s or rad/s], along a parabola. Rates that jump between ticks would
+/// ask for more force than any limited motor has. The rate of motors is a bias and a sine: with the
+/// phase ψ in the middle and ψ ± κ/2 at the ends of the tick, x from −1/2 to 1/2,
+/// A sin(ψ + κ x) ≈ A sin ψ + A κ cos ψ x − A κ²/2 sin ψ x².
+void set_rate(double begin, double mean, double end, double time, double h,
+              engine::CoordinateMotor* motor) {
+  // A joint with friction has no direction where it begins, or comes to rest, without a rate.
+  constexpr double kLeast = 0.03;
+  const double square_of_mean = mean * mean;
+  if (begin * mean < kLeast * square_of_mean && end * mean > square_of_mean) begin = kLeast * mean;
+  if (end * mean < kLeast * square_of_mean && begin * mean > square_of_mean) end = kLeast * mean;
+  constexpr double kAngle = 0.01;  // κ [rad]: terms of third order are κ²/24 of the first
+  const double linear = end - begin, square = 6.0 * (0.5 * (begin + end) - mean);
+  const double cosine = linear / kAngle, sine = -2.0 * square / (kAngle * kAngle);
+  const double half = 0.5 * kAngle;
+  motor->amplitude = engine::math::hypot(cosine, sine, 0.0);
+  motor->frequency = kAngle / (2.0 * engine::kPi * h);
+  motor->phase = engine::math::atan2(sine, cosine) - kAngle * (time / h + 0.5);
+  motor->bias = mean - sine * engine::math::sin_cos(half).sine / half;
 }
 
 }  // namespace
@@ -124,6 +155,25 @@ double Spline::at(double time) const {
   return a.position + u * (v_a + u * (0.5 * a_a + u * (c3 + u * (c4 + u * c5))));
 }
 
+double Spline::rate(double time) const {
+  if (time <= points_.front().time || time >= points_.back().time) return 0.0;
+  const auto next =
+      std::upper_bound(points_.begin(), points_.end(), time,
+                       [](double t, const TrajectoryPoint& point) { return t < point.time; });
+  const TrajectoryPoint &a = *(next - 1), &b = *next;
+  const double T = b.time - a.time, u = (time - a.time) / T;
+  const double d = b.position - a.position;
+  if (order_ == 1) return d / T;
+  const double v_a = T * a.velocity, v_b = T * b.velocity;
+  if (order_ == 3)
+    return (v_a + u * (2.0 * (3.0 * d - 2.0 * v_a - v_b) + 3.0 * u * (v_a + v_b - 2.0 * d))) / T;
+  const double a_a = T * T * a.acceleration, a_b = T * T * b.acceleration;
+  const double c3 = 10.0 * d - 6.0 * v_a - 4.0 * v_b - 1.5 * a_a + 0.5 * a_b;
+  const double c4 = -15.0 * d + 8.0 * v_a + 7.0 * v_b + 1.5 * a_a - a_b;
+  const double c5 = 6.0 * d - 3.0 * v_a - 3.0 * v_b - 0.5 * a_a + 0.5 * a_b;
+  return (v_a + u * (a_a + u * (3.0 * c3 + u * (4.0 * c4 + 5.0 * u * c5)))) / T;
+}
+
 void Trajectories::begin(const engine::World& world, const JointTrajectory& trajectory) {
   check(trajectory);
   std::map<std::uint32_t, OnItsWay> next;
@@ -132,8 +182,8 @@ void Trajectories::begin(const engine::World& world, const JointTrajectory& traj
     if (!world.has_joint(name))
       refuse("joint_names", "there is no constraint named '" + name + "'");
     const engine::JointId id = world.find_joint(name);
-    const OnItsWay way{name, spline_of(world, id, trajectory, k), world.time() + trajectory.delay,
-                       is_to_position(world.joint(id), id)};
+    const OnItsWay way{name, spline_of(world, id, trajectory, k, std::max(0.0, -trajectory.delay)),
+                       world.time() + trajectory.delay, is_to_position(world.joint(id), id)};
     if (!next.emplace(id.value, way).second) refuse("joint_names", "'" + name + "' is there twice");
   }
   for (auto& [id, way] : next) on_their_way_.insert_or_assign(id, std::move(way));
@@ -190,7 +240,7 @@ bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driv
   const bool is_over = since >= way.spline.duration();
   const double target = way.spline.at(since + h);
   engine::CoordinateMotor motor = *world.joint(id).coordinates[0].motor;
-  motor.timeout = motor.amplitude = 0.0;
+  motor.timeout = motor.amplitude = motor.frequency = motor.phase = 0.0;
   if (motor.is_servo()) {
     motor.position = target;
   } else if (is_over && way.to_position) {
@@ -202,7 +252,11 @@ bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driv
     return !holds;
   } else {
     motor.position.reset();
-    motor.bias = is_over ? 0.0 : (target - world.joint_state(id).coordinates[0].held) / h;
+    motor.bias = 0.0;
+    if (!is_over)
+      set_rate(way.spline.rate(since + kInside * h),
+               (target - world.joint_state(id).coordinates[0].held) / h,
+               way.spline.rate(since + (1.0 - kInside) * h), world.time(), h, &motor);
   }
   driver->set_motor(id, motor);
   return !is_over;

@@ -25,6 +25,7 @@ class Spline {
   /// Requires increasing times and at least one point. `order` is 1, 3 or 5.
   Spline(std::vector<TrajectoryPoint> points, int order);
   double at(double time) const;                           ///< [m or rad]
+  double rate(double time) const;                         ///< [m/s or rad/s]; 0 beyond the ends
   double end() const { return points_.back().position; }  ///< [m or rad]
   double duration() const { return points_.back().time; }
 
@@ -41,16 +42,18 @@ struct JointTrajectory {
   };
   std::vector<std::string> joints;
   std::vector<Point> points;  ///< empty: the joints stop at their positions
-  double delay = 0.0;         ///< time until the start [s]
+  double delay = 0.0;         ///< time until the start [s]; < 0: it is late
 };
 
 /// Follows splines with motors of joints. Motors without a spring reach the spline at the end of
-/// each tick, to rounding, by a rate; servos get the spline as their target. At the end of a
-/// trajectory a motor to a position holds the end point, and a motor by rate has the rate 0.
+/// each tick, to rounding, by a rate that is continuous where that of the spline is: so a limited
+/// motor needs no more force than the motion. Servos get the spline as their target. At the end of
+/// a trajectory a motor to a position holds the end point, and a motor by rate has the rate 0.
 /// Stepping thread only.
 class Trajectories {
  public:
-  /// Starts a trajectory at the joints' present positions, in place of their last one. Throws
+  /// Starts a trajectory at the joints' present positions, in place of their last one. Points whose
+  /// time is over are dropped, as is a point at time 0 that is not at the present position. Throws
   /// std::invalid_argument for invalid points and unsuitable joints; then all trajectories go on.
   void begin(const engine::World& world, const JointTrajectory& trajectory);
   /// Ends the trajectory of a joint. Returns whether the joint's motor, which the trajectory drives

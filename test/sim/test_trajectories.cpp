@@ -37,6 +37,11 @@ TEST(Spline, ReproducesPolynomials) {
       double expected = 0.0;
       for (int k = 0; k < 6; ++k) expected += c[k] * std::pow(t, k);
       EXPECT_NEAR(spline.at(t), expected, 1e-14) << order << " at " << t;
+      double rate = 0.0;
+      for (int k = 1; k < 6; ++k) rate += k * c[k] * std::pow(t, k - 1);
+      if (t > 0.0) {
+        EXPECT_NEAR(spline.rate(t), rate, 1e-13) << order << " at " << t;
+      }
     }
     EXPECT_EQ(spline.at(-1.0), points.front().position);
     EXPECT_EQ(spline.at(3.0), points.back().position);
@@ -84,6 +89,34 @@ TEST(Trajectories, MotorsAreOnTheSpline) {
   }
   EXPECT_TRUE(trajectories.empty());
   EXPECT_LT(world.report().max_constraint_error, 1e-12);
+}
+
+// Motors that have little more force than the motion takes are on the spline as well, with friction
+// too: their rates do not jump between ticks. The bars need up to 40 N m. Starting from rest, and
+// coming to rest, takes a jump of 3 % of the rate in one tick: 1e-8 rad.
+TEST(Trajectories, MotorsWithLimitsAreOnTheSpline) {
+  for (const double rate : {30.0, 60.0, 240.0, 1000.0}) {
+    World world = two_bars("friction: 0.1, motor: {position: 0, max_force: 60}");
+    engine::WorldOptions options = world.options();
+    options.time_step = 1.0 / rate;
+    world.set_options(options);
+    JointTrajectory there_and_back;
+    there_and_back.joints = {"shoulder", "elbow"};
+    there_and_back.points = {{1.0, {0.3, -0.4}, {0.0, 0.0}, {0.0, 0.0}},
+                             {2.0, {0.0, 0.1}, {0.0, 0.0}, {0.0, 0.0}}};
+    Trajectories trajectories;
+    trajectories.begin(world, there_and_back);
+    const Spline shoulder({{0.0, 0.0, 0.0, 0.0}, {1.0, 0.3, 0.0, 0.0}, {2.0, 0.0, 0.0, 0.0}}, 5);
+    const Spline elbow({{0.0, 0.0, 0.0, 0.0}, {1.0, -0.4, 0.0, 0.0}, {2.0, 0.1, 0.0, 0.0}}, 5);
+    double most = 0.0;
+    for (int i = 0; i < static_cast<int>(2.2 * rate); ++i) {
+      trajectories.before_step(&world);
+      world.step();
+      most = std::max({most, std::abs(position(world, "shoulder") - shoulder.at(world.time())),
+                       std::abs(position(world, "elbow") - elbow.at(world.time()))});
+    }
+    EXPECT_LT(most, 1e-8) << rate;
+  }
 }
 
 // A servo of stiffness k and damping c on a wheel of inertia I, following a ramp of rate v, finally
@@ -193,6 +226,37 @@ TEST(Trajectories, AMotorToAPositionStaysOne) {
   EXPECT_NEAR(position(world, "elbow"), 0.0, 1e-12);
 }
 
+// As in ros_control, a first point at time 0 that is elsewhere, and points whose time is over, do
+// not count: the joint goes from its present state to the next point.
+TEST(Trajectories, BeginInThePresentState) {
+  const auto run = [](const JointTrajectory& trajectory, int ticks) {
+    World world = two_bars("motor: {bias: 0}");
+    Trajectories trajectories;
+    trajectories.begin(world, trajectory);
+    std::vector<double> positions;
+    for (int i = 0; i < ticks; ++i) {
+      trajectories.before_step(&world);
+      world.step();
+      positions.push_back(position(world, "shoulder"));
+    }
+    return positions;
+  };
+  const auto expect_same = [](const std::vector<double>& a, const std::vector<double>& b) {
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-12) << i;  // rounding
+  };
+  JointTrajectory off = to(0.8, -0.6);
+  off.points.insert(off.points.begin(), {0.0, {2e-3, 0.1}, {0.0, 0.0}, {0.0, 0.0}});
+  expect_same(run(off, 120), run(to(0.8, -0.6), 120));
+
+  JointTrajectory late = to(0.8, -0.6);
+  late.delay = -0.6;
+  JointTrajectory rest;
+  rest.joints = late.joints;
+  rest.points = {{0.4, {0.8, -0.6}, {0.0, 0.0}, {0.0, 0.0}}};
+  expect_same(run(late, 60), run(rest, 60));
+}
+
 TEST(Trajectories, WhatCannotBeIsNamed) {
   World world = two_bars("motor: {bias: 0}");
   World passive = two_bars("damping: 0");
@@ -229,8 +293,12 @@ TEST(Trajectories, WhatCannotBeIsNamed) {
   wrong.points[0].velocities.pop_back();
   expect(world, wrong, "points[0]");
   wrong = to(0.1, 0.1);
+  wrong.points.resize(1);
   wrong.points[0].time = 0.0;
   expect(world, wrong, "cannot be elsewhere at once");
+  wrong = to(0.1, 0.1);
+  wrong.delay = -1.5;
+  expect(world, wrong, "at a time that is not later");
   wrong = to(0.1, 0.1);
   wrong.points[0].positions[0] = std::nan("");
   expect(world, wrong, "finite");

@@ -10,6 +10,7 @@
 #include "ros/conversions.h"
 #include "ros/joint_signs.h"
 #include "sim/grip.h"
+#include "urdf/contact_exceptions.h"
 
 namespace constraint_sim {
 namespace {
@@ -189,6 +190,7 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
   const std::vector<engine::JointId>& joints = world.joint_ids();
   for (std::size_t i = 0; i < std::min(joints.size(), kMost); ++i)
     if (world.joint(joints[i]).enabled && !is_grip(world.joint(joints[i])) &&
+        !is_contact_exception(world.joint(joints[i])) &&
         (!world.joint_state(joints[i]).broken || shows_broken(joints[i])))
       add_labels_of(world, forces, joints[i]);
   add_legend(world, forces);
@@ -386,7 +388,7 @@ Labels::Told Labels::told(const engine::World& world, const ForceScale& forces) 
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
     const engine::JointState& state = world.joint_state(id);
-    if (!joint.enabled || is_grip(joint)) continue;
+    if (!joint.enabled || is_grip(joint) || is_contact_exception(joint)) continue;
     if (state.broken) {
       told.is_broken = told.is_broken || shows_broken(id);
       told.has_fixed = told.has_fixed || (shows_broken(id) && is_on_world(joint));

@@ -10,6 +10,7 @@
 
 #include "ros/conversions.h"
 #include "sim/grip.h"
+#include "urdf/contact_exceptions.h"
 
 namespace constraint_sim {
 namespace {
@@ -165,7 +166,7 @@ void Markers::find_looks(const engine::World& world) {
     look.id = id;
     look.look = look_of(joint);
     look.is_grip = is_grip(joint);
-    look.is_drawn = joint.enabled;
+    look.is_drawn = joint.enabled && !is_contact_exception(joint);
     look.has_motor = shown_motor(joint, world.joint_state(id)).has_value() ||
                      joint.motor.is_moving() ||
                      std::any_of(joint.coordinates.begin(), joint.coordinates.end(),

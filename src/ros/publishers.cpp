@@ -18,6 +18,7 @@
 #include "ros/constraint_state.h"
 #include "ros/conversions.h"
 #include "ros/time_conversions.h"
+#include "urdf/contact_exceptions.h"
 
 namespace constraint_sim {
 namespace {
@@ -367,8 +368,9 @@ void Publishers::publish_joint_states(const Snapshot& snapshot) {
   message.header.frame_id = parameters_.world_frame;
   const ActuatorEfforts efforts(snapshot.world);
   for (const engine::JointId id : snapshot.world.joint_ids())
-    add_coordinates(snapshot.world.joint(id), snapshot.world.joint_state(id), efforts.of(id),
-                    &message);
+    if (!is_contact_exception(snapshot.world.joint(id)))
+      add_coordinates(snapshot.world.joint(id), snapshot.world.joint_state(id), efforts.of(id),
+                      &message);
   if (joint_states_topic_.getNumSubscribers() > 0) joint_states_topic_.publish(message);
   robot_topics_.publish(message);
 }

@@ -75,9 +75,9 @@ std::string name_in_ros(const std::string& prefix, const std::string& robot) {
   return ros::names::clean(is_name ? name : "robot_" + name);
 }
 
-RobotDescription describe(const Robot& robot, const std::string& urdf, const std::string& prefix,
+RobotDescription describe(const Robot& robot, const UrdfText& urdf, const std::string& prefix,
                           const std::string& frame_prefix) {
-  PrefixedUrdf prefixed = prefixed_urdf(urdf, frame_prefix + prefix, prefix);
+  PrefixedUrdf prefixed = prefixed_urdf(urdf.text, frame_prefix + prefix, prefix, urdf.folder);
   return {name_in_ros(prefix, robot.name),
           std::make_shared<const std::string>(std::move(prefixed.text)),
           std::make_shared<const std::set<std::string>>(prefixed.joints.begin(),
@@ -86,7 +86,7 @@ RobotDescription describe(const Robot& robot, const std::string& urdf, const std
 
 }  // namespace
 
-void Robots::add(const Robot& robot, const std::string& urdf, const std::string& prefix,
+void Robots::add(const Robot& robot, const UrdfText& urdf, const std::string& prefix,
                  const engine::World& world) {
   const RobotDescription description = describe(robot, urdf, prefix, parameters_.frame_prefix);
   const std::lock_guard<std::mutex> lock(mutex_);

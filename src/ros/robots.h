@@ -27,6 +27,11 @@ struct RobotDescription {
   std::shared_ptr<const std::set<std::string>> joints;  ///< names of the joints
 };
 
+/// A URDF, and the absolute path of its folder; empty where it has none.
+struct UrdfText {
+  std::string text, folder;
+};
+
 /// Robots added from URDFs: frames of links, visuals, and bounds of joints. Bodies and joints are
 /// identified by id and name, since a snapshot of another process may reuse ids. A removed robot is
 /// hidden until a snapshot restores it; the oldest removed ones are forgotten beyond kMostBytes.
@@ -40,7 +45,7 @@ class Robots {
   explicit Robots(const Parameters& parameters) : parameters_(parameters) {}
 
   /// Adds a robot that has just been added to `world` from this URDF with this prefix.
-  void add(const Robot& robot, const std::string& urdf, const std::string& prefix,
+  void add(const Robot& robot, const UrdfText& urdf, const std::string& prefix,
            const engine::World& world);
   /// Returns the robots in `world`, each name once.
   std::vector<RobotDescription> descriptions(const engine::World& world) const;

@@ -39,7 +39,7 @@ class Meshes {
  public:
   bool exists(const std::string& name) {
     const std::string package = "package://", file = "file://";
-    if (name.compare(0, file.size(), file) == 0) return is_file(name.substr(file.size()));
+    if (name.compare(0, file.size(), file) == 0) return is_file(path_of_file_uri(name));
     if (name.compare(0, package.size(), package) != 0) return false;
     const std::string rest = name.substr(package.size());
     const std::size_t slash = rest.find('/');
@@ -54,9 +54,20 @@ class Meshes {
 };
 
 struct Description {
-  std::string urdf, extra;
+  std::string urdf, extra, srdf;
   std::string path;  ///< file of the URDF; empty: not from a file
+
+  /// Absolute path of the folder of the file; empty without one.
+  std::string folder() const;
 };
+
+std::string Description::folder() const {
+  if (path.empty()) return "";
+  const std::size_t slash = path.rfind('/');
+  const std::string given = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  std::array<char, PATH_MAX> absolute{};
+  return ::realpath(given.c_str(), absolute.data()) == nullptr ? "" : absolute.data();
+}
 
 bool is_on_path(const std::string& program) {
   const char* const folders = std::getenv("PATH");
@@ -92,7 +103,7 @@ std::string what_was_meant(const std::string& name, const std::vector<std::strin
   return std::string("; relative paths start at ") + folder.data();
 }
 
-// Reads the URDF and the YAML beside it.
+// Reads the URDF, and the YAML and the SRDF beside it.
 Description read_description(const std::string& name, const Parameters& parameters, Caller caller) {
   const std::string folder = ros::package::getPath("constraint_sim") + "/config/robots/";
   const std::vector<std::string> shipped = names_in_folder(folder, ".urdf");
@@ -108,8 +119,12 @@ Description read_description(const std::string& name, const Parameters& paramete
   }
   const std::size_t dot = path.rfind('.');
   if (dot == std::string::npos || path.find('/', dot) != std::string::npos) return description;
-  const std::string beside = path.substr(0, dot) + ".yaml";
-  if (is_file(beside)) description.extra = read_file(beside);
+  const auto read_beside = [&](const char* ending, std::string* text) {
+    const std::string beside = path.substr(0, dot) + ending;
+    if (is_file(beside)) *text = read_file(beside);
+  };
+  read_beside(".yaml", &description.extra);
+  read_beside(".srdf", &description.srdf);
   return description;
 }
 
@@ -132,6 +147,8 @@ BuiltRobot build_described(const Description& description, RobotOptions options)
     throw std::invalid_argument("text: must be at most " + std::to_string(kMostUrdfBytes >> 20) +
                                 " MiB, got " + std::to_string(description.urdf.size()) + " bytes");
   options.extra = description.extra;
+  options.srdf = description.srdf;
+  options.folder = description.folder();
   options.how_to_expand = how_to_expand(description.path);
   Meshes meshes;
   options.mesh_exists = [&](const std::string& name) { return meshes.exists(name); };
@@ -141,7 +158,7 @@ BuiltRobot build_described(const Description& description, RobotOptions options)
 Robot add(const BuiltRobot& built, const Description& description, const std::string& prefix,
           Robots* robots, World* world) {
   Robot robot = add_robot(built, world);
-  robots->add(robot, description.urdf, prefix, *world);
+  robots->add(robot, {description.urdf, description.folder()}, prefix, *world);
   return robot;
 }
 
@@ -159,10 +176,14 @@ void add_first_robot(const ros::NodeHandle& handle, const ros::NodeHandle& priva
   if (parameters.robot.empty()) return;
   try {
     Description description;
-    if (const auto text = text_in_parameter(parameters.robot, handle, private_handle))
+    if (const auto text = text_in_parameter(parameters.robot, handle, private_handle)) {
       description.urdf = *text;
-    else
+      // as MoveIt names it
+      const std::string semantic = parameters.robot + "_semantic";
+      description.srdf = text_in_parameter(semantic, handle, private_handle).value_or("");
+    } else {
       description = read_description(parameters.robot, parameters, Caller::kParameter);
+    }
     if (!parameters.robot_extra.empty())
       description.extra =
           read_file(file_named(parameters.robot_extra, parameters, Caller::kParameter));
@@ -187,7 +208,7 @@ bool UrdfLoader::load(LoadUrdfRequest& request, LoadUrdfResponse& response) {
   return answer(response, [&] {
     if (request.path.empty() == request.text.empty())
       throw std::invalid_argument("path, text: exactly one of the two is needed");
-    Description description{request.text, "", ""};
+    Description description{request.text, "", "", ""};
     if (!request.path.empty())
       description = read_description(request.path, parameters_, Caller::kService);
     if (!request.extra.empty()) description.extra = request.extra;

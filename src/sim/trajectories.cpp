@@ -66,11 +66,15 @@ const engine::CoordinateMotor& motor_of(const engine::Joint& joint) {
   return motor;
 }
 
-void check_limits(const engine::Joint& joint, double position) {
+/// Returns the position within the limits. Throws for one that is beyond by more than the rounding
+/// of a message: joints at a limit are reported a few units of rounding beyond it.
+double within_limits(const engine::Joint& joint, double position) {
+  constexpr double kRounding = 1e-6;  // [m or rad]
   const engine::CoordinateLaw& law = joint.coordinates[0];
-  if (position < law.lower || position > law.upper)
+  if (position < law.lower - kRounding || position > law.upper + kRounding)
     refuse("points", of_joint(joint.name) + "goes from " + std::to_string(law.lower) + " to " +
                          std::to_string(law.upper) + ", not to " + std::to_string(position));
+  return std::clamp(position, law.lower, law.upper);
 }
 
 double present(const engine::Joint& joint, const engine::JointState& state) {
@@ -89,8 +93,7 @@ Spline spline_of(const engine::World& world, engine::JointId id, const JointTraj
   std::vector<TrajectoryPoint> points{
       {elapsed, present(joint, state), state.coordinates[0].velocity, 0.0}};
   for (const JointTrajectory::Point& given : trajectory.points) {
-    TrajectoryPoint point{given.time, given.positions[k], 0.0, 0.0};
-    check_limits(joint, point.position);
+    TrajectoryPoint point{given.time, within_limits(joint, given.positions[k]), 0.0, 0.0};
     if (!given.velocities.empty()) point.velocity = given.velocities[k];
     if (!given.accelerations.empty()) point.acceleration = given.accelerations[k];
     if (given.time > elapsed) {

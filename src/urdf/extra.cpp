@@ -20,6 +20,12 @@ LinkProperties read_link(const YamlElement& item) {
   return link;
 }
 
+std::pair<std::string, std::string> read_pair(const YamlElement& item) {
+  const auto links = item.items();
+  if (links.size() != 2) item.fail("must be the names of two links");
+  return {links[0].word(), links[1].word()};
+}
+
 /// Calls do_with(name, value) for each key of an optional map.
 template <class Do>
 void for_each(const YamlElement& item, const char* key, Do do_with) {
@@ -34,17 +40,20 @@ RobotExtra read_extra(const std::string& text) {
   RobotExtra extra;
   if (text.empty()) return extra;
   const YamlElement document = YamlElement::parse(text, "extra");
-  document.expect_keys({"positions", "motors", "links", "constraints"});
+  document.expect_keys({"positions", "motors", "hold", "links", "constraints", "no_contact"});
   for_each(document, "positions", [&](const std::string& joint, const YamlElement& value) {
     extra.positions[joint] = value.number();
   });
   for_each(document, "motors", [&](const std::string& joint, const YamlElement& motor) {
     extra.motors.emplace(joint, motor);
   });
+  document.read("hold", &extra.hold);
   for_each(document, "links", [&](const std::string& link, const YamlElement& properties) {
     extra.links[link] = read_link(properties);
   });
   if (const auto list = document.find("constraints")) extra.constraints = list->items();
+  if (const auto list = document.find("no_contact"))
+    for (const YamlElement& pair : list->items()) extra.no_contact.push_back(read_pair(pair));
   return extra;
 }
 

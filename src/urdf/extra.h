@@ -3,6 +3,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/scene/yaml_element.h"
@@ -20,8 +21,10 @@ struct LinkProperties {
 struct RobotExtra {
   std::map<std::string, double> positions;            ///< initial positions of joints [m or rad]
   std::map<std::string, engine::YamlElement> motors;  ///< by joint
+  bool hold = false;  ///< joints with an effort, and without a motor, hold their positions
   std::map<std::string, LinkProperties> links;
   std::vector<engine::YamlElement> constraints;  ///< constraints between links, as in scenes
+  std::vector<std::pair<std::string, std::string>> no_contact;  ///< links that do not collide
 };
 
 /// Reads the YAML; does not check whether joints and links exist. Throws engine::SceneError.

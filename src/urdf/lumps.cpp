@@ -1,8 +1,10 @@
 #include "urdf/lumps.h"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 
+#include "sim/words.h"
 #include "urdf/parse.h"
 
 namespace constraint_sim {
@@ -55,16 +57,27 @@ std::optional<engine::Shape> shape_of(const std::string& link, const urdf::Geome
     }
     default:
       warnings->push_back("link '" + link + "': the mesh '" +
-                          static_cast<const urdf::Mesh&>(geometry).filename + "' does not collide");
+                          shortened(static_cast<const urdf::Mesh&>(geometry).filename, 200) +
+                          "' does not collide");
       return std::nullopt;
   }
+}
+
+/// Returns the name of a collision, or its place among those of its link and its geometry.
+std::string name_of(const urdf::Collision& collision, std::size_t place) {
+  if (!collision.name.empty()) return "'" + collision.name + "'";
+  static const std::array<const char*, 4> kGeometries{"sphere", "box", "cylinder", "mesh"};
+  return std::string(kGeometries.at(static_cast<std::size_t>(collision.geometry->type))) + " " +
+         std::to_string(place);
 }
 
 /// Returns the shape of the first collision with a supported geometry.
 std::optional<LumpShape> shape_of(const urdf::Link& link, std::vector<std::string>* warnings) {
   std::optional<LumpShape> first;
-  std::size_t left_out = 0;
+  std::string left_out;
+  std::size_t place = 0;
   for (const auto& collision : link.collision_array) {
+    ++place;
     const auto shape = shape_of(link.name, *collision->geometry, warnings);
     if (!shape) continue;
     try {
@@ -73,30 +86,31 @@ std::optional<LumpShape> shape_of(const urdf::Link& link, std::vector<std::strin
       refuse_link(link.name, std::string("has a collision with ") + error.what());
     }
     if (first)
-      ++left_out;
+      left_out += (left_out.empty() ? "" : ", ") + name_of(*collision, place);
     else
       first = LumpShape{*shape, to_isometry(collision->origin)};
   }
-  if (left_out > 0)
-    warnings->push_back("link '" + link.name + "': of its collisions the first one collides, " +
-                        std::to_string(left_out) + " more do not");
+  if (!left_out.empty())
+    warnings->push_back("link '" + link.name + "': a body has one shape, so of its collisions " +
+                        shortened(left_out, 200) + " do not collide");
   return first;
 }
 
 /// Walks the tree of links from the root.
 class Walk {
  public:
-  explicit Walk(const urdf::ModelInterface& model) { begin(*model.getRoot(), nullptr); }
+  explicit Walk(const urdf::ModelInterface& model) { begin(*model.getRoot(), nullptr, 0); }
 
   Lumps take() { return std::move(lumps_); }
 
  private:
-  // Begins a new lump with this link.
-  void begin(const urdf::Link& link, const urdf::JointConstSharedPtr& joint) {
+  // Begins a new lump with this link, in the group of another lump or of its own.
+  void begin(const urdf::Link& link, const urdf::JointConstSharedPtr& joint, std::size_t group) {
     const std::size_t lump = lumps_.list.size();
     lumps_.list.emplace_back();
     lumps_.list[lump].link = link.name;
     lumps_.list[lump].joint = joint;
+    lumps_.list[lump].group = group;
     add(link, {lump, Isometry3d::Identity()}, shape_of(link, &lumps_.warnings));
   }
 
@@ -109,8 +123,10 @@ class Walk {
       lumps_.warnings.push_back("link '" + link.name +
                                 "' has no mass, and is fixed to what collides by another shape "
                                 "already: it does not collide");
-    else if (shape)
+    else if (shape) {
       lump.shape = LumpShape{shape->shape, place.in_lump * shape->in_lump};
+      lump.link_of_shape = link.name;
+    }
     for (const urdf::JointSharedPtr& joint : link.child_joints) {
       const auto child = std::find_if(
           link.child_links.begin(), link.child_links.end(),
@@ -120,12 +136,12 @@ class Walk {
   }
 
   void follow(const urdf::Link& child, const urdf::JointSharedPtr& joint, const LinkPlace& parent) {
-    if (joint->type != urdf::Joint::FIXED) return begin(child, joint);
+    if (joint->type != urdf::Joint::FIXED) return begin(child, joint, lumps_.list.size());
     const bool would_lose_shape =
         lumps_.list[parent.lump].shape && has_mass(child) && !child.collision_array.empty();
     if (would_lose_shape) {
       std::vector<std::string> warnings;  // dropped here; reported when the link is added
-      if (shape_of(child, &warnings)) return begin(child, joint);
+      if (shape_of(child, &warnings)) return begin(child, joint, lumps_.list[parent.lump].group);
     }
     add(child, {parent.lump, parent.in_lump * to_isometry(joint->parent_to_joint_origin_transform)},
         shape_of(child, &lumps_.warnings));

@@ -23,10 +23,13 @@ struct Lump {
   std::string link;                 ///< name of the first link
   urdf::JointConstSharedPtr joint;  ///< joint to the parent lump; none for the root
   std::vector<std::string> links;   ///< all links, depth first
-  double mass = 0.0;                ///< [kg]
+  /// Index of the first lump that fixed joints connect to this one; its own index without such.
+  std::size_t group = 0;
+  double mass = 0.0;                                        ///< [kg]
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();   ///< ∫ r dm [kg m]
   Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();  ///< inertia about the origin [kg m²]
   std::optional<LumpShape> shape;
+  std::string link_of_shape;  ///< link that the shape belongs to
 
   Eigen::Vector3d centre_of_mass() const { return first_moment / mass; }
   /// Inertia about the centre of mass, in the axes of the lump [kg m²].

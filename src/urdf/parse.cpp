@@ -130,13 +130,9 @@ void check_tree(const urdf::ModelInterface& model) {
   }
 }
 
-void check_meshes(const urdf::ModelInterface& model, const MeshExists& mesh_exists) {
-  const auto check = [&](const std::string& link, const urdf::GeometryConstSharedPtr& geometry) {
+void check_geometries(const urdf::ModelInterface& model) {
+  const auto check = [](const std::string& link, const urdf::GeometryConstSharedPtr& geometry) {
     if (!geometry) refuse("link '" + link + "' has a visual or collision without a geometry");
-    if (geometry->type != urdf::Geometry::MESH || !mesh_exists) return;
-    const std::string& file = static_cast<const urdf::Mesh&>(*geometry).filename;
-    if (!mesh_exists(file))
-      refuse("link '" + link + "': there is no mesh '" + shortened(file, 200) + "'");
   };
   for (const auto& [name, link] : model.links_) {
     for (const auto& visual : link->visual_array) check(name, visual->geometry);
@@ -231,12 +227,12 @@ void replace_rotations(const std::string& text, const urdf::ModelInterface& mode
 
 void refuse(const std::string& why) { throw std::invalid_argument("urdf: " + why); }
 
-urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists) {
+urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text) {
   if (text.empty()) refuse("the text is empty");
   check_cycles(read_joints(text));
   urdf::ModelInterfaceSharedPtr model = parse(text);
   check_tree(*model);
-  check_meshes(*model, mesh_exists);
+  check_geometries(*model);
   replace_rotations(text, *model);
   return model;
 }

@@ -4,18 +4,14 @@
 #include <urdf_world/types.h>
 
 #include <Eigen/Geometry>
-#include <functional>
 #include <string>
 
 namespace constraint_sim {
 
-/// Returns whether the file of a mesh can be read. An empty function: not checked.
-using MeshExists = std::function<bool(const std::string& name)>;
-
 /// Parses a robot description that is a tree of links. Throws std::invalid_argument for a text that
-/// is no URDF, a link with two parents or in a cycle, a missing mesh, elements nested more than 64
-/// deep, and more than 10 000 links.
-urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists);
+/// is no URDF, a link with two parents or in a cycle, elements nested more than 64 deep, and more
+/// than 10 000 links.
+urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text);
 
 /// Throws std::invalid_argument that says the URDF is refused, and why.
 [[noreturn]] void refuse(const std::string& why);

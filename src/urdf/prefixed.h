@@ -13,8 +13,9 @@ struct PrefixedUrdf {
 };
 
 /// Puts prefixes before the names of links and joints, also in `parent`, `child` and `mimic`. Names
-/// elsewhere, as in `<gazebo>`, stay.
+/// elsewhere, as in `<gazebo>`, stay. Names of meshes become URIs, where `folder` is the folder of
+/// the URDF, as in mesh_uri().
 PrefixedUrdf prefixed_urdf(const std::string& urdf, const std::string& link_prefix,
-                           const std::string& joint_prefix);
+                           const std::string& joint_prefix, const std::string& folder = "");
 
 }  // namespace constraint_sim

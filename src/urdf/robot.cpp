@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <cstdio>
 #include <stdexcept>
 #include <utility>
 
-#include "engine/collision/broadphase.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/math/dense.h"
 #include "engine/model/mass_properties.h"
 #include "engine/scene/scene_joints.h"
+#include "engine/support/shortened.h"
+#include "urdf/contact_exceptions.h"
 #include "urdf/elements.h"
 #include "urdf/extra.h"
 #include "urdf/lumps.h"
@@ -117,8 +117,8 @@ class Builder {
     for (const Lump& lump : lumps_.list) add_joint(lump);
     add_mimics();
     add_extra_constraints();
+    add_contact_exceptions();
     list_links();
-    warn_of_overlaps();
     return {std::move(robot_), std::move(given_bodies_), std::move(given_joints_)};
   }
 
@@ -135,6 +135,10 @@ class Builder {
     for (const auto& entry : extra_.links)
       if (!model_.getLink(entry.first))
         throw std::invalid_argument("extra: links: the URDF has no link " + in_quotes(entry.first));
+    for (const LinkPair& pair : extra_.no_contact)
+      for (const std::string& link : {pair.first, pair.second})
+        if (!model_.getLink(link))
+          throw std::invalid_argument("extra: no_contact: the URDF has no link " + in_quotes(link));
   }
 
   void check_joint(const char* key, const std::string& name) const {
@@ -296,7 +300,14 @@ class Builder {
       law.friction = given.dynamics->friction;
     }
     const auto motor = extra_.motors.find(given.name);
-    if (motor == extra_.motors.end()) return law;
+    if (motor == extra_.motors.end()) {
+      if (extra_.hold && !given.mimic && given.limits && given.limits->effort > 0.0) {
+        law.motor.emplace();
+        law.motor->position = q;
+        law.motor->max_force = given.limits->effort;
+      }
+      return law;
+    }
     law.motor = engine::read_coordinate_motor(motor->second);
     if (given.limits && !motor->second.find("max_force"))
       law.motor->max_force = given.limits->effort;
@@ -399,6 +410,11 @@ class Builder {
     return in_body_[place.lump] * place.in_lump;
   }
 
+  static bool is_unknown_mesh(const urdf::Geometry& geometry) {
+    return geometry.type == urdf::Geometry::MESH &&
+           static_cast<const urdf::Mesh&>(geometry).filename.empty();
+  }
+
   void list_links() {
     for (const Lump& lump : lumps_.list) {
       for (const std::string& link : lump.links) {
@@ -406,6 +422,7 @@ class Builder {
         const Isometry3d in_body = link_in_body(link);
         robot_.links.push_back({named(link), body, in_body});
         for (const auto& visual : model_.getLink(link)->visual_array) {
+          if (is_unknown_mesh(*visual->geometry)) continue;
           RobotVisual& shown = robot_.visuals.emplace_back();
           shown.body = body;
           shown.in_body = in_body * constraint_sim::to_isometry(visual->origin);
@@ -418,40 +435,28 @@ class Builder {
     }
   }
 
-  void warn_of_overlaps() {
-    constexpr std::size_t kMost = 20;
-    const std::set<std::pair<BodyId, BodyId>> joined = joined_pairs();
-    engine::List<engine::Proxy> proxies;
-    for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      const engine::Body& body = world_.body(bodies_[i]);
-      if (body.no_collision) continue;
-      const engine::PlacedShape placed(body, body.state);
-      proxies.push_back(
-          {engine::bounds(placed.shape(), placed.state()), static_cast<int>(i), true});
-    }
-    engine::Broadphase broadphase;
-    std::size_t overlaps = 0;
-    for (const auto& [first, second] : broadphase.find_pairs(proxies)) {
-      const auto i = static_cast<std::size_t>(first), j = static_cast<std::size_t>(second);
-      if (joined.count(std::minmax(bodies_[i], bodies_[j])) > 0) continue;
-      const engine::Body &a = world_.body(bodies_[i]), &b = world_.body(bodies_[j]);
-      const engine::Manifold manifold =
-          engine::collide(engine::PlacedShape(a, a.state), engine::PlacedShape(b, b.state));
-      if (manifold.count == 0 || ++overlaps > kMost) continue;
-      const std::vector<Lump>& lumps = lumps_.list;
-      warn("links " + in_quotes(lumps[i].link) + " and " + in_quotes(lumps[j].link) +
-           " overlap and push each other apart; no_collision of one of them ends that");
-    }
-    if (overlaps > kMost || broadphase.is_full())
-      warn("more links overlap than these " + std::to_string(kMost));
+  // Adds a joint for each pair of bodies that do not collide.
+  void add_contact_exceptions() {
+    const ContactExceptions exceptions =
+        contact_exceptions(lumps_, given_bodies_, given_joints_, listed_pairs());
+    for (const auto& [i, j] : exceptions.pairs)
+      add(no_contact_joint(options_.prefix, {lumps_.list[i].link, lumps_.list[j].link}, bodies_[i],
+                           bodies_[j]));
+    for (const std::string& sentence : exceptions.warnings) warn(sentence);
   }
 
-  /// Returns pairs of bodies that do not collide since a joint connects them, lower id first.
-  std::set<std::pair<BodyId, BodyId>> joined_pairs() const {
-    std::set<std::pair<BodyId, BodyId>> pairs;
-    for (const engine::Joint& joint : given_joints_)
-      if (!engine::couples_joints(joint.kind) && !joint.collide_connected)
-        pairs.insert(std::minmax(joint.body_a, joint.body_b));
+  // Returns the pairs of links in the extra YAML and in the SRDF.
+  std::vector<LinkPair> listed_pairs() {
+    std::vector<LinkPair> pairs = extra_.no_contact;
+    std::string unknown;
+    for (const LinkPair& pair : disabled_collisions(options_.srdf)) {
+      for (const std::string& link : {pair.first, pair.second})
+        if (!model_.getLink(link) && unknown.find(in_quotes(link)) == std::string::npos)
+          unknown += (unknown.empty() ? "" : ", ") + in_quotes(link);
+      pairs.push_back(pair);
+    }
+    if (!unknown.empty())
+      warn("the SRDF has links that the URDF does not have: " + engine::shortened(unknown, 200));
     return pairs;
   }
 
@@ -496,6 +501,21 @@ void check_names(const BuiltRobot& built, const World& world) {
     if (world.has_joint(name)) refuse("there is already a constraint named " + in_quotes(name));
 }
 
+/// Returns a sentence for each constraint that does not fit the links where they lie.
+std::vector<std::string> open_constraints(const Robot& robot, const World& world) {
+  constexpr double kOpen = 1e-6;  // as for other constraints that are added [m]
+  std::vector<std::string> sentences;
+  for (const std::string& name : robot.constraints) {
+    const double error = std::abs(world.joint_state(world.find_joint(name)).initial_error);
+    if (!(error > kOpen)) continue;
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3g", error);
+    sentences.push_back("constraint " + in_quotes(name) + " does not fit the links by " + text +
+                        "; it closes within closing_time");
+  }
+  return sentences;
+}
+
 }  // namespace
 
 BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
@@ -505,9 +525,12 @@ BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   if (!xacro.content.empty())
     refuse("xacro has not been run on this text, which has " + xacro.content.text() +
            (options.how_to_expand.empty() ? "" : ": " + options.how_to_expand));
-  const urdf::ModelInterfaceSharedPtr model = parse_urdf(urdf, options.mesh_exists);
+  const urdf::ModelInterfaceSharedPtr model = parse_urdf(urdf);
   check_world_link(*model, options);
+  const std::vector<std::string> unknown_meshes =
+      name_meshes(options.folder, options.mesh_exists, model.get());
   BuiltRobot built = Builder(*model, options).build();
+  for (const std::string& sentence : unknown_meshes) built.robot.warnings.push_back(sentence);
   if (!xacro.definitions.empty())
     built.robot.warnings.push_back("definitions of xacro are left in the URDF and are not read: " +
                                    xacro.definitions.text());
@@ -532,6 +555,8 @@ Robot add_robot(const BuiltRobot& built, World* world) {
   Robot robot = built.robot;
   for (RobotLink& link : robot.links) link.body = bodies[link.body.value];
   for (RobotVisual& visual : robot.visuals) visual.body = bodies[visual.body.value];
+  for (std::string& sentence : open_constraints(robot, *world))
+    robot.warnings.push_back(std::move(sentence));
   for (std::string& sentence : sagging_servos(robot, *world))
     robot.warnings.push_back(std::move(sentence));
   return robot;

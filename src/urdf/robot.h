@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "urdf/meshes.h"
 #include "urdf/parse.h"
 
 namespace constraint_sim {
@@ -48,6 +49,8 @@ struct RobotOptions {
   engine::BodyState pose;  ///< pose of the root link in the world's frame, at rest
   bool fixed = false;      ///< the root does not move
   std::string extra;       ///< YAML beside the URDF, docs/robots.md
+  std::string srdf;        ///< SRDF whose `disable_collisions` are read; may be empty
+  std::string folder;  ///< absolute path where relative names of meshes start; empty: there is none
   MeshExists mesh_exists;
   std::string how_to_expand;  ///< command that expands xacro, for error messages; may be empty
 };

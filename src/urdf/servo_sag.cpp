@@ -7,6 +7,8 @@
 #include <map>
 #include <set>
 
+#include "urdf/contact_exceptions.h"
+
 namespace constraint_sim {
 namespace {
 
@@ -58,6 +60,7 @@ class Tree {
   // in the tree.
   void add(JointId id, const std::set<std::uint32_t>& bodies) {
     const engine::Joint& joint = world_.joint(id);
+    if (is_contact_exception(joint)) return;
     if (engine::couples_joints(joint.kind)) {
       shared_.insert(joint.coupling.first.value);
       shared_.insert(joint.coupling.second.value);
@@ -91,18 +94,48 @@ class Tree {
   std::set<std::uint32_t> shared_;       // joints whose links others carry too
 };
 
+const engine::CoordinateMotor* servo_of(const engine::Joint& joint) {
+  const auto& motor = joint.coordinates[0].motor;
+  return joint.kind == engine::JointKind::kHinge && motor && motor->is_servo() ? &*motor : nullptr;
+}
+
+/// Returns the efforts of the joints where rigid motors hold all of them [N m], from a short step
+/// of a copy of the world; empty where the physics fails.
+std::map<std::uint32_t, double> holding_efforts(World world, const std::vector<JointId>& joints) {
+  engine::WorldOptions options = world.options();
+  options.time_step = 1e-4;
+  world.set_options(options);
+  for (const JointId id : joints) {
+    engine::CoordinateMotor rigid;
+    rigid.position = world.joint_state(id).coordinates[0].position;
+    world.set_motor(id, 0, rigid);
+  }
+  std::map<std::uint32_t, double> efforts;
+  if (world.step().failed) return efforts;
+  for (const JointId id : joints) efforts[id.value] = world.joint_state(id).coordinates[0].effort;
+  return efforts;
+}
+
 }  // namespace
 
 std::vector<std::string> sagging_servos(const Robot& robot, const World& world) {
-  std::vector<std::string> sentences;
   const Tree tree(robot, world);
+  std::vector<JointId> servos;
+  bool all_alone = true;
   for (const JointId id : tree.joints()) {
+    if (servo_of(world.joint(id)) == nullptr) continue;
+    servos.push_back(id);
+    all_alone = all_alone && tree.carries_alone(id);
+  }
+  const auto efforts =
+      all_alone ? std::map<std::uint32_t, double>() : holding_efforts(world, servos);
+  std::vector<std::string> sentences;
+  for (const JointId id : servos) {
     const engine::Joint& joint = world.joint(id);
-    const auto& motor = joint.coordinates[0].motor;
-    const bool has_servo = joint.kind == engine::JointKind::kHinge && motor && motor->is_servo();
-    if (!has_servo || !tree.carries_alone(id)) continue;
-    const double torque = std::abs(tree.torque(id));
-    const double sag = torque / motor->servo_stiffness;
+    const auto effort = efforts.find(id.value);
+    if (!tree.carries_alone(id) && effort == efforts.end()) continue;
+    const double torque = std::abs(tree.carries_alone(id) ? tree.torque(id) : effort->second);
+    const double sag = torque / servo_of(joint)->servo_stiffness;
     if (!(sag > kMostServoSag)) continue;
     const double needed = 1.01 * torque / kMostServoSag;  // more than the printed digits round off
     sentences.push_back("joint '" + joint.name + "': gravity alone turns its servo by " +

@@ -7,12 +7,12 @@
 
 namespace constraint_sim {
 
-/// Angle by which gravity may move a servo without a report [rad].
-constexpr double kMostServoSag = 0.1;
+/// Angle by which gravity may move a servo without a report [rad]: a held pose is that near.
+constexpr double kMostServoSag = 1e-3;
 
 /// Returns a sentence for each servo of a robot in a world that the weight of the links behind it
 /// turns by more than kMostServoSag, with the stiffness that it would need. Statics at the present
-/// pose. Joints whose links are in loops or geared are left out, since others carry them too.
+/// pose; where links are in loops or geared, the effort of rigid motors in place of all servos.
 std::vector<std::string> sagging_servos(const Robot& robot, const engine::World& world);
 
 }  // namespace constraint_sim

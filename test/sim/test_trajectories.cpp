@@ -257,6 +257,19 @@ TEST(Trajectories, BeginInThePresentState) {
   expect_same(run(late, 60), run(rest, 60));
 }
 
+// A joint at its limit is there to rounding, and may be told to stay there.
+TEST(Trajectories, LimitsAreReachedToRounding) {
+  World world = two_bars("motor: {position: 0}");
+  Trajectories trajectories;
+  trajectories.begin(world, to(2.0 + 1e-12, -0.6));
+  for (int i = 0; i < 120; ++i) {
+    trajectories.before_step(&world);
+    world.step();
+  }
+  EXPECT_NEAR(position(world, "shoulder"), 2.0, 1e-12);  // rounding of integrated joints
+  EXPECT_THROW(trajectories.begin(world, to(2.0 + 1e-5, -0.6)), std::invalid_argument);
+}
+
 TEST(Trajectories, WhatCannotBeIsNamed) {
   World world = two_bars("motor: {bias: 0}");
   World passive = two_bars("damping: 0");

@@ -7,6 +7,8 @@
 #include "engine/math/elementary.h"
 #include "memory_peak.h"
 #include "robots.h"
+#include "urdf/contact_exceptions.h"
+#include "urdf/meshes.h"
 #include "urdf/parse.h"
 #include "urdf/prefixed.h"
 
@@ -90,7 +92,7 @@ TEST(Urdf, RotationsAreTheSameBitsOnEveryMachine) {
     inside += link(name) + joint("j" + name, "floating", "base", name,
                                  std::string("<origin rpy = '") + rpy + "'/>");
   }
-  const auto model = parse_urdf(robot("<!-- rpy= rpy='x' -->" + inside), {});
+  const auto model = parse_urdf(robot("<!-- rpy= rpy='x' -->" + inside));
   for (std::size_t i = 0; i < angles.size(); ++i) {
     const Vector3d half = 0.5 * angles[i];
     const auto [s_x, c_x] = engine::math::sin_cos(half.x());
@@ -189,10 +191,158 @@ TEST(Urdf, SecondShapesAreWeldedOnOrNamed) {
   EXPECT_EQ(r.bodies, (std::vector<std::string>{"base/com", "hand/com"}));
   EXPECT_EQ(world.joint(world.find_joint("wrist")).kind, JointKind::kWeld);
   ASSERT_EQ(r.warnings.size(), 2u);
-  EXPECT_EQ(r.warnings[0], "link 'base': of its collisions the first one collides, 1 more do not");
+  EXPECT_EQ(r.warnings[0],
+            "link 'base': a body has one shape, so of its collisions sphere 2 do not collide");
   EXPECT_EQ(r.warnings[1],
             "link 'pad' has no mass, and is fixed to what collides by another shape already: it "
             "does not collide");
+}
+
+// ---- meshes
+
+TEST(Meshes, PathsBecomeUris) {
+  for (const auto& [name, uri] :
+       {std::pair<const char*, const char*>{"a.stl", "file:///r/my%20robot/a.stl"},
+        {"./meshes/a b.stl", "file:///r/my%20robot/meshes/a%20b.stl"},
+        {"../a.stl", "file:///r/my%20robot/../a.stl"},
+        {"file://a.stl", "file:///r/my%20robot/a.stl"},
+        {"file:///x/a.stl", "file:///x/a.stl"},
+        {"file://localhost/x/a.stl", "file:///x/a.stl"},
+        {"file:///x/a%20b c.stl", "file:///x/a%20b%20c.stl"},
+        {"/x/100%.stl", "file:///x/100%25.stl"},
+        {"package://p/a.stl", "package://p/a.stl"}})
+    EXPECT_EQ(mesh_uri(name, "/r/my robot"), uri) << name;
+  EXPECT_EQ(mesh_uri("a.stl", ""), "");
+  EXPECT_EQ(mesh_uri("/a.stl", ""), "file:///a.stl");
+  EXPECT_EQ(path_of_file_uri("file:///r/my%20robot/100%25.stl"), "/r/my robot/100%.stl");
+}
+
+TEST(Meshes, AreFoundBesideTheUrdfOrNamed) {
+  const std::string mesh = "<geometry><mesh filename='m/a.stl'/></geometry>";
+  const std::string inside = link("base", std::string(kInertial) + "<visual>" + mesh +
+                                              "</visual><collision>" + mesh + "</collision>");
+  RobotOptions options;
+  std::vector<std::string> asked;
+  options.mesh_exists = [&](const std::string& uri) {
+    asked.push_back(uri);
+    return uri == "file:///there/m/a.stl";
+  };
+  options.folder = "/there";
+  World world;
+  const Robot found = add(inside, &world, options);
+  ASSERT_EQ(found.visuals.size(), 1u);
+  EXPECT_EQ(static_cast<const urdf::Mesh&>(*found.visuals[0].geometry).filename,
+            "file:///there/m/a.stl");
+  EXPECT_EQ(found.warnings, std::vector<std::string>{
+                                "link 'base': the mesh 'file:///there/m/a.stl' does not collide"});
+  options.folder = "/elsewhere";
+  EXPECT_NE(refusal([&] {
+              add(inside, &world, options);
+            }).find("link 'base': there is no mesh 'file:///elsewhere/m/a.stl'"),
+            std::string::npos);
+  // a text has no folder: the robot is there without a picture
+  options.folder = "";
+  asked.clear();
+  World other;
+  const Robot text = add(inside, &other, options);
+  EXPECT_TRUE(asked.empty());
+  EXPECT_TRUE(text.visuals.empty());
+  ASSERT_EQ(text.warnings.size(), 2u);
+  EXPECT_EQ(text.warnings[0], "link 'base': the mesh 'm/a.stl' does not collide");
+  EXPECT_NE(text.warnings[1].find("the mesh 'm/a.stl' is not shown: its name is relative"),
+            std::string::npos);
+}
+
+// ---- pairs that do not collide
+
+/// Three balls on a base that is far away, each on a hinge at its centre.
+std::string three_balls(double x_1, double x_2, double x_3) {
+  const std::string ball =
+      std::string(kInertial) + "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+  std::string text = link("base");
+  int i = 0;
+  for (const double x : {x_1, x_2, x_3}) {
+    const std::string name = std::to_string(++i);
+    text += link(name, ball) + joint("j" + name, "continuous", "base", name,
+                                     "<origin xyz='" + std::to_string(x) + " 0 0'/>");
+  }
+  return text;
+}
+
+std::vector<std::string> exceptions_of(const World& world) {
+  std::vector<std::string> names;
+  for (const engine::JointId id : world.joint_ids())
+    if (is_contact_exception(world.joint(id))) names.push_back(world.joint(id).name);
+  return names;
+}
+
+// Links that overlap where they are loaded do not collide.
+TEST(ContactExceptions, OverlappingLinksAreNamedAndDoNotCollide) {
+  World world;
+  RobotOptions options;
+  options.prefix = "p_";
+  options.fixed = true;
+  const Robot r = add(three_balls(1.0, 1.15, 1.36), &world, options);
+  EXPECT_EQ(r.warnings, std::vector<std::string>{
+                            "links '1' and '2' overlap, and do not collide with each other"});
+  EXPECT_EQ(exceptions_of(world), std::vector<std::string>{"p_no_contact/1/2"});
+  for (int i = 0; i < 10; ++i) {
+    world.step();
+    EXPECT_TRUE(world.contacts().empty());
+  }
+  // without the exception the balls collide
+  world.remove_joint(world.find_joint("p_no_contact/1/2"));
+  world.step();
+  EXPECT_FALSE(world.contacts().empty());
+}
+
+TEST(ContactExceptions, AreListedInTheYamlAndTheSrdf) {
+  World world;
+  RobotOptions options;
+  options.extra = "no_contact: [['1', '2'], ['1', base]]";
+  options.srdf =
+      "<?xml version='1.0'?><robot name='r'><!-- <disable_collisions link1='2' link2='3'/> -->"
+      "<disable_collisions link1='3' link2='1' reason='Never'/>"
+      "<disable_collisions link1='3' link2='camera' reason='Never'/></robot>";
+  const Robot r = add(three_balls(1.0, 2.0, 3.0), &world, options);
+  EXPECT_EQ(exceptions_of(world), (std::vector<std::string>{"no_contact/1/2", "no_contact/1/3"}));
+  EXPECT_EQ(r.warnings,
+            std::vector<std::string>{"the SRDF has links that the URDF does not have: 'camera'"});
+  const auto fault = [&](const std::string& extra, const std::string& srdf) {
+    RobotOptions wrong;
+    wrong.extra = extra;
+    wrong.srdf = srdf;
+    World other;
+    return refusal([&] { add(three_balls(1.0, 2.0, 3.0), &other, wrong); });
+  };
+  EXPECT_NE(fault("no_contact: [['1', '4']]", "").find("no_contact: the URDF has no link '4'"),
+            std::string::npos);
+  EXPECT_NE(fault("no_contact: [['1']]", "").find("must be the names of two links"),
+            std::string::npos);
+  EXPECT_NE(fault("", "<robot><disable_collisions link1='1'/></robot>").find("link1 and link2"),
+            std::string::npos);
+}
+
+// Exceptions hold nothing: a robot moves with them as without.
+TEST(ContactExceptions, HoldNothing) {
+  World with, without;
+  RobotOptions options;
+  add(three_balls(1.0, 2.0, 3.0), &without, options);
+  options.extra = "no_contact: [['1', '2'], ['2', '3'], ['1', '3']]";
+  add(three_balls(1.0, 2.0, 3.0), &with, options);
+  for (World* world : {&with, &without}) {
+    engine::BodyState state = world->state(world->find_body("1/com"));
+    state.angular_velocity.x() = 3.0;
+    world->set_state(world->find_body("1/com"), state);
+    for (int i = 0; i < 100; ++i) world->step();
+  }
+  for (const char* name : {"base/com", "1/com", "2/com", "3/com"})
+    // methods group rows in other orders: rounding
+    EXPECT_LT((with.state(with.find_body(name)).position -
+               without.state(without.find_body(name)).position)
+                  .norm(),
+              1e-12)
+        << name;
 }
 
 TEST(Urdf, MimicsAreGears) {
@@ -546,6 +696,16 @@ TEST(Prefixed, LinksAndJointsHaveLongerNames) {
   EXPECT_EQ(prefixed.text, text("sim/left/", "left/"));
   EXPECT_EQ(prefixed.joints, (std::vector<std::string>{"left/j", "left/k"}));
   EXPECT_EQ(prefixed_urdf(text("", ""), "", "").text, text("", ""));
+  // names of meshes become those that other programs find
+  const auto with_mesh = [](const std::string& file) {
+    const std::string mesh =
+        "<visual><geometry><mesh filename='" + file + "'></mesh></geometry></visual>";
+    return robot(link("a", mesh) + link("b", mesh));
+  };
+  EXPECT_EQ(prefixed_urdf(with_mesh("m/a.stl"), "", "", "/r").text, with_mesh("file:///r/m/a.stl"));
+  for (const char* name : {"package://p/a.stl", "m/a&amp;b.stl"})
+    EXPECT_EQ(prefixed_urdf(with_mesh(name), "", "", "/r").text, with_mesh(name));
+  EXPECT_EQ(prefixed_urdf(with_mesh("a.stl"), "", "").text, with_mesh("a.stl"));
 }
 
 }  // namespace

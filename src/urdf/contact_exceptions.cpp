@@ -1,0 +1,171 @@
+#include "urdf/contact_exceptions.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <variant>
+
+#include "engine/collision/broadphase.h"
+#include "engine/collision/narrowphase.h"
+#include "sim/words.h"
+#include "urdf/xml_tags.h"
+
+namespace constraint_sim {
+namespace {
+
+using IndexPair = std::pair<std::size_t, std::size_t>;
+
+const std::string kNoContact = "no_contact/";
+// Overlap of links that only touch: URDFs have lengths of six digits [m].
+constexpr double kTouching = 1e-6;
+constexpr std::size_t kMostPairs = 1000;  // of exceptions of a robot, which cost time in each step
+constexpr std::size_t kMostWarnings = 20;
+
+double depth(const engine::Body& a, const engine::Body& b) {
+  const engine::Manifold manifold =
+      engine::collide(engine::PlacedShape(a, a.state), engine::PlacedShape(b, b.state));
+  double most = 0.0;
+  for (int i = 0; i < manifold.count; ++i)
+    most = std::max(most, manifold.points[static_cast<std::size_t>(i)].depth);
+  return most;
+}
+
+class ExceptionSearch {
+ public:
+  ExceptionSearch(const Lumps& lumps, const std::vector<engine::Body>& bodies,
+                  const std::vector<engine::Joint>& joints)
+      : lumps_(lumps), bodies_(bodies) {
+    for (const engine::Joint& joint : joints) {
+      const bool is_pair = !engine::couples_joints(joint.kind) && !joint.collide_connected;
+      if (!is_pair || joint.body_a == engine::kWorldBody || joint.body_b == engine::kWorldBody)
+        continue;
+      joined_.insert(
+          std::minmax(std::size_t{joint.body_a.value} - 1, std::size_t{joint.body_b.value} - 1));
+    }
+  }
+
+  void add_neighbours() {
+    std::map<std::size_t, std::vector<std::size_t>> members;
+    for (std::size_t i = 0; i < bodies_.size(); ++i)
+      if (collides(i)) members[group(i)].push_back(i);
+    for (const auto& [i, j] : joined_) {
+      if (group(i) == group(j)) continue;
+      for (const std::size_t a : members[group(i)])
+        for (const std::size_t b : members[group(j)]) except({a, b});
+    }
+  }
+
+  void add_listed(const std::vector<LinkPair>& listed) {
+    for (const auto& [first, second] : listed) {
+      const auto a = lumps_.places.find(first), b = lumps_.places.find(second);
+      if (a == lumps_.places.end() || b == lumps_.places.end()) continue;
+      const std::size_t i = a->second.lump, j = b->second.lump;
+      if (i != j && lumps_.list[i].link_of_shape == first && lumps_.list[j].link_of_shape == second)
+        except({i, j});
+    }
+  }
+
+  void add_overlaps() {
+    engine::List<engine::Proxy> proxies;
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      if (!collides(i)) continue;
+      const engine::PlacedShape placed(bodies_[i], bodies_[i].state);
+      proxies.push_back(
+          {engine::bounds(placed.shape(), placed.state()), static_cast<int>(i), true});
+    }
+    engine::Broadphase broadphase;
+    std::size_t overlaps = 0;
+    for (const auto& [first, second] : broadphase.find_pairs(proxies)) {
+      const IndexPair pair{static_cast<std::size_t>(first), static_cast<std::size_t>(second)};
+      if (is_excepted(pair) || !(depth(bodies_[pair.first], bodies_[pair.second]) > kTouching))
+        continue;
+      except(pair);
+      if (group(pair.first) == group(pair.second) || ++overlaps > kMostWarnings) continue;
+      warnings_.push_back("links '" + link(pair.first) + "' and '" + link(pair.second) +
+                          "' overlap, and do not collide with each other");
+    }
+    if (overlaps > kMostWarnings)
+      warnings_.push_back("more links overlap than these " + std::to_string(kMostWarnings));
+    if (broadphase.is_full()) left_out_ = true;
+  }
+
+  ContactExceptions take() {
+    if (left_out_)
+      warnings_.push_back("more than " + std::to_string(kMostPairs) +
+                          " pairs of links are neighbours, overlap or are listed; the others "
+                          "collide: no_collision of links ends that");
+    return {{excepted_.begin(), excepted_.end()}, std::move(warnings_)};
+  }
+
+ private:
+  const std::string& link(std::size_t i) const { return lumps_.list[i].link; }
+  std::size_t group(std::size_t i) const { return lumps_.list[i].group; }
+
+  bool collides(std::size_t i) const {
+    return !bodies_[i].no_collision && !std::holds_alternative<engine::Point>(bodies_[i].shape);
+  }
+
+  bool is_excepted(IndexPair pair) const {
+    pair = std::minmax(pair.first, pair.second);
+    return joined_.count(pair) > 0 || excepted_.count(pair) > 0;
+  }
+
+  void except(IndexPair pair) {
+    if (is_excepted(pair)) return;
+    if (excepted_.size() < kMostPairs)
+      excepted_.insert(std::minmax(pair.first, pair.second));
+    else
+      left_out_ = true;
+  }
+
+  const Lumps& lumps_;
+  const std::vector<engine::Body>& bodies_;
+  std::set<IndexPair> joined_, excepted_;
+  std::vector<std::string> warnings_;
+  bool left_out_ = false;  // more pairs than kMostPairs
+};
+
+}  // namespace
+
+ContactExceptions contact_exceptions(const Lumps& lumps, const std::vector<engine::Body>& bodies,
+                                     const std::vector<engine::Joint>& joints,
+                                     const std::vector<LinkPair>& listed) {
+  ExceptionSearch search(lumps, bodies, joints);
+  search.add_neighbours();
+  search.add_listed(listed);
+  search.add_overlaps();
+  return search.take();
+}
+
+engine::Joint no_contact_joint(const std::string& prefix, const LinkPair& links, engine::BodyId a,
+                               engine::BodyId b) {
+  engine::Joint joint;
+  joint.name = prefix + kNoContact + links.first + "/" + links.second;
+  joint.kind = engine::free_length();
+  joint.body_a = a;
+  joint.body_b = b;
+  return joint;
+}
+
+bool is_contact_exception(const engine::Joint& joint) {
+  return engine::is_free_length(joint.kind) && joint.name.find(kNoContact) != std::string::npos;
+}
+
+std::vector<LinkPair> disabled_collisions(const std::string& srdf) {
+  std::vector<LinkPair> pairs;
+  XmlTags tags(srdf);
+  while (tags.next()) {
+    if (tags.kind() == XmlTags::Kind::kDeclaration || tags.name() != "disable_collisions" ||
+        tags.kind() == XmlTags::Kind::kEnd)
+      continue;
+    const LinkPair pair{tags.attribute("link1"), tags.attribute("link2")};
+    if (pair.first.empty() || pair.second.empty())
+      throw std::invalid_argument("srdf: <" + shortened(tags.text()) +
+                                  "> needs the attributes link1 and link2");
+    pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+}  // namespace constraint_sim

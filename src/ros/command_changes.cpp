@@ -133,6 +133,7 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
   engine::check_finite("data", value);
   const engine::JointId id = find_joint(world, "command", constraint);
   const engine::Joint& joint = world.joint(id);
+  const bool was_driven = trajectories_.drives(id);
   const bool was_to_position = trajectories_.drop(id);
   const JointBounds bounds = robots_.bounds(world, id);
   engine::CoordinateMotor motor;
@@ -146,6 +147,7 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
     throw std::invalid_argument("'" + constraint + "' has no motor to command");
   motor = *joint.coordinates[0].motor;
   const engine::CoordinateLaw& law = joint.coordinates[0];
+  if (was_driven) motor.amplitude = motor.frequency = motor.phase = 0.0;
   if (motor.position || was_to_position) {
     motor.position = value = std::clamp(value, law.lower, law.upper);
     motor.bias = 0.0;

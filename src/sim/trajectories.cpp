@@ -112,10 +112,10 @@ Spline spline_of(const engine::World& world, engine::JointId id, const JointTraj
 }
 
 /// Lets a motor by rate go through a tick that begins at `time` [s] from the rate `begin` to the
-/// rate `end`, with this mean [m/s or rad/s], along a parabola. Rates that jump between ticks would
-/// ask for more force than any limited motor has. The rate of motors is a bias and a sine: with the
-/// phase ψ in the middle and ψ ± κ/2 at the ends of the tick, x from −1/2 to 1/2,
-/// A sin(ψ + κ x) ≈ A sin ψ + A κ cos ψ x − A κ²/2 sin ψ x².
+/// rate `end`, with this mean [m/s or rad/s]. Rates that jump between ticks would ask for more
+/// force than any limited motor has. With x from −1/2 to 1/2 within the tick the rate is v = bias +
+/// p cos(κ x) + q sin(κ x), where v(1/2) − v(−1/2) = 2 q sin(κ/2), (v(1/2) + v(−1/2))/2 = bias + p
+/// cos(κ/2), and the mean is bias + p sin(κ/2)/(κ/2).
 void set_rate(double begin, double mean, double end, double time, double h,
               engine::CoordinateMotor* motor) {
   // A joint with friction has no direction where it begins, or comes to rest, without a rate.
@@ -123,14 +123,15 @@ void set_rate(double begin, double mean, double end, double time, double h,
   const double square_of_mean = mean * mean;
   if (begin * mean < kLeast * square_of_mean && end * mean > square_of_mean) begin = kLeast * mean;
   if (end * mean < kLeast * square_of_mean && begin * mean > square_of_mean) end = kLeast * mean;
-  constexpr double kAngle = 0.01;  // κ [rad]: terms of third order are κ²/24 of the first
-  const double linear = end - begin, square = 6.0 * (0.5 * (begin + end) - mean);
-  const double cosine = linear / kAngle, sine = -2.0 * square / (kAngle * kAngle);
-  const double half = 0.5 * kAngle;
-  motor->amplitude = engine::math::hypot(cosine, sine, 0.0);
+  constexpr double kAngle = 1.0;  // κ [rad]: amplitudes are as small as changes within a tick
+  const engine::math::SineCosine half = engine::math::sin_cos(0.5 * kAngle);
+  const double sinc = half.sine / (0.5 * kAngle);
+  const double p = (0.5 * (begin + end) - mean) / (half.cosine - sinc);
+  const double q = 0.5 * (end - begin) / half.sine;
+  motor->amplitude = engine::math::hypot(p, q);
   motor->frequency = kAngle / (2.0 * engine::kPi * h);
-  motor->phase = engine::math::atan2(sine, cosine) - kAngle * (time / h + 0.5);
-  motor->bias = mean - sine * engine::math::sin_cos(half).sine / half;
+  motor->phase = engine::math::atan2(p, q) - kAngle * (time / h + 0.5);
+  motor->bias = mean - p * sinc;
 }
 
 }  // namespace

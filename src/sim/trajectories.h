@@ -56,6 +56,8 @@ class Trajectories {
   /// time is over are dropped, as is a point at time 0 that is not at the present position. Throws
   /// std::invalid_argument for invalid points and unsuitable joints; then all trajectories go on.
   void begin(const engine::World& world, const JointTrajectory& trajectory);
+  /// Returns whether a trajectory drives the joint, in place of what its motor had.
+  bool drives(engine::JointId joint) const { return on_their_way_.count(joint.value) > 0; }
   /// Ends the trajectory of a joint. Returns whether the joint's motor, which the trajectory drives
   /// by a rate, is one to a position.
   bool drop(engine::JointId joint);

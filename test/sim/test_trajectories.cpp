@@ -270,6 +270,25 @@ TEST(Trajectories, LimitsAreReachedToRounding) {
   EXPECT_THROW(trajectories.begin(world, to(2.0 + 1e-5, -0.6)), std::invalid_argument);
 }
 
+// A motor whose trajectory ends on the way, as in a snapshot that was taken then, goes on at about
+// the rate of that moment: 0.8 rad/s, and less than 3 % more in a tick.
+TEST(Trajectories, AMotorThatIsLeftOnItsWayGoesOn) {
+  World world = two_bars("motor: {position: 0}");
+  Trajectories trajectories;
+  trajectories.begin(world, to(0.8, -0.6));
+  for (int i = 0; i < 30; ++i) {
+    trajectories.before_step(&world);
+    world.step();
+  }
+  EXPECT_TRUE(trajectories.drives(world.find_joint("shoulder")));
+  trajectories.end();
+  EXPECT_FALSE(trajectories.drives(world.find_joint("shoulder")));
+  const Spline spline({{0.0, 0.0, 0.0, 0.0}, {0.5, 0.4, 1.0, 0.0}, {1.0, 0.8, 0.0, 0.0}}, 5);
+  const double rate = spline.rate(0.3), from = position(world, "shoulder");
+  for (int i = 0; i < 100; ++i) world.step();
+  EXPECT_NEAR(position(world, "shoulder") - from, rate, 0.03 * rate);
+}
+
 TEST(Trajectories, WhatCannotBeIsNamed) {
   World world = two_bars("motor: {bias: 0}");
   World passive = two_bars("damping: 0");

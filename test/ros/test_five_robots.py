@@ -113,6 +113,16 @@ class FiveRobots(unittest.TestCase):
             states = Listener(NODE + "/joint_states", JointState).find()
             self.assertIn("joint_6", states.name)
             self.assertNotIn(pair, states.name)
+            # nor are they drawn or labelled
+            names = properties().constraints
+            markers, labels = (Listener(NODE + topic, MarkerArray) for topic in ("/markers", "/labels"))
+            drawn = markers.find(lambda m: any(x.ns == "joints" for x in m.markers))
+            ids = {m.id for m in drawn.markers if m.ns in ("constraints", "joints")}
+            self.assertEqual(len(ids), len([n for n in names if not n.startswith("no_contact/")]))
+            told = labels.find(lambda m: any(x.ns == "constraint_names" for x in m.markers))
+            texts = {m.text for m in told.markers if m.ns == "constraint_names"}
+            self.assertIn("joint_6", texts)
+            self.assertFalse([text for text in texts if "no_contact" in text])
         for name, value in (("/robot_description", text_of("arm6")),
                             ("/robot_description_semantic", srdf)):
             rospy.set_param(name, value)

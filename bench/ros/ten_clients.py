@@ -12,6 +12,8 @@ dropped. Exits with 1 where a call was lost, the node ended, or one of 1000 resp
 
     bench/ros/ten_clients.py --minutes 10
     bench/ros/ten_clients.py --minutes 60      a soak: memory over an hour
+    bench/ros/ten_clients.py --persistent      roscpp itself loses calls over single connections
+                                               (bench/ros/lost_calls.py), and none over persistent ones
 """
 import argparse
 import contextlib
@@ -36,7 +38,7 @@ BOUND = 0.5        # bound for 999 of 1000 response times [s]
 SAMPLES = 10       # printed samples of memory
 
 
-def client(index, rate, end, loads, results):
+def client(index, rate, end, is_persistent, loads, results):
     """Calls at a steady rate until `end` [s of the steady clock]; puts its observations into results."""
     import rospy
     import rosservice
@@ -53,12 +55,14 @@ def client(index, rate, end, loads, results):
         nonlocal refused
         if service not in proxies:
             proxies[service] = rospy.ServiceProxy(
-                NODE + "/" + service, rosservice.get_service_class_by_name(NODE + "/" + service))
+                NODE + "/" + service, rosservice.get_service_class_by_name(NODE + "/" + service),
+                persistent=is_persistent)
         start = time.monotonic()
         try:
             answer = proxies[service](**fields)
         except Exception as error:  # any failure means no response
             lost.append("%s: %s" % (service, error))
+            del proxies[service]  # its connection, where it is persistent, is broken
             return None
         seconds.append(time.monotonic() - start)
         refused += not answer.success
@@ -138,13 +142,13 @@ def at_share(ordered, share):
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
-def run(clients, minutes, rate):
+def run(clients, minutes, rate, is_persistent):
     end = time.monotonic() + 60.0 * minutes
     results, heard, done = multiprocessing.Queue(), multiprocessing.Queue(), multiprocessing.Event()
     loads = multiprocessing.Value("i", 0)
     address = xmlrpc.client.ServerProxy(os.environ["ROS_MASTER_URI"]).lookupNode("/ten", NODE)[2]
     pid = xmlrpc.client.ServerProxy(address).getPid("/ten")[2]
-    workers = [multiprocessing.Process(target=client, args=(i, rate, end, loads, results))
+    workers = [multiprocessing.Process(target=client, args=(i, rate, end, is_persistent, loads, results))
                for i in range(clients)]
     listener = multiprocessing.Process(target=listen, args=(heard, done))
     for process in (*workers, listener):
@@ -184,6 +188,8 @@ def main():
     parser.add_argument("--clients", type=int, default=10, help="default: 10")
     parser.add_argument("--rate", type=float, default=15.0, metavar="HZ",
                         help="calls per second of each client; default: 15")
+    parser.add_argument("--persistent", action="store_true",
+                        help="one connection for all calls of a service, instead of one a call")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         port = free_port()
@@ -196,7 +202,7 @@ def main():
             wait_until(lambda: master.getPid("/ten"), "the master")
             stack.enter_context(running([program, "__name:=constraint_sim", "_scene:=bridge"]))
             wait_until(lambda: master.lookupNode("/ten", NODE)[0] == 1, "the node")
-            if not run(options.clients, options.minutes, options.rate):
+            if not run(options.clients, options.minutes, options.rate, options.persistent):
                 sys.exit(1)
 
 

@@ -63,6 +63,51 @@ TEST(Stop, AStepThatNeverEndsIsEndedByTheFlagAndTheStateIsThatOfBefore) {
   EXPECT_LT(passed, 5.0);  // 10000 sweeps over 50000 rows take ten
 }
 
+/// Long thin poles that lie crosswise, square and round: the bounds of a fifth of all pairs
+/// overlap, and the gap of each of these pairs is looked for.
+World heap_of_poles(int count) {
+  WorldOptions options;
+  options.time_step = 0.01;
+  World world(options);
+  Random random;
+  const Shape shapes[] = {Cylinder{0.01, 10.0}, Box{{0.02, 0.02, 10.0}}};
+  for (int i = 0; i < count; ++i) {
+    const Vector3d place = random.vector();
+    Body pole = make_body("pole_" + std::to_string(i), shapes[i % 2], 1.0,
+                          {10.0 * place.x(), 10.0 * place.y(), place.z()});
+    pole.state.orientation = Eigen::AngleAxisd(kPi * random(), Vector3d::UnitZ()) *
+                             Eigen::AngleAxisd(0.5 * kPi + 0.3 * random(), Vector3d::UnitY());
+    world.add_body(pole);
+  }
+  return world;
+}
+
+std::atomic<bool> stop_from_first_stage_on{false};
+double clock_that_stops() {
+  stop_from_first_stage_on = true;
+  return 0.0;
+}
+
+// The clock sets the flag where the broadphase begins. Gaps take more than nine tenths of a whole
+// step, and a stopped step looks for none.
+TEST(Stop, AStepOfAHeapOfLongPolesIsEndedWhileGapsAreLookedFor) {
+  World whole = heap_of_poles(400), world = whole;
+  const auto time_of_step = [](World* of) {
+    const std::clock_t start = std::clock();
+    of->step();
+    return static_cast<double>(std::clock() - start);
+  };
+  const double time = time_of_step(&whole);
+  EXPECT_FALSE(whole.report().stopped);
+  const std::uint64_t hash = world.state_hash();
+  world.set_clock(clock_that_stops);
+  world.set_stop_flag(&stop_from_first_stage_on);
+  const double stopped_after = time_of_step(&world);
+  EXPECT_TRUE(world.report().stopped);
+  EXPECT_EQ(world.state_hash(), hash);
+  EXPECT_LT(stopped_after, 0.3 * time);
+}
+
 TEST(Stop, AWorldThatWasStoppedGoesOn) {
   World world = one_of_each(10);
   run(world, 20);

@@ -30,6 +30,23 @@ double least_gap(const Model& model, const State& state, std::size_t a, std::siz
   return apart.dot(state.states[b].orientation * Vector3d::UnitZ()) - extent(model.bodies[a]);
 }
 
+/// A lower bound of the gap of two cylinders whose axes cross [m]: their gap along the common
+/// normal of the axes, where each is as wide as its radius. Minus infinity of other pairs.
+double gap_across(const Model& model, const State& state, const Broadphase::Pair& pair) {
+  const Body &body_a = model.bodies[pair.first], &body_b = model.bodies[pair.second];
+  const auto* of_a = std::get_if<Cylinder>(&body_a.shape);
+  const auto* of_b = std::get_if<Cylinder>(&body_b.shape);
+  if (of_a == nullptr || of_b == nullptr) return -kInfinity;
+  const PlacedShape a(body_a, state.states[pair.first]), b(body_b, state.states[pair.second]);
+  const Vector3d normal =
+      (a.state().orientation * Vector3d::UnitZ()).cross(b.state().orientation * Vector3d::UnitZ());
+  constexpr double kParallelSine = 1e-3;
+  const double sine = normal.norm();
+  if (sine < kParallelSine) return -kInfinity;
+  return std::abs(normal.dot(a.state().position - b.state().position)) / sine - of_a->radius -
+         of_b->radius;
+}
+
 /// Whether an overlap is no deeper than impulses leave overlaps at rest, and changes slowly.
 bool is_settled(const StepContext& step, const State& state, const Broadphase::Pair& pair,
                 double gap) {
@@ -93,7 +110,7 @@ void ContactReach::begin(const StepContext& step, const State& state,
 bool ContactReach::grow(const StepContext& step, const State& state, const IslandLists& lists,
                         const AwakeSets& awake, const List<Broadphase::Pair>& pairs) {
   const Model& model = step.model;
-  watch_pairs(model, step.topology, state, lists.islands.size(), pairs);
+  watch_pairs(step, state, lists.islands.size(), pairs);
   if (watched_pairs_.empty()) return false;
   list_group_sizes(step, state, lists, awake);
   bool any_grown = false;
@@ -111,8 +128,10 @@ bool ContactReach::grow(const StepContext& step, const State& state, const Islan
 }
 
 // Connects the islands of pairs that may touch, by union-find. The first island of a set leads it.
-void ContactReach::watch_pairs(const Model& model, const Topology& topology, const State& state,
-                               std::size_t islands, const List<Broadphase::Pair>& pairs) {
+// Watches nothing once the step is asked to stop.
+void ContactReach::watch_pairs(const StepContext& step, const State& state, std::size_t islands,
+                               const List<Broadphase::Pair>& pairs) {
+  const Topology& topology = step.topology;
   watched_pairs_.clear();
   List<int>& leader = leader_of_;
   leader.resize(islands);
@@ -122,7 +141,8 @@ void ContactReach::watch_pairs(const Model& model, const Topology& topology, con
     return i;
   };
   for (const Broadphase::Pair& pair : pairs) {
-    const std::optional<double> gap = gap_to_watch(model, topology, state, pair);
+    if (is_set(step.stop)) return watched_pairs_.clear();
+    const std::optional<double> gap = gap_to_watch(step.model, topology, state, pair);
     if (!gap) continue;
     watched_pairs_.push_back({pair, *gap});
     const int a = topology.island_of(pair.first), b = topology.island_of(pair.second);
@@ -140,6 +160,7 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
   const Topology& topology = step.topology;
   sizes_.assign(lists.islands.size(), GroupSize{});
   for (const auto& [pair, gap] : watched_pairs_) {
+    if (is_set(step.stop)) return;
     const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
     GroupSize& size = sizes_[leader_of_[island]];
     size.has_pairs = true;
@@ -170,7 +191,7 @@ std::optional<double> ContactReach::gap_to_watch(const Model& model, const Topol
                                                  const Broadphase::Pair& pair) const {
   const double most = reach_[pair.first] + reach_[pair.second];
   if (least_gap(model, state, to_index(pair.first), to_index(pair.second)) > most ||
-      topology.is_unpaired(pair))
+      topology.is_unpaired(pair) || gap_across(model, state, pair) > most)
     return std::nullopt;
   const double gap = gap_of(model, state, pair);
   if (gap > most) return std::nullopt;

@@ -60,8 +60,8 @@ class ContactReach {
             const AwakeSets& awake, const List<Broadphase::Pair>& pairs);
 
  private:
-  void watch_pairs(const Model& model, const Topology& topology, const State& state,
-                   std::size_t islands, const List<Broadphase::Pair>& pairs);
+  void watch_pairs(const StepContext& step, const State& state, std::size_t islands,
+                   const List<Broadphase::Pair>& pairs);
   void list_group_sizes(const StepContext& step, const State& state, const IslandLists& lists,
                         const AwakeSets& awake);
   std::optional<double> gap_to_watch(const Model& model, const Topology& topology,

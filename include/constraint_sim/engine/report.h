@@ -41,7 +41,7 @@ const char* name(Stage stage);
 /// Reason for a failed step, which keeps the state before it.
 enum class Failure {
   kNone,
-  kNotFinite,        ///< a number was not finite
+  kNotFinite,        ///< a number was not finite, or a saved one beyond kMostMagnitude
   kOutOfRange,       ///< a body is farther or faster than kMostMagnitude
   kTooManyPairs,     ///< more than kMostPairs of bodies have overlapping bounding boxes
   kTooManyContacts,  ///< more than kMostContacts contact points

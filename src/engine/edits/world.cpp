@@ -335,7 +335,7 @@ const char* to_string(Failure failure) {
     case Failure::kNone:
       break;
     case Failure::kNotFinite:
-      return "a number was not finite";
+      return "a number was not finite, or beyond 1e20";
     case Failure::kOutOfRange:
       return "a body is beyond 1e20 m, m/s or rad/s";
     case Failure::kTooManyPairs:

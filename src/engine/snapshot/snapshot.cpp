@@ -74,9 +74,10 @@ class Visitor {
     (*this)(value);
   }
 
-  /// `keep`: lists that are read, and are not empty, must keep their sizes, since compiled data
-  /// depend on these sizes. Empty lists take the size that is read.
-  void keep_sizes(bool keep) { keeps_sizes_ = keep; }
+  /// Whether the memory of a method follows. Lists that are read, and are not empty, must keep
+  /// their sizes there, since compiled data depend on these sizes; empty lists take the size that
+  /// is read. Equations of extreme numbers may leave NaN there, with which a step fails.
+  void begin_method(bool begins) { is_of_method_ = begins; }
   const MostIds& most_ids() const { return most_ids_; }
 
   template <class T>
@@ -134,7 +135,7 @@ class Visitor {
   void visit_number(T& number) {
     bytes_(&number, sizeof number);
     if constexpr (kReads && std::is_floating_point_v<T>)
-      if (std::isnan(number) && !is_report_) fail_damaged("a number");
+      if (std::isnan(number) && !is_report_ && !is_of_method_) fail_damaged("a number");
   }
   template <class Tag>
   void visit(Id<Tag>& id) {
@@ -221,7 +222,7 @@ class Visitor {
     std::size_t size = list.size();
     (*this)(size);
     if constexpr (kReads) {
-      if (keeps_sizes_ && !list.empty() && size != list.size()) fail_damaged("the size of a list");
+      if (is_of_method_ && !list.empty() && size != list.size()) fail_damaged("the size of a list");
       list.resize(bytes_.checked(size));
     }
     for (std::size_t i = 0; i < size; ++i) {
@@ -276,8 +277,8 @@ class Visitor {
   };
 
   Bytes bytes_;
-  bool keeps_sizes_ = false;
-  bool is_report_ = false;  // within a StepReport or an Island
+  bool is_of_method_ = false;  // within the memory of a method
+  bool is_report_ = false;     // within a StepReport or an Island
   MostIds most_ids_;
 };
 
@@ -402,11 +403,11 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     if constexpr (Visit::kReads)
       if (has_motion && (parts.motion < 0 || open_points != parts.open_points))
         compile_island(self, self.topology, open_points, &parts, &self.motions);
-    visit.keep_sizes(true);  // compilation sets the sizes
+    visit.begin_method(true);
     if (has_motion)
       IslandMotion::visit_memory(self.motions[static_cast<std::size_t>(parts.motion)], visit,
                                  self.masses);
-    visit.keep_sizes(false);
+    visit.begin_method(false);
   }
   IslandIntegration::visit_motion(self.integration, visit);
   ContactPipeline::visit_memory(self.pipeline, visit);

@@ -51,39 +51,50 @@ Failure failure_of_motion(const Model& model, const State& state, const List<int
 }
 
 /// Whether all numbers of this step that are reported or saved are finite, beside the states of the
-/// bodies: a single NaN or infinity makes the sum not finite. Energies follow from these numbers,
-/// which kMostMagnitude bounds as it bounds positions and velocities.
-bool are_finite(const Model& model, const State& state, const AwakeSets& awake,
-                const StepOutput& output) {
+/// bodies: a single NaN or infinity makes the sum not finite. Numbers that a scene saves may be no
+/// larger than those that it loads, so their magnitudes are summed for each joint and contact.
+/// Energies follow from these numbers.
+bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awake,
+                   const StepOutput& output) {
   const StepReport& report = output.report;
   if (awake.bodies.empty() && awake.joints.empty()) return true;  // nothing is new in this step
   double sum = report.local_error + report.projected_energy + report.correction_work +
                report.driven_work + report.solver_residual + report.max_penetration;
+  double most = 0.0;
   for (const int j : awake.joints) {
     const auto i = static_cast<std::size_t>(j);
     const JointState& joint = state.joint_states[i];
     sum += joint.error + joint.error_rate + joint.angle_error + joint.force + joint.bias +
-           joint.reached_rate + joint.travel + joint.initial_error + joint.impulse.sum();
+           joint.reached_rate;
+    double saved =
+        std::abs(joint.travel) + std::abs(joint.initial_error) + joint.impulse.lpNorm<1>();
     for (int k = 0; k < info(model.joints[i].kind).coordinates; ++k) {
       const CoordinateState& coordinate = joint.coordinates[static_cast<std::size_t>(k)];
-      sum += coordinate.position + coordinate.velocity + coordinate.effort + coordinate.bias +
-             coordinate.held + coordinate.braking;
+      sum += coordinate.velocity + coordinate.effort + coordinate.bias;
+      saved +=
+          std::abs(coordinate.position) + std::abs(coordinate.held) + std::abs(coordinate.braking);
     }
-    if (joint.closing)
-      for (const MovingStart& moving : joint.to_close.moving)
-        sum += moving.offset + moving.rate + moving.acceleration;
-    if (joint.closing)
-      sum += joint.to_close.offset.sum() + joint.to_close.shift.sum() + joint.to_close.turn.sum() +
-             joint.closing_share + joint.to_close.coupling;
-    if (couples(model.joints[i].kind))
-      sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort +
-             joint.coupling.impulse;
+    if (joint.closing) {
+      const ErrorsToClose& errors = joint.to_close;
+      for (const MovingStart& moving : errors.moving)
+        saved += std::abs(moving.offset) + std::abs(moving.rate) + std::abs(moving.acceleration);
+      saved += errors.offset.lpNorm<1>() + errors.shift.lpNorm<1>() + errors.turn.lpNorm<1>() +
+               joint.closing_share + std::abs(errors.coupling);
+    }
+    if (couples(model.joints[i].kind)) {
+      sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort;
+      saved += std::abs(joint.coupling.impulse);
+    }
+    sum += saved;
+    most = std::max(most, saved);
   }
-  for (std::size_t i = output.resting_contacts; i < output.contacts.size(); ++i)
-    sum += output.contacts[i].position.sum() + output.contacts[i].normal.sum() +
-           output.contacts[i].depth + output.contacts[i].normal_force +
-           output.contacts[i].force.sum();
-  if (!std::isfinite(sum)) return false;
+  for (std::size_t i = output.resting_contacts; i < output.contacts.size(); ++i) {
+    const Contact& contact = output.contacts[i];
+    sum += contact.position.sum() + contact.normal.sum() + contact.depth + contact.normal_force +
+           contact.force.sum();
+    most = std::max(most, model.options.time_step * contact.force.lpNorm<1>());
+  }
+  if (!std::isfinite(sum) || most > kMostMagnitude) return false;
   if (!state.any_corrections) return true;
   double squares = 0.0;
   for (const int i : awake.bodies)
@@ -312,7 +323,7 @@ void World::Impl::finish_step(const StepContext& step) {
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
   if (!touching.empty() || contacts.size() > resting_contacts)
     set_contacts(touching, options.time_step);
-  if (!are_finite(*this, *this, sleep.awake(), *this)) throw StepFailed{Failure::kNotFinite};
+  if (!are_in_bounds(*this, *this, sleep.awake(), *this)) throw StepFailed{Failure::kNotFinite};
   leave_out_estimates();
   if (events.size() > 1) sort_events();
   ++step_count;

@@ -38,13 +38,13 @@ Failure failure_of_motion(const Model& model, const State& state, const List<int
   }
   if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
   for (const int i : awake_bodies) {
-    const BodyState& body = state.states[static_cast<std::size_t>(i)];
+    const BodyState& body = state.states[i];
     Eigen::Matrix<double, 13, 1> numbers;
     numbers << body.position, body.linear_velocity, body.angular_velocity,
         body.orientation.coeffs();
     const bool is_finite = numbers.allFinite();
     if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
-    *failed_body = model.body_ids[static_cast<std::size_t>(i)];
+    *failed_body = model.body_ids[i];
     return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;
   }
   return Failure::kNone;
@@ -62,14 +62,13 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
                report.driven_work + report.solver_residual + report.max_penetration;
   double most = 0.0;
   for (const int j : awake.joints) {
-    const auto i = static_cast<std::size_t>(j);
-    const JointState& joint = state.joint_states[i];
+    const JointState& joint = state.joint_states[j];
     sum += joint.error + joint.error_rate + joint.angle_error + joint.force + joint.bias +
            joint.reached_rate;
     double saved =
         std::abs(joint.travel) + std::abs(joint.initial_error) + joint.impulse.lpNorm<1>();
-    for (int k = 0; k < info(model.joints[i].kind).coordinates; ++k) {
-      const CoordinateState& coordinate = joint.coordinates[static_cast<std::size_t>(k)];
+    for (int k = 0; k < info(model.joints[j].kind).coordinates; ++k) {
+      const CoordinateState& coordinate = joint.coordinates[to_index(k)];
       sum += coordinate.velocity + coordinate.effort + coordinate.bias;
       saved +=
           std::abs(coordinate.position) + std::abs(coordinate.held) + std::abs(coordinate.braking);
@@ -81,7 +80,7 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
       saved += errors.offset.lpNorm<1>() + errors.shift.lpNorm<1>() + errors.turn.lpNorm<1>() +
                joint.closing_share + std::abs(errors.coupling);
     }
-    if (couples(model.joints[i].kind)) {
+    if (couples(model.joints[j].kind)) {
       sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort;
       saved += std::abs(joint.coupling.impulse);
     }
@@ -97,8 +96,7 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
   if (!std::isfinite(sum) || most > kMostMagnitude) return false;
   if (!state.any_corrections) return true;
   double squares = 0.0;
-  for (const int i : awake.bodies)
-    squares += state.corrections[static_cast<std::size_t>(i)].squaredNorm();
+  for (const int i : awake.bodies) squares += state.corrections[i].squaredNorm();
   return squares <= kMostMagnitude * kMostMagnitude;
 }
 

@@ -1,6 +1,7 @@
 // The world: ids, edits, time, failure, and the report of a step.
 
 #include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/snapshot.h"
 #include "engine/constraints/joint.h"
 #include "shipped_scenes.h"
 #include "support.h"
@@ -413,6 +414,47 @@ TEST(ContinueFrom, IdsOfTheOldWorldAreNotUsedAgain) {
   EXPECT_EQ(world.joint(joint).body_a, kWorldBody);
   world.step();
   EXPECT_EQ(world.remove_body(body), std::vector<std::string>{"cable"});
+}
+
+TEST(Ids, AnEditThatIsUndoneLeavesNothingBehind) {
+  World world = swinging_winch();
+  const BodyId load = world.find_body("load");
+  const auto edit = [&] {
+    const BodyId added = world.add_body(ball_on_x("added", 1.0));
+    Joint line = make_joint("line", load, Vector3d::Zero(), added, Vector3d::Zero());
+    world.add_joint(line);
+    world.remove_body(added);
+    return added;
+  };
+  BodyId last = edit();
+  const std::size_t size = write_snapshot(world).size();
+  for (int k = 0; k < 1000; ++k) {
+    const BodyId now = edit();
+    EXPECT_LT(last, now);
+    last = now;
+  }
+  EXPECT_EQ(write_snapshot(world).size(), size);
+  World continued = swinging_winch();
+  continued.continue_from(world);
+  EXPECT_EQ(write_snapshot(continued).size(), write_snapshot(swinging_winch()).size());
+  EXPECT_LT(last, continued.find_body("load"));
+}
+
+// Each world takes over from one with as many ids, so ids double.
+TEST(Ids, AWorldWithoutIdsLeftRefusesAndStaysAsItIs) {
+  World world = swinging_winch();
+  int taken = 0;
+  EXPECT_THROW(
+      for (; taken < 40; ++taken) {
+        const World old = world;
+        world.continue_from(old);
+      },
+      std::invalid_argument);
+  EXPECT_GE(taken, 30);  // 2 ids, of 2^32
+  EXPECT_EQ(world.body(world.find_body("load")).name, "load");
+  const std::uint64_t hash = world.state_hash();
+  EXPECT_EQ(read_snapshot(write_snapshot(world)).state_hash(), hash);
+  EXPECT_FALSE(world.step().failed);
 }
 
 TEST(Names, OfMethodsAndStages) {

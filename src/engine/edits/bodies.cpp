@@ -3,6 +3,7 @@
 
 #include "engine/constraints/joint.h"
 #include "engine/edits/find_named.h"
+#include "engine/edits/issue_id.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"
 
@@ -22,17 +23,16 @@ MassProperties mass_properties(const Body& body) {
 }  // namespace
 
 std::size_t Model::index(BodyId id) const {
-  const bool known = id.value < body_index.size() && body_index[id.value] >= 0;
-  if (!known) refuse("body", "there is none with id " + std::to_string(id.value));
-  return static_cast<std::size_t>(body_index[id.value]);
+  const int place = find(id);
+  if (place < 0) refuse("body", "there is none with id " + std::to_string(id.value));
+  return to_index(place);
 }
 
 BodyId World::add_body(const Body& body) {
   validate(body);
   if (has_body(body.name)) refuse("name", "there is already a body named " + in_quotes(body.name));
 
-  const BodyId id{static_cast<std::uint32_t>(impl_->body_index.size())};
-  impl_->body_index.push_back(static_cast<int>(impl_->bodies.size()));
+  const BodyId id = issue(&impl_->next_body_id);
   impl_->bodies.push_back(body);
   make_unit(&impl_->bodies.back().state.orientation);
   if (auto& pose = impl_->bodies.back().shape_pose) make_unit(&pose->orientation);

@@ -13,6 +13,7 @@
 #include "engine/constraints/one_sided_law.h"
 #include "engine/edits/coupling_loops.h"
 #include "engine/edits/find_named.h"
+#include "engine/edits/issue_id.h"
 #include "engine/edits/joint_defaults.h"
 #include "engine/edits/motor_ends.h"
 #include "engine/math/list.h"
@@ -98,9 +99,9 @@ void check_coordinate(const char* field, const Joint& joint, int coordinate) {
 }  // namespace
 
 std::size_t Model::index(JointId id) const {
-  const bool known = id.value < joint_index.size() && joint_index[id.value] >= 0;
-  if (!known) refuse_unknown(id);
-  return static_cast<std::size_t>(joint_index[id.value]);
+  const int place = find(id);
+  if (place < 0) refuse_unknown(id);
+  return to_index(place);
 }
 
 CoupledTerms Model::terms_of(std::size_t j) const {
@@ -139,8 +140,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
         JointVectors(filled, states[index(filled.body_a)], states[index(filled.body_b)]));
   }
 
-  const JointId id{static_cast<std::uint32_t>(joint_index.size())};
-  joint_index.push_back(static_cast<int>(joints.size()));
+  const JointId id = issue(&next_joint_id);
   joints.push_back(filled);
   joint_starts.push_back({filled.motor, filled.coordinates, broken, filled.enabled, {}, 0.0});
   joint_states.emplace_back();

@@ -25,8 +25,9 @@ List<World::Impl::NextIsland> World::Impl::next_islands() const {
   if (edits.all() && !edits.any_topology())
     for (NextIsland& island : next) island.memory = island.memory.after_edit();
   for (const BodyId id : edits.bodies()) {
-    if (body_index[id.value] < 0) continue;
-    NextIsland& island = next[next_of[body_index[id.value]]];
+    const int body = find(id);
+    if (body < 0) continue;
+    NextIsland& island = next[next_of[body]];
     if (!island.is_fresh) island.memory = island.memory.after_edit();
     island.is_fresh = true;
   }
@@ -52,8 +53,7 @@ void World::Impl::choose_next_methods(const List<JointEnds>& ends, const List<in
   List<std::pair<int, int>> near;  // bodies in contact before the edits
   for (const List<TouchingPair>* pairs : {&touching, &resting})
     for (const TouchingPair& pair : *pairs)
-      if (is_known(pair))
-        near.emplace_back(body_index[pair.id_a.value], body_index[pair.id_b.value]);
+      if (is_known(pair)) near.emplace_back(find(pair.id_a), find(pair.id_b));
   List<bool> sleeps = asleep;
   if (sleep.is_stale()) {
     List<const List<int>*> members;

@@ -40,15 +40,6 @@ void compact_list(const List<bool>& is_removed, Container* list) {
   list->erase(list->begin() + static_cast<std::ptrdiff_t>(kept), list->end());
 }
 
-/// Compacts a list of ids and updates the index by id.
-template <class Id>
-void compact_list(const List<bool>& is_removed, std::vector<Id>* ids, List<int>* index) {
-  for (std::size_t i = 0; i < ids->size(); ++i)
-    if (is_removed[i]) (*index)[(*ids)[i].value] = -1;
-  compact_list(is_removed, ids);
-  for (std::size_t i = 0; i < ids->size(); ++i) (*index)[(*ids)[i].value] = static_cast<int>(i);
-}
-
 /// Marks the joints to remove. Refuses a coupled joint whose couplings are not before it in `ids`.
 void mark_removed(const Model& model, const std::vector<JointId>& ids, List<bool>* is_removed) {
   const CouplingsOfJoints couplings = couplings_by_joint(model);
@@ -129,7 +120,7 @@ void World::Impl::erase_joints(const List<bool>& is_removed) {
   compact_list(is_removed, &joint_starts);
   compact_list(is_removed, &joint_states);
   compact_list(is_removed, &self_stress);
-  compact_list(is_removed, &joint_ids, &joint_index);
+  compact_list(is_removed, &joint_ids);
   joints_of_bodies = {};
   events.clear();
   edits.note_topology();
@@ -153,7 +144,7 @@ void World::Impl::erase_bodies(const List<bool>& is_removed) {
   compact_list(is_removed, &masses);
   compact_list(is_removed, &corrections);
   compact_list(is_removed, &asleep);
-  compact_list(is_removed, &body_ids, &body_index);
+  compact_list(is_removed, &body_ids);
   joints_of_bodies = {};
   integration.forget_loads();  // loads of the last step have indices of bodies, which have changed
   contacts.clear();

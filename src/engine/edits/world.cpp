@@ -1,9 +1,11 @@
 // Functions of World that concern no single body or joint: copies, options, time, reset, queries.
 // All files of this folder check everything first, and change data only when nothing can fail.
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "engine/edits/issue_id.h"
 #include "engine/islands/unresolved_bodies.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -24,7 +26,6 @@ World::World(const WorldOptions& options) : impl_(std::make_unique<Impl>()) {
   impl_->body_ids.push_back(kWorldBody);
   impl_->corrections.push_back(Twist::Zero());
   impl_->asleep.push_back(false);
-  impl_->body_index.push_back(0);
   impl_->body_by_name.emplace(world.name, kWorldBody);
 }
 
@@ -122,19 +123,19 @@ void World::set_time(double time, std::uint64_t step_count) {
 }
 
 void World::reserve_ids(const World& other) {
-  const auto reserve = [](const List<int>& used, List<int>* index) {
-    if (index->size() < used.size()) index->resize(used.size(), -1);
-  };
-  reserve(other.impl_->body_index, &impl_->body_index);
-  reserve(other.impl_->joint_index, &impl_->joint_index);
+  impl_->next_body_id = std::max(impl_->next_body_id, other.impl_->next_body_id);
+  impl_->next_joint_id = std::max(impl_->next_joint_id, other.impl_->next_joint_id);
   impl_->edits.forget_model_mark();
 }
 
 void World::continue_from(const World& other) {
   const double elapsed = other.time() - time();
+  const std::uint32_t new_bodies = other.impl_->next_body_id.value - 1;
+  const std::uint32_t new_joints = other.impl_->next_joint_id.value;
+  if (impl_->next_body_id.value > kLastId - new_bodies ||
+      impl_->next_joint_id.value > kLastId - new_joints)
+    refuse("world", "gets no ids: all of them are used");
   set_time(other.time(), other.step_count());
-  const auto new_bodies = static_cast<std::uint32_t>(other.impl_->body_index.size()) - 1;
-  const auto new_joints = static_cast<std::uint32_t>(other.impl_->joint_index.size());
   const auto renumber = [&](BodyId& id) {
     if (id != kWorldBody) id.value += new_bodies;
   };
@@ -158,8 +159,8 @@ void World::continue_from(const World& other) {
   for (Wrench& wrench : impl_->wrenches) renumber(wrench.body);
   for (JointId& id : impl_->joint_ids) id.value += new_joints;
   for (auto& [name, id] : impl_->joint_by_name) id.value += new_joints;
-  impl_->body_index.insert(impl_->body_index.begin() + 1, new_bodies, -1);
-  impl_->joint_index.insert(impl_->joint_index.begin(), new_joints, -1);
+  impl_->next_body_id.value += new_bodies;
+  impl_->next_joint_id.value += new_joints;
   for (List<TouchingPair>* pairs : {&impl_->touching, &impl_->resting}) {
     for (TouchingPair& pair : *pairs) {
       renumber(pair.id_a);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <optional>
@@ -28,23 +29,33 @@ struct JointStart {
   double time = 0.0;                ///< time of `state` [s]
 };
 
+/// Returns the place of an id in a list of ascending ids; -1 where the list lacks it.
+template <class Id>
+int place_of(Id id, const std::vector<Id>& ids) {
+  const auto found = std::lower_bound(ids.begin(), ids.end(), id);
+  return found != ids.end() && *found == id ? static_cast<int>(found - ids.begin()) : -1;
+}
+
 /// Bodies and joints of a world. Lists of one kind run in parallel: entry i of each is the same
 /// body or joint. Body 0 is the world. Only edits change a model.
 struct Model {
   WorldOptions options;
   List<Body> bodies;
   List<MassProperties> masses;
-  std::vector<BodyId> body_ids;
+  std::vector<BodyId> body_ids;  ///< ascending
   List<Joint> joints;
   List<JointStart> joint_starts;
-  std::vector<JointId> joint_ids;
-  List<int> body_index;   ///< index by id; -1 once removed
-  List<int> joint_index;  ///< index by id; -1 once removed
+  std::vector<JointId> joint_ids;  ///< ascending
+  BodyId next_body_id{1};          ///< id of the next body; all issued ids are less
+  JointId next_joint_id;           ///< id of the next joint; all issued ids are less
   std::unordered_map<std::string, BodyId> body_by_name;
   std::unordered_map<std::string, JointId> joint_by_name;
 
   bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
-  bool is_known(BodyId id) const { return body_index[id.value] >= 0; }
+  /// Returns the index of a body or joint; -1 for an id that never existed or was removed.
+  int find(BodyId id) const { return place_of(id, body_ids); }
+  int find(JointId id) const { return place_of(id, joint_ids); }
+  bool is_known(BodyId id) const { return find(id) >= 0; }
   /// Returns the index of a body or joint; throws std::invalid_argument for an unknown id.
   std::size_t index(BodyId id) const;
   std::size_t index(JointId id) const;

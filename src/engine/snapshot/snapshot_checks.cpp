@@ -16,16 +16,12 @@ void check(bool is_right, const char* what) {
   if (!is_right) fail_damaged(what);
 }
 
-// Checks that index[ids[i]] is i, and that no other id has an index.
-template <class Ids>
-void check_index(const Ids& ids, const List<int>& index, const char* what) {
+// Checks that ids ascend, and that the next id is larger.
+template <class Id>
+void check_order(const std::vector<Id>& ids, Id next, const char* what) {
   for (std::size_t i = 0; i < ids.size(); ++i)
-    check(ids[i].value < index.size() && index[ids[i].value] == static_cast<int>(i), what);
-  const auto used = std::count_if(index.begin(), index.end(), [](int i) { return i >= 0; });
-  check(static_cast<std::size_t>(used) == ids.size(), what);
+    check(ids[i] < (i + 1 < ids.size() ? ids[i + 1] : next), what);
 }
-
-bool has(const List<int>& index, std::uint32_t id) { return id < index.size() && index[id] >= 0; }
 
 bool is_finite(const MassProperties& mass) {
   return std::isfinite(mass.inverse_mass) && mass.inverse_mass >= 0.0 && mass.inertia.allFinite() &&
@@ -38,7 +34,7 @@ void check_bodies(const Model& model) {
   check(n > 0 && model.masses.size() == n && model.body_ids.size() == n, "its bodies");
   check(model.body_ids[0] == kWorldBody && model.bodies[0].name == "world" && !model.is_movable(0),
         "its world");
-  check_index(model.body_ids, model.body_index, "its bodies");
+  check_order(model.body_ids, model.next_body_id, "its bodies");
   std::set<std::string> names{"world"};
   for (std::size_t i = 1; i < n; ++i) {
     const Body& body = model.bodies[i];
@@ -52,7 +48,7 @@ void check_bodies(const Model& model) {
 void check_joint(const Model& model, std::size_t j) {
   const Joint& joint = model.joints[j];
   validate(joint);
-  check(has(model.body_index, joint.body_a.value) && has(model.body_index, joint.body_b.value),
+  check(model.is_known(joint.body_a) && model.is_known(joint.body_b),
         "the bodies of its constraints");
   const bool is_pair =
       joint.body_a != joint.body_b &&
@@ -67,10 +63,10 @@ void check_joint(const Model& model, std::size_t j) {
     return model.is_movable(model.index(of.body_b)) ? of.body_b : of.body_a;
   };
   for (const JointId id : {joint.coupling.first, joint.coupling.second}) {
-    check(has(model.joint_index, id.value), "its couplings");
-    const std::size_t of = model.index(id);
-    check(of < j && (couples_lengths(joint.kind) ? is_free_length(model.joints[of].kind)
-                                                 : coordinates(model.joints[of].kind) > 0),
+    const int of = model.find(id);
+    check(of >= 0 && to_index(of) < j &&
+              (couples_lengths(joint.kind) ? is_free_length(model.joints[of].kind)
+                                           : coordinates(model.joints[of].kind) > 0),
           "its couplings");
   }
   check(joint.coupling.first != joint.coupling.second &&
@@ -94,7 +90,7 @@ void check_acting(const Model& model, const State& state) {
 void check_joints(const Model& model) {
   const std::size_t m = model.joints.size();
   check(model.joint_starts.size() == m && model.joint_ids.size() == m, "its constraints");
-  check_index(model.joint_ids, model.joint_index, "its constraints");
+  check_order(model.joint_ids, model.next_joint_id, "its constraints");
   std::set<std::string> names;
   for (std::size_t j = 0; j < m; ++j) {
     check_joint(model, j);
@@ -129,15 +125,15 @@ void check_model(const Model& model, const State& state) {
         "the states of its constraints");
   check_acting(model, state);
   for (const BodyState& body : state.states) validate(body);
-  for (const Wrench& wrench : state.wrenches)
-    check(has(model.body_index, wrench.body.value), "its wrenches");
+  for (const Wrench& wrench : state.wrenches) check(model.is_known(wrench.body), "its wrenches");
   check_pairs(model, state.touching);
   check_pairs(model, state.resting);
   check(std::isfinite(state.base_time) && state.base_step <= state.step_count, "its time");
 }
 
 void check_ids(const Model& model, const MostIds& most) {
-  check(most.body <= model.body_index.size() && most.joint <= model.joint_index.size(), "its ids");
+  check(most.body <= model.next_body_id.value && most.joint <= model.next_joint_id.value,
+        "its ids");
 }
 
 void check_indices(const List<int>& indices, std::size_t size) {

@@ -60,10 +60,10 @@ CONSTRAINT_SIM_FIELDS(State, a, b, c, d, e, f, g, h, i, j, k, l)
 // Leaves out the options, which snapshots visit before, and the maps by name, which a reader makes.
 template <class T>
 auto fields(T& value, Of<Model>) {
-  auto& [options, bodies, masses, body_ids, joints, joint_starts, joint_ids, body_index,
-         joint_index, body_by_name, joint_by_name] = value;
-  return std::tie(bodies, masses, body_ids, joints, joint_starts, joint_ids, body_index,
-                  joint_index);
+  auto& [options, bodies, masses, body_ids, joints, joint_starts, joint_ids, next_body_id,
+         next_joint_id, body_by_name, joint_by_name] = value;
+  return std::tie(bodies, masses, body_ids, joints, joint_starts, joint_ids, next_body_id.value,
+                  next_joint_id.value);
 }
 
 #undef CONSTRAINT_SIM_FIELDS

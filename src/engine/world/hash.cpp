@@ -305,7 +305,7 @@ std::uint64_t World::Impl::hash() const {
     for (const TouchingPair& pair : *pairs)
       if (world.is_known(pair)) add(hash, pair, name_of(pair.id_a), name_of(pair.id_b));
   for (const auto& [first_body, memory] : world.memories())
-    if (world.body_index[first_body.value] >= 0) add(hash, memory, name_of(first_body));
+    if (world.find(first_body) >= 0) add(hash, memory, name_of(first_body));
   add_methods(hash, world);
   return hash.value();
 }

@@ -348,12 +348,10 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
     HeldPair now{pair.id_a, pair.id_b};
     const BodyId movable = model.is_movable(pair.a) ? pair.id_a : pair.id_b;
     const auto is_before = [&](const HeldPair& l) {
-      return model.body_index[l.a.value] >= 0 && model.body_index[l.b.value] >= 0 &&
-             std::pair(model.body_index[l.a.value], model.body_index[l.b.value]) < pair.ends();
+      return std::pair(model.find(l.a), model.find(l.b)) < pair.ends();
     };
     while (before != held_before_.end() && !(before->a == now.a && before->b == now.b) &&
-           (is_before(*before) || model.body_index[before->a.value] < 0 ||
-            model.body_index[before->b.value] < 0))
+           (is_before(*before) || !model.is_known(before->b)))
       ++before;
     const bool is_known = before != held_before_.end() && before->a == now.a && before->b == now.b;
     const double thinner = thinner_of(model, pair.ends());

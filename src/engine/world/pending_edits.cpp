@@ -30,7 +30,7 @@ void PendingEdits::begin_compiling() {
 
 void PendingEdits::mark_islands(const Model& model, const Topology& topology, IslandLists* lists) {
   const auto parts_of = [&](BodyId id) {
-    const int body = model.body_index[id.value];
+    const int body = model.find(id);
     return body < 0 ? nullptr : &lists->island_parts[topology.island_of(to_index(body))];
   };
   for (const BodyId id : bodies_) {

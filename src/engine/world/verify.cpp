@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <utility>
 
 #include "engine/math/list.h"
@@ -67,12 +68,17 @@ double verified_distance(const BodyState& a, const BodyState& b, double radius) 
   return std::max((a.position - b.position).norm(), radius * angle);
 }
 
+/// Estimated error of a body.
+struct VerifiedEstimate {
+  double sum = 0.0;     // sum of local errors [m]
+  std::string without;  // why the body has no estimate; empty: it has one
+};
+
 /// One of the runs, with the estimate of each body.
 struct VerifiedRun {
   World world;
-  List<double> estimates;                     // [m], by id of the body
-  std::vector<std::string> without_estimate;  // why a body has no estimate, by id; empty: it has
-  std::string end;                            // why the run ended early; empty: it did not
+  std::map<BodyId, VerifiedEstimate> estimates;  // a body that always rested has no entry
+  std::string end;                               // why the run ended early; empty: it did not
 
   VerifiedRun(const World& of, StopFlag stop) : world(of) {
     world.set_clock(nullptr);
@@ -96,36 +102,36 @@ struct VerifiedRun {
   // Adds the local errors of islands; bodies that touch share the larger sum.
   void add_estimates() {
     const auto& impl = insides();
-    estimates.resize(impl.body_index.size(), 0.0);
-    without_estimate.resize(impl.body_index.size());
     for (const int i : impl.sleep.awake().islands) {
       const auto island = static_cast<std::size_t>(i);
       const double local_error = impl.islands[island].local_error;
       const bool has_none =
           impl.islands[island].method == Method::kSequentialImpulses || std::isnan(local_error);
       for (const int b : impl.island_parts[island].members.bodies) {
-        const std::size_t body = impl.body_ids[static_cast<std::size_t>(b)].value;
+        VerifiedEstimate& estimate = estimates[impl.body_ids[static_cast<std::size_t>(b)]];
         if (has_none)
-          leave_without(body, std::string(name(impl.islands[island].method)) +
-                                  " has no estimate (" + to_string(impl.islands[island].why) + ")");
+          leave_without(&estimate, std::string(name(impl.islands[island].method)) +
+                                       " has no estimate (" + to_string(impl.islands[island].why) +
+                                       ")");
         else
-          estimates[body] += local_error;
+          estimate.sum += local_error;
       }
     }
-    for (const auto& [a, b] : touching()) {
-      estimates[a] = estimates[b] = std::max(estimates[a], estimates[b]);
-      leave_without(a, without_estimate[b]);
-      leave_without(b, without_estimate[a]);
+    for (const auto& [id_a, id_b] : touching()) {
+      VerifiedEstimate &a = estimates[id_a], &b = estimates[id_b];
+      a.sum = b.sum = std::max(a.sum, b.sum);
+      leave_without(&a, b.without);
+      leave_without(&b, a.without);
     }
   }
 
-  // Movable bodies that touch each other at the end of the last step or touched within it, by id.
-  List<std::pair<std::size_t, std::size_t>> touching() const {
-    List<std::pair<std::size_t, std::size_t>> found;
+  // Movable bodies that touch each other at the end of the last step or touched within it.
+  List<std::pair<BodyId, BodyId>> touching() const {
+    List<std::pair<BodyId, BodyId>> found;
     const auto& impl = insides();
     const auto add = [&](BodyId a, BodyId b) {
       if (a != b && impl.is_movable(impl.index(a)) && impl.is_movable(impl.index(b)))
-        found.push_back({a.value, b.value});
+        found.emplace_back(a, b);
     };
     for (const Contact& contact : world.contacts()) add(contact.body_a, contact.body_b);
     for (const Event& event : world.events())
@@ -134,14 +140,19 @@ struct VerifiedRun {
     return found;
   }
 
-  void leave_without(std::size_t body, const std::string& why) {
-    if (without_estimate[body].empty()) without_estimate[body] = why;
+  static void leave_without(VerifiedEstimate* estimate, const std::string& why) {
+    if (estimate->without.empty()) estimate->without = why;
   }
 
   double estimate(BodyId body) const {
-    return without_estimate[body.value].empty() ? estimates[body.value] : VerifiedFigures::kNone;
+    return why_without(body).empty() ? estimate_of(body).sum : VerifiedFigures::kNone;
   }
-  const std::string& why_without(BodyId body) const { return without_estimate[body.value]; }
+  const std::string& why_without(BodyId body) const { return estimate_of(body).without; }
+  const VerifiedEstimate& estimate_of(BodyId body) const {
+    static const VerifiedEstimate kNoError;
+    const auto found = estimates.find(body);
+    return found != estimates.end() ? found->second : kNoError;
+  }
   const BodyState& state(BodyId body) const { return insides().states[insides().index(body)]; }
   std::size_t island_number(BodyId body) const {
     return static_cast<std::size_t>(insides().topology.island_of(insides().index(body)));
@@ -259,7 +270,7 @@ class Verification {
   bool is_body_lost() {
     for (std::size_t k = 0; k < bodies_.size(); ++k) {
       for (const VerifiedRun* of : {&base_, &half_, &other_, &other_half_, &twin_}) {
-        if (of->insides().body_index[bodies_[k].id.value] >= 0) continue;
+        if (of->insides().find(bodies_[k].id) >= 0) continue;
         report_.failure = "ended where body " + in_quotes(report_.bodies[k].name) + " was removed";
         return true;
       }
@@ -315,9 +326,9 @@ class Verification {
       if (why.empty() && std::isnan(half_.estimate(id)) && !std::isnan(base_.estimate(id)))
         why = half_.why_without(id);
     }
-    const auto why_of = [&](std::size_t id) -> std::string* {
+    const auto why_of = [&](BodyId id) -> std::string* {
       for (std::size_t k = 0; k < bodies_.size(); ++k)
-        if (bodies_[k].id.value == id) return &report_.bodies[k].no_half_step;
+        if (bodies_[k].id == id) return &report_.bodies[k].no_half_step;
       return nullptr;  // added by a command
     };
     for (const VerifiedRun* const run : {&base_, &half_}) {

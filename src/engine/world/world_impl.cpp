@@ -32,8 +32,8 @@ void World::Impl::rebuild_topology() {
   for (List<TouchingPair>* pairs : {&touching, &resting}) {
     pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
     for (TouchingPair& pair : *pairs) {
-      pair.a = body_index[pair.id_a.value];
-      pair.b = body_index[pair.id_b.value];
+      pair.a = find(pair.id_a);
+      pair.b = find(pair.id_b);
     }
   }
 

@@ -26,7 +26,7 @@ if(CONSTRAINT_SIM_ROS)
   constraint_sim_add_fuzz_target(services constraint_sim_urdf constraint_sim_stepper ${catkin_LIBRARIES})
   # Files of the node that need no master. All files of the node would take several minutes to compile.
   set(fuzzed_node_sources)
-  foreach(name IN ITEMS body_messages command_changes constraint_messages constraint_state conversions edits
+  foreach(name IN ITEMS actuator_efforts body_messages command_changes constraint_messages constraint_state conversions edits
       frame_follower frames laws marker_set parameters robots scenes snapshots)
     list(APPEND fuzzed_node_sources src/ros/${name}.cpp)
   endforeach()

@@ -481,7 +481,8 @@ class Hostile(unittest.TestCase):
                 self.refused(["must be"], "set_options", keys=["tolerance"], values=["[" * 1000000])
                 answer = self.quick("load_urdf", text=chain(3300))
                 self.assertTrue(answer.success, answer.status_message)
-                self.assertEqual(len(answer.constraints), 3300)
+                joints = [name for name in answer.constraints if "no_contact/" not in name]
+                self.assertEqual(len(joints), 3300)
                 self.assertLess(len(answer.status_message), 10000)  # all links overlap
                 self.assertTrue(self.quick("apply_edits", remove_bodies=answer.bodies).success)
 

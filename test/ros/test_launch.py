@@ -147,7 +147,9 @@ class Launch(unittest.TestCase):
         markers = Listener("/constraint_sim/markers", MarkerArray)
         clock = Listener("/clock", Clock)
         with launched("replay.launch", bag=bag):
-            self.assertNotIn("/constraint_sim", rosnode.get_node_names())
+            # a node whose end was forced, as on a busy machine, stays among the master's names
+            self.assertFalse("/constraint_sim" in rosnode.get_node_names() and
+                             rosnode.rosnode_ping("/constraint_sim", max_count=1))
 
             def places():
                 found = [t.transform.translation for m in transforms.messages for t in m.transforms

@@ -170,7 +170,8 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
     if (gap <= own_reach_[pair.first] + own_reach_[pair.second])
       size.points += ContactPairs::most_points(model.bodies[pair.first].shape,
                                                model.bodies[pair.second].shape);
-    if (gap >= 0.0 || gap >= -tolerances_of(model, state, pair).overlap) continue;
+    if (gap >= 0.0 || (size.overlaps && !size.is_settled)) continue;
+    if (gap >= -tolerances_of(model, state, pair).overlap) continue;
     size.overlaps = true;
     size.is_settled = size.is_settled && is_settled(step, state, pair, gap);
   }

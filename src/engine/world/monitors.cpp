@@ -325,7 +325,7 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
   const double slow = kMostResting * h * model.options.gravity.norm();
   const double patience = std::max(kOverlapPatience, kOverlapTicks * h);
   has_moved_.resize(model.bodies.size(), 0);
-  auto before = held_before_.begin();  // both lists are in the order of places
+  auto before = held_before_.begin();  // both lists are in the order of ids
   for (const TouchingPair& pair : state.touching) {
     for (const int body : {pair.a, pair.b}) {
       if (has_moved_[body] != 0) continue;
@@ -347,11 +347,8 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
     if (deepest <= sunk && !sticks) continue;
     HeldPair now{pair.id_a, pair.id_b};
     const BodyId movable = model.is_movable(pair.a) ? pair.id_a : pair.id_b;
-    const auto is_before = [&](const HeldPair& l) {
-      return std::pair(model.find(l.a), model.find(l.b)) < pair.ends();
-    };
-    while (before != held_before_.end() && !(before->a == now.a && before->b == now.b) &&
-           (is_before(*before) || !model.is_known(before->b)))
+    while (before != held_before_.end() &&
+           std::pair(before->a, before->b) < std::pair(now.a, now.b))
       ++before;
     const bool is_known = before != held_before_.end() && before->a == now.a && before->b == now.b;
     const double thinner = thinner_of(model, pair.ends());

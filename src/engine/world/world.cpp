@@ -51,53 +51,53 @@ Failure failure_of_motion(const Model& model, const State& state, const List<int
 }
 
 /// Whether all numbers of this step that are reported or saved are finite, beside the states of the
-/// bodies: a single NaN or infinity makes the sum not finite. Numbers that a scene saves may be no
-/// larger than those that it loads, so their magnitudes are summed for each joint and contact.
-/// Energies follow from these numbers.
+/// bodies: a single NaN or infinity makes the sum not finite. Saved numbers may be no larger than
+/// loaded ones, so their squares are summed. Energies follow from these numbers.
 bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awake,
                    const StepOutput& output) {
   const StepReport& report = output.report;
   if (awake.bodies.empty() && awake.joints.empty()) return true;  // nothing is new in this step
   double sum = report.local_error + report.projected_energy + report.correction_work +
                report.driven_work + report.solver_residual + report.max_penetration;
-  double most = 0.0;
+  double squares = 0.0;
+  const auto save = [&](double number) { squares += number * number; };
   for (const int j : awake.joints) {
     const JointState& joint = state.joint_states[j];
     sum += joint.error + joint.error_rate + joint.angle_error + joint.force + joint.bias +
            joint.reached_rate;
-    double saved =
-        std::abs(joint.travel) + std::abs(joint.initial_error) + joint.impulse.lpNorm<1>();
+    squares += joint.impulse.squaredNorm();
+    save(joint.travel);
+    save(joint.initial_error);
     for (int k = 0; k < info(model.joints[j].kind).coordinates; ++k) {
       const CoordinateState& coordinate = joint.coordinates[to_index(k)];
       sum += coordinate.velocity + coordinate.effort + coordinate.bias;
-      saved +=
-          std::abs(coordinate.position) + std::abs(coordinate.held) + std::abs(coordinate.braking);
+      for (const double number : {coordinate.position, coordinate.held, coordinate.braking})
+        save(number);
     }
     if (joint.closing) {
       const ErrorsToClose& errors = joint.to_close;
       for (const MovingStart& moving : errors.moving)
-        saved += std::abs(moving.offset) + std::abs(moving.rate) + std::abs(moving.acceleration);
-      saved += errors.offset.lpNorm<1>() + errors.shift.lpNorm<1>() + errors.turn.lpNorm<1>() +
-               joint.closing_share + std::abs(errors.coupling);
+        for (const double number : {moving.offset, moving.rate, moving.acceleration}) save(number);
+      squares +=
+          errors.offset.squaredNorm() + errors.shift.squaredNorm() + errors.turn.squaredNorm();
+      save(joint.closing_share);
+      save(errors.coupling);
     }
     if (couples(model.joints[j].kind)) {
       sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort;
-      saved += std::abs(joint.coupling.impulse);
+      save(joint.coupling.impulse);
     }
-    sum += saved;
-    most = std::max(most, saved);
   }
+  double forces = 0.0;
   for (std::size_t i = output.resting_contacts; i < output.contacts.size(); ++i) {
     const Contact& contact = output.contacts[i];
-    sum += contact.position.sum() + contact.normal.sum() + contact.depth + contact.normal_force +
-           contact.force.sum();
-    most = std::max(most, model.options.time_step * contact.force.lpNorm<1>());
+    sum += contact.position.sum() + contact.normal.sum() + contact.depth + contact.normal_force;
+    forces += contact.force.squaredNorm();
   }
-  if (!std::isfinite(sum) || most > kMostMagnitude) return false;
-  if (!state.any_corrections) return true;
-  double squares = 0.0;
-  for (const int i : awake.bodies) squares += state.corrections[i].squaredNorm();
-  return squares <= kMostMagnitude * kMostMagnitude;
+  squares += forces * model.options.time_step * model.options.time_step;  // as impulses
+  if (state.any_corrections)
+    for (const int i : awake.bodies) squares += state.corrections[i].squaredNorm();
+  return std::isfinite(sum) && squares <= kMostMagnitude * kMostMagnitude;
 }
 
 }  // namespace

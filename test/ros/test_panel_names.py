@@ -11,7 +11,7 @@ import rospy
 import rostest
 
 import accessible
-from in_rviz import PACKAGE, START, virtual_display
+from in_rviz import PACKAGE, START, environment_on, virtual_display, with_few_pictures
 from support import call, node_program, running, wait_until
 
 SIMULATOR = "/robot/sim"
@@ -22,14 +22,15 @@ class PanelNames(unittest.TestCase):
         with contextlib.ExitStack() as stack:
             folder = stack.enter_context(tempfile.TemporaryDirectory())
             display = stack.enter_context(virtual_display())
-            environment = dict(os.environ, DISPLAY=display, LIBGL_ALWAYS_SOFTWARE="1", HOME=folder,
-                               XDG_RUNTIME_DIR=folder)
+            environment = environment_on(display, folder)
             bus = stack.enter_context(accessible.session(environment))
             stack.enter_context(running([node_program(), "__ns:=/robot", "__name:=sim",
                                          "_scene:=winch", "_paused:=true"]))
+            config = os.path.join(folder, "view.rviz")
+            with open(os.path.join(PACKAGE, "config", "constraint_sim.rviz")) as shipped, open(config, "w") as file:
+                file.write(with_few_pictures(shipped.read()))
             stack.enter_context(running(
-                ["rviz", "-d", os.path.join(PACKAGE, "config", "constraint_sim.rviz"), "__ns:=/robot",
-                 "__name:=rviz", "/constraint_sim:=sim"], env=environment,
+                ["rviz", "-d", config, "__ns:=/robot", "__name:=rviz", "/constraint_sim:=sim"], env=environment,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
             desktop = accessible.Desktop(bus)
             panel = wait_until(lambda: desktop.root.find("Simulator"), "the panel", START)

@@ -10,7 +10,6 @@
 
 #include <condition_variable>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -32,8 +31,7 @@ class Topics {
     BodyStatesConstPtr bodies;
     ConstraintStatesConstPtr constraints;
     std::vector<StatisticsConstPtr> statistics;
-    std::optional<std::string> scene;  ///< name of the scene; empty where it has none
-    bool is_scene_new = false;         ///< another scene was loaded
+    bool is_scene_new = false;  ///< another scene was loaded
   };
 
   explicit Topics(const std::string& node);

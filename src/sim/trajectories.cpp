@@ -66,8 +66,8 @@ const engine::CoordinateMotor& motor_of(const engine::Joint& joint) {
   return motor;
 }
 
-/// Returns the position within the limits. Throws for one that is beyond by more than the rounding
-/// of a message: joints at a limit are reported a few units of rounding beyond it.
+/// Returns the position within the limits. Joints at a limit are reported a few units of rounding
+/// beyond it, as far as which a position is accepted; throws for one farther beyond.
 double within_limits(const engine::Joint& joint, double position) {
   constexpr double kRounding = 1e-6;  // [m or rad]
   const engine::CoordinateLaw& law = joint.coordinates[0];

@@ -99,8 +99,8 @@ const engine::CoordinateMotor* servo_of(const engine::Joint& joint) {
   return joint.kind == engine::JointKind::kHinge && motor && motor->is_servo() ? &*motor : nullptr;
 }
 
-/// Returns the efforts of the joints where rigid motors hold all of them [N m], from a short step
-/// of a copy of the world; empty where the physics fails.
+/// Returns the efforts of the joints where rigid motors hold all of them [N m]. A copy of the world
+/// makes a short step for it. Empty where the physics fails.
 std::map<std::uint32_t, double> holding_efforts(World world, const std::vector<JointId>& joints) {
   engine::WorldOptions options = world.options();
   options.time_step = 1e-4;

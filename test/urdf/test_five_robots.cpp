@@ -94,11 +94,11 @@ TEST(FiveRobots, HoldTheirPoses) {
     }
 }
 
-// There and back along quintics within 2 s. 1e-8 rad: a tick that begins or ends at rest has a jump
-// of 3 % of its rate, which a motor within its effort takes some microseconds for. At 1/1000 s the
-// first 0.3 s are enough, with one of those ticks. 1e-6 rad in the 0.1 s after the end: motors to
-// positions set out from the rates at the end, which are off by 1e-6 rad/s where the arm left
-// event_driven for sequential_impulses in the last tick.
+// There and back along quintics within 2 s. 1e-8 rad: in a tick that begins or ends at rest the
+// rate jumps by 3 %, for which a motor within its effort needs some microseconds. At 1/1000 s the
+// first 0.3 s are enough, since one such tick is in them. 1e-6 rad in the 0.1 s after the end:
+// motors to positions set out from the rates at the end, which are off by 1e-6 rad/s where the arm
+// left event_driven for sequential_impulses in the last tick.
 TEST(FiveRobots, FollowTrajectories) {
   for (const Case& robot_case : cases())
     for (const double rate : {30.0, 60.0, 240.0, 1000.0}) {

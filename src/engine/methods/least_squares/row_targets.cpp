@@ -12,8 +12,8 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Returns the target of the vector d from anchor A to anchor B at the pose of B, for a ball joint
-// that closes its error by moving its frame on B; zero for other joints. World axes [m].
+// Returns the target of the vector d from anchor A to anchor B at the pose of B, in world axes [m].
+// Zero unless the joint is a ball joint that closes its error by moving its frame on B.
 Vector3d ball_offset(const EquationsOfMotion& equations, std::size_t joint,
                      const Configuration& configuration) {
   if (!equations.is_general(joint) || !equations.inputs().frame_b(joint).moves)

@@ -7,6 +7,7 @@
 #include <future>
 #include <iostream>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
@@ -116,6 +117,20 @@ void explain(const std::string& why) {
   std::cerr << ros::this_node::getName() << ": " << why << std::endl;
 }
 
+/// Returns the value of a number, integer or not.
+std::optional<double> number_of(XmlRpc::XmlRpcValue value) {
+  if (value.getType() == XmlRpc::XmlRpcValue::TypeInt) return static_cast<int>(value);
+  if (value.getType() == XmlRpc::XmlRpcValue::TypeDouble) return static_cast<double>(value);
+  return std::nullopt;
+}
+
+/// Returns whether both are the same value of a parameter: the node writes some numbers that are
+/// given as integers back as floating-point numbers.
+bool are_same_value(const XmlRpc::XmlRpcValue& a, const XmlRpc::XmlRpcValue& b) {
+  const std::optional<double> x = number_of(a), y = number_of(b);
+  return x && y ? *x == *y : a == b;
+}
+
 /// Parameters that the command line put on the parameter server. They are valid for this run only.
 class GivenParameters {
  public:
@@ -123,16 +138,11 @@ class GivenParameters {
     for (const std::string& name : names) handle_.getParam(name, values_[name]);
   }
 
-  /// Reads the values back: the node replaces integers by floating-point numbers.
-  void remember() {
-    for (auto& [name, value] : values_) handle_.getParam(name, value);
-  }
-
   /// Deletes the parameters, once, except those that were set to another value since.
   void forget() {
     for (const auto& [name, value] : std::exchange(values_, {})) {
       XmlRpc::XmlRpcValue now;
-      if (handle_.getParam(name, now) && now == value) handle_.deleteParam(name);
+      if (handle_.getParam(name, now) && are_same_value(now, value)) handle_.deleteParam(name);
     }
   }
 
@@ -146,7 +156,6 @@ class GivenParameters {
 int run(const CommandLine& line, EndSignals* signals, GivenParameters* given, bool* is_replaced) {
   try {
     const SimulatorNode node(ros::NodeHandle(), ros::NodeHandle("~"));
-    given->remember();
     const std::string others = parameters_not_given(node.parameters(), line.parameters);
     if (!line.is_from_roslaunch && !others.empty())
       ROS_WARN(

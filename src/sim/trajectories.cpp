@@ -1,6 +1,7 @@
 #include "sim/trajectories.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <stdexcept>
@@ -134,6 +135,50 @@ void set_rate(double begin, double mean, double end, double time, double h,
   motor->bias = mean - p * sinc;
 }
 
+/// The motion from one point of a spline to the next, Σ c_i u^i, at the share u of its duration.
+struct Segment {
+  double duration;  // [s]
+  double u;
+  std::array<double, 6> c;
+
+  double value() const {
+    return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * (c[4] + u * c[5]))));
+  }
+  double rate() const {
+    const double by_u =
+        c[1] + u * (2.0 * c[2] + u * (3.0 * c[3] + u * (4.0 * c[4] + u * 5.0 * c[5])));
+    return by_u / duration;
+  }
+};
+
+/// Returns the segment at a time between the first and the last point.
+Segment segment_at(double time, const std::vector<TrajectoryPoint>& points, int order) {
+  const auto next =
+      std::upper_bound(points.begin(), points.end(), time,
+                       [](double t, const TrajectoryPoint& point) { return t < point.time; });
+  const TrajectoryPoint &a = *(next - 1), &b = *next;
+  const double T = b.time - a.time;
+  Segment segment{T, (time - a.time) / T, {a.position}};
+  auto& c = segment.c;
+  const double d = b.position - a.position;
+  const double v_a = T * a.velocity, v_b = T * b.velocity;
+  const double a_a = T * T * a.acceleration, a_b = T * T * b.acceleration;
+  if (order == 1) {
+    c[1] = d;
+  } else if (order == 3) {
+    c[1] = v_a;
+    c[2] = 3.0 * d - 2.0 * v_a - v_b;
+    c[3] = v_a + v_b - 2.0 * d;
+  } else {
+    c[1] = v_a;
+    c[2] = 0.5 * a_a;
+    c[3] = 10.0 * d - 6.0 * v_a - 4.0 * v_b - 1.5 * a_a + 0.5 * a_b;
+    c[4] = -15.0 * d + 8.0 * v_a + 7.0 * v_b + 1.5 * a_a - a_b;
+    c[5] = 6.0 * d - 3.0 * v_a - 3.0 * v_b - 0.5 * a_a + 0.5 * a_b;
+  }
+  return segment;
+}
+
 }  // namespace
 
 Spline::Spline(std::vector<TrajectoryPoint> points, int order)
@@ -142,40 +187,12 @@ Spline::Spline(std::vector<TrajectoryPoint> points, int order)
 double Spline::at(double time) const {
   if (time <= points_.front().time) return points_.front().position;
   if (time >= points_.back().time) return points_.back().position;
-  const auto next =
-      std::upper_bound(points_.begin(), points_.end(), time,
-                       [](double t, const TrajectoryPoint& point) { return t < point.time; });
-  const TrajectoryPoint &a = *(next - 1), &b = *next;
-  const double T = b.time - a.time, u = (time - a.time) / T;
-  const double d = b.position - a.position;
-  if (order_ == 1) return a.position + u * d;
-  const double v_a = T * a.velocity, v_b = T * b.velocity;
-  if (order_ == 3)
-    return a.position + u * (v_a + u * ((3.0 * d - 2.0 * v_a - v_b) + u * (v_a + v_b - 2.0 * d)));
-  const double a_a = T * T * a.acceleration, a_b = T * T * b.acceleration;
-  const double c3 = 10.0 * d - 6.0 * v_a - 4.0 * v_b - 1.5 * a_a + 0.5 * a_b;
-  const double c4 = -15.0 * d + 8.0 * v_a + 7.0 * v_b + 1.5 * a_a - a_b;
-  const double c5 = 6.0 * d - 3.0 * v_a - 3.0 * v_b - 0.5 * a_a + 0.5 * a_b;
-  return a.position + u * (v_a + u * (0.5 * a_a + u * (c3 + u * (c4 + u * c5))));
+  return segment_at(time, points_, order_).value();
 }
 
 double Spline::rate(double time) const {
   if (time <= points_.front().time || time >= points_.back().time) return 0.0;
-  const auto next =
-      std::upper_bound(points_.begin(), points_.end(), time,
-                       [](double t, const TrajectoryPoint& point) { return t < point.time; });
-  const TrajectoryPoint &a = *(next - 1), &b = *next;
-  const double T = b.time - a.time, u = (time - a.time) / T;
-  const double d = b.position - a.position;
-  if (order_ == 1) return d / T;
-  const double v_a = T * a.velocity, v_b = T * b.velocity;
-  if (order_ == 3)
-    return (v_a + u * (2.0 * (3.0 * d - 2.0 * v_a - v_b) + 3.0 * u * (v_a + v_b - 2.0 * d))) / T;
-  const double a_a = T * T * a.acceleration, a_b = T * T * b.acceleration;
-  const double c3 = 10.0 * d - 6.0 * v_a - 4.0 * v_b - 1.5 * a_a + 0.5 * a_b;
-  const double c4 = -15.0 * d + 8.0 * v_a + 7.0 * v_b + 1.5 * a_a - a_b;
-  const double c5 = 6.0 * d - 3.0 * v_a - 3.0 * v_b - 0.5 * a_a + 0.5 * a_b;
-  return (v_a + u * (a_a + u * (3.0 * c3 + u * (4.0 * c4 + 5.0 * u * c5)))) / T;
+  return segment_at(time, points_, order_).rate();
 }
 
 void Trajectories::begin(const engine::World& world, const JointTrajectory& trajectory) {

@@ -113,7 +113,7 @@ class InRviz(unittest.TestCase):
         """Takes a screenshot; returns its path, in the folder of CONSTRAINT_SIM_SCREENSHOTS if that is
         set."""
         path = os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder), name)
-        subprocess.check_call(["import", "-window", "root", path], env=self.environment)
+        subprocess.check_call(["import", "-window", "root", path], env=self.environment, timeout=START)
         return path
 
     def shrink(self, name, width, zoom=1):

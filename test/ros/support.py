@@ -1,5 +1,6 @@
 """Helpers shared by the node's tests: waiting for conditions, running programs, calls with fields by name."""
 import contextlib
+import faulthandler
 import functools
 import os
 import signal
@@ -17,6 +18,7 @@ from constraint_sim.srv import GetWorldPropertiesRequest  # noqa: F401  (the pac
 
 NODE = "/constraint_sim"
 TIMEOUT = 120.0  # far beyond the time of any step here, so that a slow machine causes no failure [s]
+faulthandler.dump_traceback_later(500, repeat=True)  # shows where a test hangs, before CTest ends it
 
 
 def wait_until(condition, what, timeout=TIMEOUT):
@@ -91,13 +93,20 @@ def memory_of(process):
         return next(int(line.split()[1]) for line in file if line.startswith("VmRSS:")) / 1024
 
 
+class TransportWithTimeout(xmlrpc.client.Transport):
+    def make_connection(self, host):
+        connection = super().make_connection(host)
+        connection.timeout = TIMEOUT
+        return connection
+
+
 def topics_between(publisher, subscriber):
     """Returns the topics that a node sends to another one: a subscription is not yet a connection."""
     uri = rosnode.get_api_uri(rosgraph.Master(rospy.get_name()), publisher, skip_cache=True)
     if not uri:
         return set()  # not up yet
     try:
-        _, _, connections = xmlrpc.client.ServerProxy(uri).getBusInfo(rospy.get_name())
+        _, _, connections = xmlrpc.client.ServerProxy(uri, TransportWithTimeout()).getBusInfo(rospy.get_name())
     except ConnectionError:
         return set()  # the node is gone, and the master does not know
     return {topic for _, other, direction, _, topic, *_ in connections

@@ -34,8 +34,8 @@ class WithPanel(InRviz):
         cls.panel = wait_until(lambda: cls.desktop.root.find("Simulator"), "the panel", START)
         window = subprocess.check_output(
             ["xdotool", "search", "--onlyvisible", "--name", "RViz"], env=cls.environment,
-            universal_newlines=True).split()[0]
-        subprocess.check_call(["xdotool", "windowfocus", window], env=cls.environment)
+            universal_newlines=True, timeout=START).split()[0]
+        subprocess.check_call(["xdotool", "windowfocus", window], env=cls.environment, timeout=START)
         cls.widgets = {}
 
     @classmethod
@@ -62,7 +62,7 @@ class WithPanel(InRviz):
         return self.widgets[name]
 
     def xdotool(self, *arguments):
-        subprocess.check_call(["xdotool", *map(str, arguments)], env=self.environment)
+        subprocess.check_call(["xdotool", *map(str, arguments)], env=self.environment, timeout=START)
 
     def click(self, name):
         self.xdotool("mousemove", *self.widget(name).centre())

@@ -108,12 +108,14 @@ void Panel::load(const rviz::Config& config) {
 
 void Panel::save(rviz::Config config) const {
   rviz::Panel::save(config);
-  config.mapSetValue("Node", node_->text());
+  config.mapSetValue("Node", node_->text() == shown_node() ? node_name_ : node_->text());
   config.mapSetValue("Bag", record_->bag());
   config.mapSetValue("Scene", scene_->scene());
   config.mapSetValue("Scene File", scene_->file());
   config.mapSetValue("Snapshot Interval", snapshots_->interval());
 }
+
+QString Panel::shown_node() const { return QString::fromStdString(client_.node()); }
 
 void Panel::connect_to_node() {
   is_connected_ = is_in_contact_ = false;
@@ -124,10 +126,15 @@ void Panel::connect_to_node() {
   error_plot_->history().clear();
   time_plot_->history().clear();
   try {
-    client_.connect(node_->text().toStdString());
+    const QString name = node_->text();
+    const bool is_new = name != node_name_ && name != shown_node();
+    client_.connect(name.toStdString());
     is_connected_ = true;
-    if (node_->text() != node_name_) Q_EMIT configChanged();
-    node_name_ = node_->text();
+    if (is_new) {
+      node_name_ = name;
+      Q_EMIT configChanged();
+    }
+    node_->setText(shown_node());
     ask_for_state();
   } catch (const ros::InvalidNameException& error) {
     say(false, QString("node: ") + error.what());
@@ -180,6 +187,7 @@ void Panel::show_news() {
     error_plot_->update();
     time_plot_->update();
   }
+  if (news.scene) scene_->show_running(QString::fromStdString(*news.scene));
   if (news.is_scene_new) view_.frame(client_.node(), vis_manager_);
   if (news.bodies) model_.set_bodies(news.bodies);
   if (news.constraints) {

@@ -39,6 +39,7 @@ class Panel : public rviz::Panel {
 
  private:
   void build_tabs();
+  QString shown_node() const;  ///< the name of the node as ROS resolves it
   void connect_to_node();
   void tick();
   void want_topics();
@@ -50,7 +51,7 @@ class Panel : public rviz::Panel {
   void say(bool success, const QString& message);
 
   Client client_;
-  QString node_name_;  // name typed by the user
+  QString node_name_;  // name that the user typed or configured, which ROS resolves
   bool is_connected_ = false;
   bool is_in_contact_ = false;
   std::string no_contact_;  // reason why the node is not reached

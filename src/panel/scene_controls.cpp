@@ -38,11 +38,17 @@ void SceneControls::set(const QString& scene, const QString& file) {
   file_->setText(file);
 }
 
+void SceneControls::show_running(const QString& scene) {
+  const QLineEdit& edit = *scenes_->lineEdit();
+  if (!edit.hasFocus() && !edit.isModified()) scenes_->setEditText(scene);
+}
+
 void SceneControls::refresh() {
   client_.poll<ListScenes>("list_scenes", ListScenesRequest(), [this](const auto& response) {
     // The list may arrive while the user types.
     const QLineEdit& edit = *scenes_->lineEdit();
     const QString text = edit.text();
+    const bool is_modified = edit.isModified();
     const int cursor = edit.cursorPosition(), begin = edit.selectionStart();
     const int length = static_cast<int>(edit.selectedText().size());
     scenes_->clear();
@@ -53,6 +59,7 @@ void SceneControls::refresh() {
                              Qt::ToolTipRole);
     }
     scenes_->setEditText(text);
+    scenes_->lineEdit()->setModified(is_modified);
     const bool is_cursor_first = cursor == begin;  // true after inline completion
     scenes_->lineEdit()->setCursorPosition(cursor);
     if (length > 0 && is_cursor_first) scenes_->lineEdit()->setSelection(begin + length, -length);
@@ -63,6 +70,7 @@ void SceneControls::refresh() {
 void SceneControls::load() {
   LoadSceneRequest request;
   request.path = scenes_->currentText().toStdString();
+  scenes_->lineEdit()->setModified(false);
   client_.call<LoadScene>(Queue::kEdits, "load_scene", request.path, request);
 }
 

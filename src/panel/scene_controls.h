@@ -18,6 +18,8 @@ class SceneControls : public QWidget {
   QString scene() const { return scenes_->currentText(); }
   QString file() const { return file_->text(); }
   void set(const QString& scene, const QString& file);
+  /// Shows the name of the scene that runs, unless the user is typing another one.
+  void show_running(const QString& scene);
 
  private:
   void load();

@@ -84,8 +84,9 @@ void Topics::on_statistics(const StatisticsConstPtr& message) {
 }
 
 // Notes a new scene. The topic is latched: the first message is the present scene.
-void Topics::on_scene(const std_msgs::StringConstPtr&) {
+void Topics::on_scene(const std_msgs::StringConstPtr& message) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  news_.scene = message->data;
   news_.is_scene_new = news_.is_scene_new || has_scene_;
   has_scene_ = true;
 }

@@ -10,6 +10,7 @@
 
 #include <condition_variable>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -31,7 +32,8 @@ class Topics {
     BodyStatesConstPtr bodies;
     ConstraintStatesConstPtr constraints;
     std::vector<StatisticsConstPtr> statistics;
-    bool is_scene_new = false;  ///< another scene was loaded
+    std::optional<std::string> scene;  ///< name of the scene; empty where it has none
+    bool is_scene_new = false;         ///< another scene was loaded
   };
 
   explicit Topics(const std::string& node);

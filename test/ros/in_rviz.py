@@ -50,6 +50,22 @@ def read_view(path):
     return picture[70:760, 24:1256].astype(float)
 
 
+def with_few_pictures(configuration):
+    """Returns the configuration with five pictures a second. Drawn without a graphics card, thirty take a whole core;
+    between two pictures rviz answers one question after the widgets of its panel."""
+    configuration, count = re.subn("Frame Rate: [0-9]+", "Frame Rate: 5", configuration)
+    assert count == 1
+    return configuration
+
+
+def environment_on(display, folder):
+    """Returns the environment of rviz on a display. Its home is an own folder, since rviz keeps settings there, which
+    other tests must neither see nor write; caches of fonts and shaders may be shared."""
+    caches = os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache"))
+    return dict(os.environ, DISPLAY=display, LIBGL_ALWAYS_SOFTWARE="1", HOME=folder, XDG_CACHE_HOME=caches,
+                XDG_RUNTIME_DIR=folder)
+
+
 @contextlib.contextmanager
 def virtual_display():
     reading, writing = os.pipe()
@@ -70,11 +86,7 @@ class InRviz(unittest.TestCase):
         cls.stack = contextlib.ExitStack()
         display = cls.stack.enter_context(virtual_display())
         cls.folder = cls.stack.enter_context(tempfile.TemporaryDirectory())
-        # rviz keeps settings in its home, which other tests must neither see nor write; caches of fonts and
-        # shaders may be shared
-        caches = os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache"))
-        cls.environment = dict(os.environ, DISPLAY=display, LIBGL_ALWAYS_SOFTWARE="1",
-                               HOME=cls.folder, XDG_CACHE_HOME=caches, XDG_RUNTIME_DIR=cls.folder)
+        cls.environment = environment_on(display, cls.folder)
         cls.prepare()
         cls.rviz = None
         if cls.configuration:
@@ -82,11 +94,8 @@ class InRviz(unittest.TestCase):
 
     @classmethod
     def show_configuration(cls, configuration):
-        """Starts rviz with this configuration, or loads it in the running rviz, which is faster. Drawn without a
-        graphics card, thirty frames a second would take a whole core; between two pictures rviz answers one question
-        after the widgets of its panel."""
-        configuration, count = re.subn("Frame Rate: [0-9]+", "Frame Rate: 5", configuration)
-        assert count == 1
+        """Starts rviz with this configuration, or loads it in the running rviz, which is faster."""
+        configuration = with_few_pictures(configuration)
         config = os.path.join(cls.folder, "view.rviz")
         with open(config, "w") as file:
             file.write(configuration)

@@ -80,6 +80,24 @@ class Panel(WithPanel):
         self.expect_same("load_scene", load, path="pendulum")
         self.assertEqual(properties().bodies, ["bob"])
 
+    def test_the_box_has_the_scene_that_runs(self):
+        def expect(name):
+            wait_until(lambda: self.widget("Scene name").text() == name, "the scene " + name, START)
+        self.click("Plots")  # the field has no focus then
+        for name in ("bridge", "winch"):
+            self.assertTrue(call("load_scene", path=name).success)
+            expect(name)
+        self.enter("Scene name", "what_i_type")
+        self.click("Plots")
+        self.assertTrue(call("load_scene", path="bridge").success)
+        wait_until(lambda: self.panel.find_containing("bodies %d," % len(properties().bodies)),
+                   "the bridge", START)
+        expect("what_i_type")
+        self.enter("Scene name", "winch")
+        self.click("Load")
+        self.wait_for_message("load_scene winch")
+        expect("winch")
+
     def test_what_is_refused_is_said(self):
         answer = call("load_scene", path="no_such_scene")
         self.assertFalse(answer.success)

@@ -63,21 +63,6 @@ void World::body_ids(std::vector<BodyId>* ids) const {
   ids->assign(impl_->body_ids.begin() + 1, impl_->body_ids.end());
 }
 
-// Continues a saved body. The next step takes `correction` out of its velocity; reset() returns to
-// the velocity without `correction`.
-void World::Impl::continue_correction(std::size_t i, const Twist& correction) {
-  if (!is_movable(i) || asleep[i]) refuse("correction", "is of a dynamic body that is awake");
-  for (const Eigen::Vector3d& part :
-       {Eigen::Vector3d(correction.head<3>()), Eigen::Vector3d(correction.tail<3>())})
-    check_finite("correction", part);
-  if (!masses[i].can_turn() && !correction.tail<3>().isZero(0.0))
-    refuse("correction", "must not turn a point without inertia");
-  corrections[i] = correction;
-  any_corrections = true;
-  bodies[i].state.linear_velocity -= correction.head<3>();
-  bodies[i].state.angular_velocity -= correction.tail<3>();
-}
-
 const Body& World::body(BodyId id) const { return impl_->bodies[impl_->index(id)]; }
 const BodyState& World::state(BodyId id) const { return impl_->states[impl_->index(id)]; }
 

@@ -8,6 +8,7 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/edits/coupling_loops.h"
 #include "engine/edits/joint_defaults.h"
+#include "engine/edits/joint_edits.h"
 #include "engine/edits/motor_ends.h"
 #include "engine/islands/coordinate_motions.h"
 #include "engine/math/list.h"
@@ -17,49 +18,6 @@
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
-// Replaces the settings of a joint by `joint`, which is valid and filled in.
-void World::Impl::replace_joint(std::size_t j, const Joint& joint,
-                                const std::array<LawChange, kMaxCoordinates>& changes) {
-  wake_ends(joint);
-  if (is_always_rigid(joint) != is_always_rigid(joints[j]))
-    edits.note_topology();  // only rigid joints close loops
-  const CoordinateMotions motions(*this, *this, j);
-  const Joint before = std::exchange(joints[j], joint);
-  CoordinateMotions::Flags is_sent{};
-  for (std::size_t i = 0; i < changes.size(); ++i)
-    if (changes[i].law) is_sent[i] = follow_law(j, i, before.coordinates[i], changes[i].motor);
-  if (std::find(is_sent.begin(), is_sent.end(), true) != is_sent.end()) {
-    JointState& state = joint_states[j];
-    const JointStep now = joint_step(options, time(), options.time_step);
-    if (goes_on_closing(state, now.t, now.closing_time))
-      measure_joint(joint, states[index(joint.body_a)], states[index(joint.body_b)], now, state);
-    else
-      open_joint(*this, j, time(), this);
-    motions.send(*this, is_sent, this);
-  }
-  edits.note_laws_of(*this, joint);
-}
-
-// Updates the state of a coordinate to a changed law. Returns whether a motor holds another
-// position.
-bool World::Impl::follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before,
-                             bool is_motor_set) {
-  const CoordinateLaw& law = joints[j].coordinates[i];
-  CoordinateState& coordinate = joint_states[j].coordinates[i];
-  coordinate.position += law.zero - before.zero;
-  coordinate.held += law.zero - before.zero;
-  shift_couplings(j, static_cast<int>(i), law.zero - before.zero);
-  if (is_motor_set) coordinate.expires_at = law.motor ? end_of(*law.motor, time()) : kInfinity;
-  const bool is_position = law.motor && law.motor->position && law.motor->is_rigid();
-  if (is_position && law.zero == before.zero && are_same(law.motor, before.motor)) return false;
-  if (!(before.motor && before.motor->is_rigid() && !before.motor->position))
-    coordinate.held = coordinate.position;
-  coordinate.braking = 0.0;
-  if (!is_position) return false;
-  coordinate.held = *law.motor->position;
-  return true;
-}
-
 namespace {
 
 bool have_same_length(const DistanceJoint& a, const DistanceJoint& b) {
@@ -123,37 +81,13 @@ void check_coupled_act(const Model& model, std::size_t j, bool enabled) {
 
 }  // namespace
 
-// Sets the law of a coordinate. `is_motor_set`: the timeout of the motor begins now.
-void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set) {
-  const std::size_t j = index(id);
-  Joint joint = joints[j];
-  const auto i = static_cast<std::size_t>(coordinate);
-  joint.coordinates[i] = law;
-  validate(joint);
-  set_zeros(*this, *this, &joint);
-  fill_in_laws(*this, *this, &joint);
-  // A repeated target changes nothing: a motor that began anew each time would never reach it.
-  if (are_same(joint.coordinates[i], joints[j].coordinates[i])) {
-    const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
-    const bool has_timeout = is_motor_set && motor && motor->timeout > 0.0;
-    if (!has_timeout) return;
-    if (motor->position) {
-      joint_states[j].coordinates[i].expires_at = end_of(*motor, time());
-      return;
-    }
-  }
-  std::array<LawChange, kMaxCoordinates> changes{};
-  changes[i] = {true, is_motor_set};
-  replace_joint(j, joint, changes);
-}
-
 void World::set_joint(JointId id, const Joint& joint) {
   const std::size_t j = impl_->index(id);
   const Joint before = impl_->joints[j];
   check_same_place(joint, before);
   Joint changed = joint;
   replace_spring(before.distance, &changed.distance);
-  std::array<Impl::LawChange, kMaxCoordinates> changes{};
+  JointEdits::LawChanges changes{};
   for (std::size_t i = 0; i < changes.size(); ++i) {
     CoordinateLaw& law = changed.coordinates[i];
     changes[i] = {!are_same(law, before.coordinates[i]),
@@ -175,14 +109,15 @@ void World::set_joint(JointId id, const Joint& joint) {
     fill_in_laws(*impl_, *impl_, &changed);
   }
 
-  impl_->replace_joint(j, changed, changes);
+  JointEdits edits(impl_.get(), j);
+  edits.replace(changed, changes);
   JointState& state = impl_->joint_states[j];
   if (!are_same(changed.motor, before.motor)) state.expires_at = end_of(changed.motor, time());
   const bool is_resized = is_distance && !have_same_length(changed.distance, before.distance);
   if (is_resized) state.travel = 0.0;
   const bool is_turned = changed.distance.one_sided != before.distance.one_sided;
-  if (is_resized || is_turned || changed.enabled != before.enabled) impl_->restart_joint(j);
-  if (changed.enabled && !before.enabled) impl_->hold_from_here(j);
+  if (is_resized || is_turned || changed.enabled != before.enabled) edits.restart();
+  if (changed.enabled && !before.enabled) edits.hold_from_here();
 }
 
 void World::set_enabled(JointId id, bool enabled) {
@@ -190,32 +125,6 @@ void World::set_enabled(JointId id, bool enabled) {
   if (changed.enabled == enabled) return;
   changed.enabled = enabled;
   set_joint(id, changed);
-}
-
-// Begins a joint anew that starts or ceases to act.
-void World::Impl::restart_joint(std::size_t j) {
-  const Joint& joint = joints[j];
-  JointState& state = joint_states[j];
-  forget_impulses(&state);
-  self_stress[j] = SelfStress{};
-  wake_ends(joint);
-  open_joint(*this, j, time(), this);
-  edits.note_topology();
-  edits.note_islands_of(*this, joint);
-}
-
-// Lets the velocity motors of a joint that was just measured hold its present coordinates.
-void World::Impl::hold_from_here(std::size_t j) {
-  const Joint& joint = joints[j];
-  JointState& state = joint_states[j];
-  bool is_held = false;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i) {
-    const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
-    if (!motor || !motor->is_rigid() || motor->position) continue;
-    state.coordinates[i].held = state.coordinates[i].position;
-    is_held = true;
-  }
-  if (is_held) open_joint(*this, j, time(), this);
 }
 
 }  // namespace constraint_sim::engine

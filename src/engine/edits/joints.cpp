@@ -15,6 +15,7 @@
 #include "engine/edits/find_named.h"
 #include "engine/edits/issue_id.h"
 #include "engine/edits/joint_defaults.h"
+#include "engine/edits/joint_edits.h"
 #include "engine/edits/motor_ends.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -145,7 +146,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   joint_starts.push_back({filled.motor, filled.coordinates, broken, filled.enabled, {}, 0.0});
   joint_states.emplace_back();
   self_stress.emplace_back();
-  start_joint(joints.size() - 1);
+  JointEdits(this, joints.size() - 1).start();
   wake_ends(filled);
   joint_ids.push_back(id);
   joint_by_name.emplace(joint.name, id);
@@ -188,82 +189,6 @@ const List<std::size_t>& World::Impl::joints_on(std::size_t body) {
   }
   static const List<std::size_t> kNone;
   return body < joints_of_bodies->size() ? (*joints_of_bodies.get())[body] : kNone;
-}
-
-// Sets the state of a joint that was just added.
-void World::Impl::start_joint(std::size_t j) {
-  JointState& state = joint_states[j] = JointState{};
-  state.broken = joint_starts[j].broken;
-  self_stress[j] = SelfStress{};
-  set_ends(joints[j], time(), &state);
-  const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
-  state.radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
-  if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &state.coupling);
-  begin_coordinates(joints[j], states[a], states[b], state);
-  begin_joint(joints[j], states[a], states[b], time(), state, masses[b].can_turn());
-  if (!joint_starts[j].state) return;
-  state = *joint_starts[j].state;
-  const double elapsed = time() - joint_starts[j].time;
-  visit_motors(joints[j], state, [&](const Motor&, double& end) { end += elapsed; });
-  visit_starts(state.to_close, [&](double& since) { since += elapsed; });
-}
-
-// Continues the state of a joint of a saved scene.
-void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
-  JointState& state = joint_states[j];
-  state.travel = saved.travel;
-  state.saturated = saved.saturated;
-  state.coordinates = saved.coordinates;
-  state.expires_at = saved.expires_at;
-  state.impulse = saved.impulse;
-  state.coupling.constant = saved.coupling.constant;
-  state.coupling.impulse = saved.coupling.impulse;
-  open_joint(*this, j, time(), this);  // measures the error with the saved travel
-  state.closing = saved.closing && is_rigid(joints[j]) && acts(joints[j], state);
-  if (state.closing) {
-    state.to_close = saved.to_close;
-    state.closing_share = saved.closing_share;
-    state.initial_error = saved.initial_error;
-  }
-  state.coordinates = saved.coordinates;  // open_joint() read them in another closing frame
-  measure_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)],
-                joint_step(options, time(), options.time_step), state);
-  for (std::size_t i = 0; i < kMaxCoordinates; ++i)
-    state.coordinates[i].position = saved.coordinates[i].position;  // to the bit
-  joint_starts[j].state = state;
-  joint_starts[j].time = time();
-  edits.note_islands_of(*this, joints[j]);
-}
-
-// Whether a joint with the settings of this joint, added now, would begin with the same state.
-bool World::Impl::is_as_added(JointId id) const {
-  const std::size_t j = index(id);
-  const JointState& state = joint_states[j];
-  Joint joint = joints[j];
-  if (couples(joint.kind))
-    joint.coupling.value = state.coupling.constant;  // scenes save the constant as `value`
-  JointState added;
-  added.broken = state.broken;
-  set_ends(joint, time(), &added);
-  added.radius = state.radius;
-  const BodyState &a = states[index(joint.body_a)], &b = states[index(joint.body_b)];
-  added.coupling.value = state.coupling.value;
-  begin_coordinates(joint, a, b, added);
-  begin_joint(joint, a, b, time(), added, masses[index(joint.body_b)].can_turn());
-  for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
-    const CoordinateState &now = state.coordinates[i], &then = added.coordinates[i];
-    if (now.position != then.position || now.held != then.held || now.braking != then.braking ||
-        now.expires_at != then.expires_at)
-      return false;
-  }
-  const bool closes_alike = !added.closing || (are_same(state.to_close, added.to_close) &&
-                                               state.closing_share == added.closing_share &&
-                                               state.initial_error == added.initial_error);
-  if (state.coupling.constant != added.coupling.constant || state.coupling.impulse != 0.0)
-    return false;
-  return state.travel == 0.0 && !state.saturated && state.impulse.isZero(0.0) &&
-         state.expires_at == added.expires_at && state.closing == added.closing && closes_alike &&
-         self_stress[j].is_none();
 }
 
 void World::Impl::wake_ends(const Joint& joint) {
@@ -338,7 +263,7 @@ void World::set_motor(JointId id, int coordinate, const std::optional<Coordinate
   check_coordinate("motor", joint(id), coordinate);
   CoordinateLaw law = joint(id).coordinates[static_cast<std::size_t>(coordinate)];
   law.motor = motor;
-  impl_->set_law(id, coordinate, law, true);
+  JointEdits(impl_.get(), impl_->index(id)).set_law(to_index(coordinate), law, true);
 }
 
 void World::set_law(JointId id, int coordinate, const CoordinateLaw& law) {
@@ -346,20 +271,8 @@ void World::set_law(JointId id, int coordinate, const CoordinateLaw& law) {
   CoordinateLaw changed = law;
   const CoordinateLaw& before = joint(id).coordinates[static_cast<std::size_t>(coordinate)];
   if (!law.position) changed.zero = before.zero;
-  impl_->set_law(id, coordinate, changed, law.motor.has_value() != before.motor.has_value());
-}
-
-// Adds the change of a coordinate's zero to the values and constants of its couplings.
-void World::Impl::shift_couplings(std::size_t j, int coordinate, double change) {
-  if (change == 0.0) return;
-  List<std::size_t> affected = couplings_of(j);
-  if (has_pitch(joints[j].kind)) affected.push_back(j);
-  for (const std::size_t coupling : affected)
-    for (const CoupledTerm& term : terms_of(coupling))
-      if (term.joint == j && term.coordinate == coordinate) {
-        joint_states[coupling].coupling.value += term.ratio * change;
-        joint_states[coupling].coupling.constant += term.ratio * change;
-      }
+  JointEdits(impl_.get(), impl_->index(id))
+      .set_law(to_index(coordinate), changed, law.motor.has_value() != before.motor.has_value());
 }
 
 void World::set_broken(JointId id, bool broken) {
@@ -374,7 +287,7 @@ void World::set_broken(JointId id, bool broken) {
     for (const std::size_t coupling : impl_->couplings_of(j))
       set_broken(impl_->joint_ids[coupling], true);
   impl_->joint_states[j].broken = broken;
-  impl_->restart_joint(j);
+  JointEdits(impl_.get(), j).restart();
 }
 
 }  // namespace constraint_sim::engine

@@ -86,6 +86,60 @@ std::vector<std::string> mark_removed(const Model& model, const std::vector<Body
   return names;
 }
 
+void erase_joints(const List<bool>& is_removed, WorldImpl* world) {
+  for (std::size_t j = 0; j < world->joints.size(); ++j) {
+    if (!is_removed[j]) continue;
+    world->wake_ends(world->joints[j]);
+    world->joint_by_name.erase(world->joints[j].name);
+  }
+  compact_list(is_removed, &world->joints);
+  compact_list(is_removed, &world->joint_starts);
+  compact_list(is_removed, &world->joint_states);
+  compact_list(is_removed, &world->self_stress);
+  compact_list(is_removed, &world->joint_ids);
+  world->joints_of_bodies = {};
+  world->events.clear();
+  world->edits.note_topology();
+  world->edits.note_all();  // indices are others now
+}
+
+void erase_bodies(const List<bool>& is_removed, WorldImpl* world) {
+  const auto goes = [&](BodyId id) { return is_removed[world->index(id)]; };
+  for (const TouchingPair& pair : world->resting) {
+    if (!world->is_known(pair)) continue;
+    if (goes(pair.id_a)) world->sleep.wake(world->index(pair.id_b), world);
+    if (goes(pair.id_b)) world->sleep.wake(world->index(pair.id_a), world);
+  }
+  const auto is_on_one = [&](const Wrench& wrench) { return goes(wrench.body); };
+  world->wrenches.erase(std::remove_if(world->wrenches.begin(), world->wrenches.end(), is_on_one),
+                        world->wrenches.end());
+  world->monitors.note_wrench_ended();
+  for (std::size_t i = 0; i < world->bodies.size(); ++i)
+    if (is_removed[i]) world->body_by_name.erase(world->bodies[i].name);
+  compact_list(is_removed, &world->bodies);
+  compact_list(is_removed, &world->states);
+  compact_list(is_removed, &world->masses);
+  compact_list(is_removed, &world->corrections);
+  compact_list(is_removed, &world->asleep);
+  compact_list(is_removed, &world->body_ids);
+  world->joints_of_bodies = {};
+  world->integration
+      .forget_loads();  // loads of the last step have indices of bodies, which have changed
+  world->contacts.clear();
+  world->events.clear();
+  world->edits.note_topology();
+  world->edits.note_all();  // indices are others now
+}
+
+void erase(const List<bool>& is_joint_removed, const List<bool>& is_body_removed,
+           WorldImpl* world) {
+  const auto any = [](const List<bool>& list) {
+    return std::find(list.begin(), list.end(), true) != list.end();
+  };
+  if (any(is_joint_removed)) erase_joints(is_joint_removed, world);
+  if (any(is_body_removed)) erase_bodies(is_body_removed, world);
+}
+
 }  // namespace
 
 std::vector<std::string> World::remove(const std::vector<JointId>& joints,
@@ -94,63 +148,12 @@ std::vector<std::string> World::remove(const std::vector<JointId>& joints,
   mark_removed(*impl_, joints, &is_joint_removed);
   std::vector<std::string> names =
       mark_removed(*impl_, bodies, &is_body_removed, &is_joint_removed);
-  impl_->erase(is_joint_removed, is_body_removed);
+  erase(is_joint_removed, is_body_removed, impl_.get());
   return names;
 }
 
 void World::remove_joint(JointId id) { remove({id}, {}); }
 
 std::vector<std::string> World::remove_body(BodyId id) { return remove({}, {id}); }
-
-void World::Impl::erase(const List<bool>& is_joint_removed, const List<bool>& is_body_removed) {
-  const auto any = [](const List<bool>& list) {
-    return std::find(list.begin(), list.end(), true) != list.end();
-  };
-  if (any(is_joint_removed)) erase_joints(is_joint_removed);
-  if (any(is_body_removed)) erase_bodies(is_body_removed);
-}
-
-void World::Impl::erase_joints(const List<bool>& is_removed) {
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    if (!is_removed[j]) continue;
-    wake_ends(joints[j]);
-    joint_by_name.erase(joints[j].name);
-  }
-  compact_list(is_removed, &joints);
-  compact_list(is_removed, &joint_starts);
-  compact_list(is_removed, &joint_states);
-  compact_list(is_removed, &self_stress);
-  compact_list(is_removed, &joint_ids);
-  joints_of_bodies = {};
-  events.clear();
-  edits.note_topology();
-  edits.note_all();  // indices are others now
-}
-
-void World::Impl::erase_bodies(const List<bool>& is_removed) {
-  const auto goes = [&](BodyId id) { return is_removed[index(id)]; };
-  for (const TouchingPair& pair : resting) {
-    if (!is_known(pair)) continue;
-    if (goes(pair.id_a)) sleep.wake(index(pair.id_b), this);
-    if (goes(pair.id_b)) sleep.wake(index(pair.id_a), this);
-  }
-  const auto is_on_one = [&](const Wrench& wrench) { return goes(wrench.body); };
-  wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_on_one), wrenches.end());
-  monitors.note_wrench_ended();
-  for (std::size_t i = 0; i < bodies.size(); ++i)
-    if (is_removed[i]) body_by_name.erase(bodies[i].name);
-  compact_list(is_removed, &bodies);
-  compact_list(is_removed, &states);
-  compact_list(is_removed, &masses);
-  compact_list(is_removed, &corrections);
-  compact_list(is_removed, &asleep);
-  compact_list(is_removed, &body_ids);
-  joints_of_bodies = {};
-  integration.forget_loads();  // loads of the last step have indices of bodies, which have changed
-  contacts.clear();
-  events.clear();
-  edits.note_topology();
-  edits.note_all();  // indices are others now
-}
 
 }  // namespace constraint_sim::engine

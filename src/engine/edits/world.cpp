@@ -6,10 +6,12 @@
 #include <cmath>
 
 #include "engine/edits/issue_id.h"
+#include "engine/edits/joint_edits.h"
 #include "engine/islands/unresolved_bodies.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/model/validate.h"
+#include "engine/world/next_islands.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -67,12 +69,12 @@ void World::take_snapshot(World* snapshot) const {
   answers->unresolved_bodies = unresolved_bodies();
   if (!from.edits.any()) {
     answers->islands = from.islands;
-    to.loaded_memory = from.memories();
+    to.loaded_memory = memories_of(from);
     return;
   }
   answers->islands.clear();
   to.loaded_memory.clear();
-  for (const Impl::NextIsland& next : from.next_islands()) {
+  for (const NextIsland& next : next_islands(from)) {
     answers->islands.push_back(next.island);
     if (!next.memory.is_none()) to.loaded_memory.emplace_back(next.island.first_body, next.memory);
   }
@@ -189,59 +191,6 @@ bool World::Impl::is_known(const TouchingPair& pair) const {
   return Model::is_known(pair.id_a) && Model::is_known(pair.id_b);
 }
 
-// Puts the bodies to sleep that slept when the scene was saved. `ids`: these bodies.
-void World::Impl::continue_asleep(const std::vector<BodyId>& ids) {
-  for (const BodyId id : ids) asleep[index(id)] = true;
-  sleep.continue_from(!ids.empty());  // wakes bodies whose neighbours do not sleep
-  edits.note_all();
-}
-
-// Adds a contact that existed when the scene was saved.
-void World::Impl::continue_contact(TouchingPair pair) {
-  pair.a = static_cast<int>(index(pair.id_a));
-  pair.b = static_cast<int>(index(pair.id_b));
-  if (pair.b < pair.a) refuse("body_b", "must have been added after body_a");
-  const bool sleeps = asleep[index(pair.id_a)] || asleep[index(pair.id_b)];
-  List<TouchingPair>& pairs = sleeps ? resting : touching;
-  if (!pairs.empty() && !(pairs.back().ends() < pair.ends()))
-    refuse("body_a", "contacts must be in the order of their bodies, each once");
-  pairs.push_back(pair);
-}
-
-// Returns this world if its edits are compiled, else `copy`, a copy with compiled edits.
-const World::Impl& World::Impl::compiled(std::optional<Impl>* copy) const {
-  if (!edits.any()) return *this;
-  copy->emplace(*this).rebuild_topology();
-  return **copy;
-}
-
-// Returns the memories of islands that are not empty, by first body, in the order of islands.
-List<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
-  List<std::pair<BodyId, IslandMemory>> memories;
-  for (std::size_t i = 0; i < island_parts.size(); ++i)
-    if (!island_parts[i].is_none()) memories.emplace_back(islands[i].first_body, island_parts[i]);
-  return memories;
-}
-
-// Returns the memories with which the next step begins, after pending edits are compiled.
-List<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const {
-  if (!edits.any()) return memories();
-  List<std::pair<BodyId, IslandMemory>> memories;
-  for (const NextIsland& next : next_islands())
-    if (!next.memory.is_none()) memories.emplace_back(next.island.first_body, next.memory);
-  return memories;
-}
-
-// Whether the method of an island begins anew in the next step although it has memory that could
-// continue. Otherwise the next step of a fresh island depends only on saved state.
-bool World::Impl::restarts_methods(std::size_t i) const {
-  const IslandParts& parts = island_parts[i];
-  if (!parts.is_fresh || options.method == Method::kSequentialImpulses) return false;
-  if (!parts.members.joints.empty()) return true;
-  const std::size_t body = static_cast<std::size_t>(parts.members.bodies.front());
-  return masses[body].can_turn() && !masses[body].is_isotropic();
-}
-
 void World::reset() {
   for (std::size_t i = 0; i < impl_->bodies.size(); ++i) {
     impl_->states[i] = impl_->bodies[i].state;
@@ -252,7 +201,7 @@ void World::reset() {
     impl_->joints[j].motor = impl_->joint_starts[j].motor;
     impl_->joints[j].coordinates = impl_->joint_starts[j].coordinates;
     impl_->joints[j].enabled = impl_->joint_starts[j].enabled;
-    impl_->start_joint(j);
+    JointEdits(impl_.get(), j).start();
   }
   impl_->wrenches.clear();
   impl_->monitors = Monitors{};
@@ -283,7 +232,7 @@ std::vector<Island> World::islands() const {
   if (impl_->edits.answers()) return impl_->edits.answers()->islands;
   if (!impl_->edits.any()) return impl_->islands;
   std::vector<Island> islands;
-  for (const auto& next : impl_->next_islands()) islands.push_back(next.island);
+  for (const NextIsland& next : next_islands(*impl_)) islands.push_back(next.island);
   return islands;
 }
 

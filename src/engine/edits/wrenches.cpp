@@ -28,13 +28,10 @@ void World::add_wrench(const Wrench& wrench) {
 
 void World::clear_wrenches(BodyId id) {
   impl_->index(id);
-  impl_->erase_wrenches(id);
-}
-
-void World::Impl::erase_wrenches(BodyId id) {
+  std::vector<Wrench>& all = impl_->wrenches;
   const auto is_on_it = [id](const Wrench& wrench) { return wrench.body == id; };
-  wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_on_it), wrenches.end());
-  monitors.note_wrench_ended();
+  all.erase(std::remove_if(all.begin(), all.end(), is_on_it), all.end());
+  impl_->monitors.note_wrench_ended();
 }
 
 const std::vector<Wrench>& World::wrenches() const { return impl_->wrenches; }

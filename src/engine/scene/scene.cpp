@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "engine/edits/saved_state.h"
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -266,10 +267,10 @@ bool read_asleep(const YamlElement& item, const Body& body) {
 void continue_from_saved(const YamlElement& scene, const std::vector<BodyId>& asleep,
                          World* world) {
   auto& impl = ImplAccess::of(*world);
-  impl.continue_asleep(asleep);
+  continue_asleep(asleep, &impl);
   for (const YamlElement& item : items_of(scene, "contacts")) {
     const TouchingPair pair = read_contact(item, *world);
-    item.attempt([&] { impl.continue_contact(pair); });
+    item.attempt([&] { continue_contact(pair, &impl); });
   }
   for (const YamlElement& item : items_of(scene, "islands")) {
     const IslandMemory memory = read_island(item);
@@ -307,7 +308,7 @@ World load_scene(const std::string& text, const std::string& source, const World
     const JointId id = item.attempt(
         [&] { return state ? impl.add_joint(joint, broken) : world.add_joint(joint, broken); });
     if (state) {
-      impl.continue_joint(impl.index(id), read_joint_state(*state, joint.kind));
+      continue_joint(impl.index(id), read_joint_state(*state, joint.kind), &impl);
       impl.self_stress[impl.index(id)] = read_self_stress(*state, joint.kind);
     }
   }
@@ -322,7 +323,7 @@ World load_scene(const std::string& text, const std::string& source, const World
     auto& impl = ImplAccess::of(world);
     const std::size_t i = impl.index(world.find_body(item.at("name").word()));
     const Twist value = correction->numbers(6);
-    item.attempt([&] { impl.continue_correction(i, value); });
+    item.attempt([&] { continue_correction(i, value, &impl); });
   }
   return world;
 }

@@ -7,10 +7,12 @@
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/edits/saved_state.h"
 #include "engine/math/list.h"
 #include "engine/model/fields.h"
 #include "engine/model/shape_names.h"
 #include "engine/model/validate.h"
+#include "engine/world/next_islands.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -228,7 +230,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
   const auto& impl = ImplAccess::of(world);
   const JointId id = world.find_joint(joint.name);
-  if (impl.is_as_added(id)) return;
+  if (is_as_added(impl, id)) return;
   *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
   write(out, "travel", state.travel);
   if (state.saturated) write(out, "saturated", true);
@@ -367,7 +369,7 @@ void write_contacts(YAML::Emitter* out, const World& world) {
 }
 
 void write_islands(YAML::Emitter* out, const World& world) {
-  const auto memories = ImplAccess::of(world).next_memories();
+  const auto memories = next_memories(ImplAccess::of(world));
   if (memories.empty()) return;
   *out << YAML::Key << "islands" << YAML::Value << YAML::BeginSeq;
   for (const auto& [first_body, memory] : memories) {

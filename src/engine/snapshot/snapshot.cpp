@@ -18,6 +18,7 @@
 #include "engine/snapshot/snapshot_checks.h"
 #include "engine/snapshot/snapshot_fields.h"
 #include "engine/support/memory.h"
+#include "engine/world/next_islands.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -434,9 +435,8 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
 }
 
 std::string write_snapshot(const World& world) {
-  using Impl = std::decay_t<decltype(ImplAccess::of(world))>;
-  std::optional<Impl> copy;
-  const Impl& impl = ImplAccess::of(world).compiled(&copy);
+  std::optional<WorldImpl> copy;
+  const WorldImpl& impl = compiled(ImplAccess::of(world), &copy);
   Visitor<WrittenBytes> writer(WrittenBytes{build()});
   visit_world(impl, writer);
   const std::uint64_t hash = impl.hash();

@@ -5,6 +5,7 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/list.h"
 #include "engine/model/fields.h"
+#include "engine/world/next_islands.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -232,7 +233,7 @@ void add_methods(Fnv1a& hash, const Impl& world) {
     const IslandParts& parts = world.island_parts[i];
     if (island.why == MethodReason::kAtRest) continue;
     if (parts.is_fresh) {
-      if (world.restarts_methods(i)) hash.add(std::uint64_t{i});
+      if (restarts_methods(world, i)) hash.add(std::uint64_t{i});
       continue;
     }
     for (const int body : parts.turning_freely) {
@@ -264,7 +265,7 @@ void add(Fnv1a& hash, const Wrench& wrench, const std::string& body, double now)
 
 std::uint64_t World::state_hash() const {
   std::optional<Impl> copy;
-  return impl_->compiled(&copy).hash();
+  return compiled(*impl_, &copy).hash();
 }
 
 std::uint64_t World::Impl::hash() const {
@@ -304,7 +305,7 @@ std::uint64_t World::Impl::hash() const {
   for (const auto* pairs : {&world.touching, &world.resting})
     for (const TouchingPair& pair : *pairs)
       if (world.is_known(pair)) add(hash, pair, name_of(pair.id_a), name_of(pair.id_b));
-  for (const auto& [first_body, memory] : world.memories())
+  for (const auto& [first_body, memory] : memories_of(world))
     if (world.find(first_body) >= 0) add(hash, memory, name_of(first_body));
   add_methods(hash, world);
   return hash.value();

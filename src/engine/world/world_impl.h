@@ -4,7 +4,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -66,46 +65,12 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   // ---- editing (edits/)
   const List<std::size_t>& joints_on(std::size_t body);
   JointId add_joint(const Joint& joint, bool broken);
-  void start_joint(std::size_t j);
-  void continue_joint(std::size_t j, const JointState& saved);
-  void continue_correction(std::size_t i, const Twist& correction);
   void wake_ends(const Joint& joint);
-  void restart_joint(std::size_t j);
-  void hold_from_here(std::size_t j);
   void forget_contacts();
-  void continue_asleep(const std::vector<BodyId>& ids);
-  void continue_contact(TouchingPair pair);
   bool is_known(const TouchingPair& pair) const;
-  bool is_as_added(JointId id) const;
-  struct NextIsland {
-    IslandMembers members;
-    Island island;
-    IslandMemory memory;  // memory with which the next step begins
-    bool is_fresh;        // the island was edited since the last step
-  };
-  List<NextIsland> next_islands() const;
-  NextIsland next_island(IslandMembers members) const;
-  void choose_next_methods(const List<JointEnds>& ends, const List<int>& next_of,
-                           List<NextIsland>* next) const;
-  const Impl& compiled(std::optional<Impl>* copy) const;
-  List<std::pair<BodyId, IslandMemory>> memories() const;
-  List<std::pair<BodyId, IslandMemory>> next_memories() const;
-  bool restarts_methods(std::size_t island) const;
   std::uint64_t hash() const;
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit);
-  void shift_couplings(std::size_t j, int coordinate, double change);
-  void set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set);
-  struct LawChange {
-    bool law = false, motor = false;  ///< the timeout of a changed motor begins now
-  };
-  void replace_joint(std::size_t j, const Joint& joint,
-                     const std::array<LawChange, kMaxCoordinates>& changes);
-  bool follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before, bool is_motor_set);
-  void erase(const List<bool>& is_joint_removed, const List<bool>& is_body_removed);
-  void erase_joints(const List<bool>& is_removed);
-  void erase_bodies(const List<bool>& is_removed);
-  void erase_wrenches(BodyId id);
 
   // ---- resting
   bool wake_touched();
@@ -155,8 +120,11 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
 
 /// Access for code that saves and loads worlds.
 struct ImplAccess {
+  using Impl = World::Impl;
   static World::Impl& of(World& world) { return *world.impl_; }
   static const World::Impl& of(const World& world) { return *world.impl_; }
 };
+
+using WorldImpl = ImplAccess::Impl;
 
 }  // namespace constraint_sim::engine

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <utility>
+
+#include "engine/islands/islands.h"
+#include "engine/math/list.h"
+#include "engine/world/world_impl.h"
+
+// The islands with which the next step will begin, while edits are not compiled yet. Queries,
+// saving and hashes ask for them: nothing is changed, and the functions that a step calls are
+// called.
+
+namespace constraint_sim::engine {
+
+struct NextIsland {
+  IslandMembers members;
+  Island island;
+  IslandMemory memory;  ///< memory with which the next step begins
+  bool is_fresh;        ///< the island was edited since the last step
+};
+
+List<NextIsland> next_islands(const WorldImpl& world);
+/// Returns this world if its edits are compiled, else `copy`, a copy with compiled edits.
+const WorldImpl& compiled(const WorldImpl& world, std::optional<WorldImpl>* copy);
+/// Returns the memories of islands that are not empty, by first body, in the order of islands.
+List<std::pair<BodyId, IslandMemory>> memories_of(const WorldImpl& world);
+/// Returns the memories with which the next step begins, after pending edits are compiled.
+List<std::pair<BodyId, IslandMemory>> next_memories(const WorldImpl& world);
+/// Whether the method of an island begins anew in the next step although it has memory that could
+/// continue. Otherwise the next step of a fresh island depends only on saved state.
+bool restarts_methods(const WorldImpl& world, std::size_t island);
+
+}  // namespace constraint_sim::engine

@@ -36,13 +36,6 @@ double girth(const Aabb& box) { return (box.max - box.min).sum(); }
 
 }  // namespace
 
-bool overlap(const Aabb& a, const Aabb& b) {
-  for (int axis = 0; axis < 3; ++axis) {
-    if (a.max[axis] < b.min[axis] || b.max[axis] < a.min[axis]) return false;
-  }
-  return true;
-}
-
 Aabb bounds(const Shape& shape, const BodyState& state) {
   const Eigen::Vector3d half = std::visit(HalfExtent{state}, shape);
   return {state.position - half, state.position + half};
@@ -91,18 +84,27 @@ void Broadphase::Tree::build(const List<Proxy>& proxies) {
 }
 
 void Broadphase::Tree::build(const List<Proxy>& proxies, int node, int first_item, int leaves) {
-  nodes[node].leaves = leaves;
-  const auto first = items.begin() + first_item;
   if (leaves == 1) {
-    const Proxy& proxy = proxies[first->proxy];
-    nodes[node] = {proxy.box, 1, proxy.body, proxy.movable};
+    nodes[node] = {proxies[items[first_item].proxy], 1};
     return;
   }
+  nodes[node].leaves = leaves;
+  const int half = leaves / 2;
+  if (leaves > 2) halve(first_item, leaves);  // two leaves make one pair in any order
+  build(proxies, left_child(node), first_item, half);
+  build(proxies, right_child(node), first_item + half, leaves - half);
+  const Proxy& left = nodes[left_child(node)].proxy;
+  const Proxy& right = nodes[right_child(node)].proxy;
+  nodes[node].proxy = {merged(left.box, right.box), 0, left.movable || right.movable};
+}
 
-  // Axis along which the centres spread most.
+// Moves the smaller half of the items to the front, along the axis along which the centres spread
+// most.
+void Broadphase::Tree::halve(int first_item, int leaves) {
+  const auto first = items.begin() + first_item;
   Eigen::Vector3d lowest = first->centre;
   Eigen::Vector3d highest = first->centre;
-  for (auto item = first; item != first + leaves; ++item) {
+  for (auto item = first + 1; item != first + leaves; ++item) {
     lowest = lowest.cwiseMin(item->centre);
     highest = highest.cwiseMax(item->centre);
   }
@@ -114,35 +116,27 @@ void Broadphase::Tree::build(const List<Proxy>& proxies, int node, int first_ite
     if (a.centre[axis] != b.centre[axis]) return a.centre[axis] < b.centre[axis];
     return a.proxy < b.proxy;
   };
-  const int half = leaves / 2;
-  std::nth_element(first, first + half, first + leaves, before);
-
-  build(proxies, left_child(node), first_item, half);
-  build(proxies, right_child(node), first_item + half, leaves - half);
-  const Node& left = nodes[left_child(node)];
-  const Node& right = nodes[right_child(node)];
-  nodes[node].box = merged(left.box, right.box);
-  nodes[node].movable = left.movable || right.movable;
+  std::nth_element(first, first + leaves / 2, first + leaves, before);
 }
 
 void Broadphase::pair_within(const Tree& tree, int node) {
-  if (tree[node].leaves == 1 || !tree[node].movable || is_full()) return;
+  if (tree[node].leaves == 1 || !tree[node].proxy.movable || is_full()) return;
   pair_within(tree, Tree::left_child(node));
   pair_within(tree, tree.right_child(node));
   pair_between(tree, Tree::left_child(node), tree, tree.right_child(node));
 }
 
 void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b, int node_b) {
-  const Node& a = tree_a[node_a];
-  const Node& b = tree_b[node_b];
+  const auto& [a, leaves_a] = tree_a[node_a];
+  const auto& [b, leaves_b] = tree_b[node_b];
   if ((!a.movable && !b.movable) || is_full()) return;
   if (!test(a.box, b.box)) return;
 
   // Splitting the larger box keeps a large body from being tested against every node on every
   // level.
-  if (a.leaves == 1 && b.leaves == 1) {
+  if (leaves_a == 1 && leaves_b == 1) {
     add_pair(a.body, b.body);
-  } else if (b.leaves == 1 || (a.leaves > 1 && girth(a.box) > girth(b.box))) {
+  } else if (leaves_b == 1 || (leaves_a > 1 && girth(a.box) > girth(b.box))) {
     pair_between(tree_a, Tree::left_child(node_a), tree_b, node_b);
     pair_between(tree_a, tree_a.right_child(node_a), tree_b, node_b);
   } else {
@@ -154,7 +148,7 @@ void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b
 // Pairs an unbounded proxy with all leaves.
 void Broadphase::pair_with(const Proxy& proxy, const Tree& tree) {
   for (const Node& node : tree.nodes)
-    if (node.leaves == 1 && !is_full()) pair_proxies(proxy, {node.box, node.body, node.movable});
+    if (node.leaves == 1 && !is_full()) pair_proxies(proxy, node.proxy);
 }
 
 void Broadphase::pair_proxies(const Proxy& a, const Proxy& b) {

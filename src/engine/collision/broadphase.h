@@ -17,7 +17,12 @@ struct Aabb {
 };
 
 /// Whether two boxes share a point, touching included; ends at the first separating axis.
-bool overlap(const Aabb& a, const Aabb& b);
+inline bool overlap(const Aabb& a, const Aabb& b) {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (a.max[axis] < b.min[axis] || b.max[axis] < a.min[axis]) return false;
+  }
+  return true;
+}
 
 /// Returns the bounding box of a shape.
 Aabb bounds(const Shape& shape, const BodyState& state);
@@ -64,10 +69,8 @@ class Broadphase {
   /// A box around `leaves` proxies. Nodes lie in preorder: the left child, with the smaller half of
   /// the leaves, follows its parent, and the right child follows the left child's subtree.
   struct Node {
-    Aabb box;
+    Proxy proxy;  ///< proxy of a leaf; else the box, and whether a proxy of the node is movable
     int leaves = 0;
-    int body = 0;          ///< body of a leaf
-    bool movable = false;  ///< whether a proxy of the node is movable
   };
 
   /// Tree of the bounded proxies, with a list of unbounded ones.
@@ -78,6 +81,7 @@ class Broadphase {
 
     void build(const List<Proxy>& proxies);
     void build(const List<Proxy>& proxies, int node, int first_item, int leaves);
+    void halve(int first_item, int leaves);
     static int left_child(int node) { return node + 1; }
     int right_child(int node) const { return node + 2 * (nodes[node].leaves / 2); }
     const Node& operator[](int node) const { return nodes[node]; }

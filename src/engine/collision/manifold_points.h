@@ -17,13 +17,12 @@ inline void add_point(Manifold& manifold, const Eigen::Vector3d& position, doubl
   manifold.points[manifold.count++] = {position, depth, feature};
 }
 
-/// Returns the manifold with both shapes exchanged.
-inline Manifold swapped(Manifold manifold) {
-  for (int i = 0; i < manifold.count; ++i) {
-    manifold.points[i].position -= manifold.points[i].depth * manifold.normal;
+/// Exchanges both shapes of a manifold.
+inline void exchange_shapes(Manifold* manifold) {
+  for (int i = 0; i < manifold->count; ++i) {
+    manifold->points[i].position -= manifold->points[i].depth * manifold->normal;
   }
-  manifold.normal = -manifold.normal;
-  return manifold;
+  manifold->normal = -manifold->normal;
 }
 
 }  // namespace constraint_sim::engine

@@ -119,7 +119,9 @@ Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
     if constexpr (std::is_invocable_v<Collide, const A&, const B&>) {
       return Collide{a, b, margin}(of_a, of_b);
     } else if constexpr (std::is_invocable_v<Collide, const B&, const A&>) {
-      return swapped(Collide{b, a, margin}(of_b, of_a));
+      Manifold manifold = Collide{b, a, margin}(of_b, of_a);
+      exchange_shapes(&manifold);
+      return manifold;
     } else {
       static_assert(kNeverCollide<A, B>, "Collide has no function for this pair of shapes");
       return {};

@@ -180,7 +180,7 @@ void ContactGroups::find(const StepContext& step, const State& state, const Roll
   const Topology& topology = step.topology;
   group_at_.assign(lists.islands.size(), -1);
   left_for_.assign(lists.islands.size(), MethodReason::kContact);
-  for (const auto& [pair, gap] : reach.watched_pairs()) {
+  for (const auto& [pair, apart] : reach.watched_pairs()) {
     const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
     const int leader = reach.leader_of(to_index(island));
     const GroupSize& size = reach.size_of_group(leader);
@@ -228,9 +228,9 @@ bool ContactGroups::is_left_in_contact(const StepContext& step, const State& sta
   };
   const auto& pairs = reach.watched_pairs();
   return std::any_of(pairs.begin(), pairs.end(), [&](const auto& watched) {
-    const auto& [pair, gap] = watched;
+    const auto& [pair, apart] = watched;
     return (is_of_it(pair.first) || is_of_it(pair.second)) &&
-           gap <= tolerances_of(step.model, state, pair).touching;
+           apart.gap <= tolerances_of(step.model, state, pair).touching;
   });
 }
 

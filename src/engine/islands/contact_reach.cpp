@@ -49,20 +49,18 @@ double gap_across(const Model& model, const State& state, const Broadphase::Pair
 
 /// Whether an overlap is no deeper than impulses leave overlaps at rest, and changes slowly.
 bool is_settled(const StepContext& step, const State& state, const Broadphase::Pair& pair,
-                double gap) {
+                const Separation& apart) {
   const Model& model = step.model;
   const double h = model.options.time_step;
   const std::size_t a = to_index(pair.first), b = to_index(pair.second);
   const double most =
       std::min(kSunkShare * thinner_of(model, pair), kSunk * h * h * model.options.gravity.norm());
-  if (-gap > most) return false;
-  const PlacedShape of_a(model.bodies[a], state.states[a]), of_b(model.bodies[b], state.states[b]);
-  const Vector3d n = separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).normal;
+  if (-apart.gap > most) return false;
   double moved = 0.0;
   for (const auto& [body, sign] : {std::pair(pair.first, 1.0), std::pair(pair.second, -1.0)}) {
     Vector3d v = state.states[body].linear_velocity;
     if (state.any_corrections) v -= state.corrections[body].head<3>();
-    moved += sign * h * n.dot(v);
+    moved += sign * h * apart.normal.dot(v);
   }
   const BodyState &now_a = state.states[a], &now_b = state.states[b];
   const double turned = max_point_displacement(step, now_a, pair.first, h) -
@@ -142,9 +140,9 @@ void ContactReach::watch_pairs(const StepContext& step, const State& state, std:
   };
   for (const Broadphase::Pair& pair : pairs) {
     if (is_set(step.stop)) return watched_pairs_.clear();
-    const std::optional<double> gap = gap_to_watch(step.model, topology, state, pair);
-    if (!gap) continue;
-    watched_pairs_.push_back({pair, *gap});
+    const auto apart = separation_to_watch(step.model, topology, state, pair);
+    if (!apart) continue;
+    watched_pairs_.push_back({pair, *apart});
     const int a = topology.island_of(pair.first), b = topology.island_of(pair.second);
     if (a >= 0 && b >= 0) leader[std::max(find(a), find(b))] = std::min(find(a), find(b));
   }
@@ -159,7 +157,7 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
   const Model& model = step.model;
   const Topology& topology = step.topology;
   sizes_.assign(lists.islands.size(), GroupSize{});
-  for (const auto& [pair, gap] : watched_pairs_) {
+  for (const auto& [pair, apart] : watched_pairs_) {
     if (is_set(step.stop)) return;
     const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
     GroupSize& size = sizes_[leader_of_[island]];
@@ -167,13 +165,13 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
     for (const int body : {pair.first, pair.second})  // kinematic bodies may hit the others
       if (!model.is_movable(to_index(body))) size.reach = std::max(size.reach, reach_[body]);
     // Points count where the pair can touch without a third body that hits one of both.
-    if (gap <= own_reach_[pair.first] + own_reach_[pair.second])
+    if (apart.gap <= own_reach_[pair.first] + own_reach_[pair.second])
       size.points += ContactPairs::most_points(model.bodies[pair.first].shape,
                                                model.bodies[pair.second].shape);
-    if (gap >= 0.0 || (size.overlaps && !size.is_settled)) continue;
-    if (gap >= -tolerances_of(model, state, pair).overlap) continue;
+    if (apart.gap >= 0.0 || (size.overlaps && !size.is_settled)) continue;
+    if (apart.gap >= -tolerances_of(model, state, pair).overlap) continue;
     size.overlaps = true;
-    size.is_settled = size.is_settled && is_settled(step, state, pair, gap);
+    size.is_settled = size.is_settled && is_settled(step, state, pair, apart);
   }
   for (const int i : awake.islands) {
     GroupSize& size = sizes_[leader_of_[i]];
@@ -186,17 +184,18 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
   }
 }
 
-// Returns the gap of a pair that may touch within the step; empty for other pairs.
-std::optional<double> ContactReach::gap_to_watch(const Model& model, const Topology& topology,
-                                                 const State& state,
-                                                 const Broadphase::Pair& pair) const {
+// Returns the separation of a pair that may touch within the step; empty for other pairs.
+std::optional<Separation> ContactReach::separation_to_watch(const Model& model,
+                                                            const Topology& topology,
+                                                            const State& state,
+                                                            const Broadphase::Pair& pair) const {
   const double most = reach_[pair.first] + reach_[pair.second];
   if (least_gap(model, state, to_index(pair.first), to_index(pair.second)) > most ||
       topology.is_unpaired(pair) || gap_across(model, state, pair) > most)
     return std::nullopt;
-  const double gap = gap_of(model, state, pair);
-  if (gap > most) return std::nullopt;
-  return gap;
+  const Separation apart = separation_of(model, state, pair);
+  if (apart.gap > most) return std::nullopt;
+  return apart;
 }
 
 }  // namespace constraint_sim::engine

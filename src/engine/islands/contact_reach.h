@@ -9,6 +9,7 @@
 #include "engine/islands/sleep.h"
 #include "engine/islands/step.h"
 #include "engine/islands/topology.h"
+#include "engine/islands/watched_pair.h"
 #include "engine/math/list.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
@@ -45,8 +46,8 @@ class ContactReach {
  public:
   /// Distance within which a body may touch others in this step [m].
   double of(int body) const { return reach_[body]; }
-  /// Pairs that may touch within the step, with their gaps [m].
-  const List<std::pair<Broadphase::Pair, double>>& watched_pairs() const { return watched_pairs_; }
+  /// Pairs that may touch within the step.
+  const List<WatchedPair>& watched_pairs() const { return watched_pairs_; }
   /// The first island that watched pairs connect with an island; only where there are such pairs.
   int leader_of(std::size_t island) const { return leader_of_[island]; }
   const GroupSize& size_of_group(int leader) const { return sizes_[leader]; }
@@ -64,10 +65,11 @@ class ContactReach {
                    const List<Broadphase::Pair>& pairs);
   void list_group_sizes(const StepContext& step, const State& state, const IslandLists& lists,
                         const AwakeSets& awake);
-  std::optional<double> gap_to_watch(const Model& model, const Topology& topology,
-                                     const State& state, const Broadphase::Pair& pair) const;
+  std::optional<Separation> separation_to_watch(const Model& model, const Topology& topology,
+                                                const State& state,
+                                                const Broadphase::Pair& pair) const;
 
-  List<std::pair<Broadphase::Pair, double>> watched_pairs_;
+  List<WatchedPair> watched_pairs_;
   List<int> leader_of_;     // first island of the possible group of each island
   List<GroupSize> sizes_;   // by leader
   List<double> reach_;      // reach of each body, whatever hits the body [m]

@@ -50,8 +50,9 @@ double moved_of(const StepContext& step, const State& state, const Broadphase::P
 bool may_meet(const StepContext& step, const State& state, const Broadphase::Pair& pair,
               double duration) {
   const auto [a, b] = pair;
-  return gap_of(step.model, state, pair) <= max_distance(step, state.states[a], a, duration) +
-                                                max_distance(step, state.states[b], b, duration);
+  return separation_of(step.model, state, pair).gap <=
+         max_distance(step, state.states[a], a, duration) +
+             max_distance(step, state.states[b], b, duration);
 }
 
 /// Whether forces led one of two bodies farther than assumed, so that the step is repeated.
@@ -110,7 +111,7 @@ double time_on_joints(const StepContext& step, const State& state,
   for (const Broadphase::Pair& pair : near) {
     double& way = ways->emplace_back(kFastShare * thinner_of(model, pair));
     if (!is_fast(step, state, pair, longest)) continue;
-    way = std::max(way, gap_of(model, state, pair));
+    way = std::max(way, separation_of(model, state, pair).gap);
     longest = std::min(longest, way / moved_of(step, state, pair, longest) * longest);
   }
   return longest;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "engine/collision/narrowphase.h"
 #include "engine/islands/step.h"
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
@@ -108,10 +107,11 @@ bool is_fast(const StepContext& step, const State& state, const std::pair<int, i
          kFastShare * thinner_of(step.model, bodies);
 }
 
-double gap_of(const Model& model, const State& state, const std::pair<int, int>& bodies) {
+Separation separation_of(const Model& model, const State& state,
+                         const std::pair<int, int>& bodies) {
   const auto [a, b] = bodies;
   const PlacedShape of_a(model.bodies[a], state.states[a]), of_b(model.bodies[b], state.states[b]);
-  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
+  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state());
 }
 
 }  // namespace constraint_sim::engine

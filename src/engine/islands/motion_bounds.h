@@ -6,6 +6,7 @@
 #include "constraint_sim/engine/shape.h"
 #include "engine/collision/broadphase.h"
 #include "engine/collision/contact_tolerances.h"
+#include "engine/collision/narrowphase.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
 
@@ -58,7 +59,7 @@ void widen(double margin, Proxy* proxy);
 bool is_fast(const StepContext& step, const State& state, const std::pair<int, int>& bodies,
              double duration);
 
-/// Gap between the shapes of two bodies [m]; < 0: they overlap.
-double gap_of(const Model& model, const State& state, const std::pair<int, int>& bodies);
+/// Returns the separation of the shapes of two bodies.
+Separation separation_of(const Model& model, const State& state, const std::pair<int, int>& bodies);
 
 }  // namespace constraint_sim::engine

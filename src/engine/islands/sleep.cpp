@@ -78,9 +78,9 @@ void spread_waking(const Model& model, const List<const List<int>*>& groups,
 
 // ---- falling asleep
 
-std::optional<RestingSets> Sleep::fall_asleep(
-    const Model& model, const Topology& topology,
-    const List<std::pair<std::pair<int, int>, double>>& near, IslandLists* lists, State* state) {
+std::optional<RestingSets> Sleep::fall_asleep(const Model& model, const Topology& topology,
+                                              const List<WatchedPair>& near, IslandLists* lists,
+                                              State* state) {
   if (quiet_steps_ == 0) return std::nullopt;
   bool any_due = false;  // islands that others keep awake come back at each multiple
   for (const int i : awake_.islands) {
@@ -168,8 +168,7 @@ bool is_moving_by_itself(const Model& model, const State& state, std::size_t bod
 // Finds islands that were quiet for long enough, and that touch no other islands, nor may within a
 // step.
 bool Sleep::find_candidates(const Model& model, const Topology& topology, const State& state,
-                            const List<std::pair<std::pair<int, int>, double>>& near,
-                            const IslandLists& lists) {
+                            const List<WatchedPair>& near, const IslandLists& lists) {
   is_candidate_.assign(lists.islands.size(), false);
   for (const int i : awake_.islands) {
     const IslandParts& parts = lists.island_parts[i];
@@ -194,7 +193,7 @@ bool Sleep::find_candidates(const Model& model, const Topology& topology, const 
       spreads = keep_awake(pair.a, pair.b) || spreads;
       spreads = keep_awake(pair.b, pair.a) || spreads;
     }
-    for (const auto& [pair, gap] : near) {  // they would wake at once
+    for (const auto& [pair, apart] : near) {  // they would wake at once
       spreads = keep_awake(pair.first, pair.second) || spreads;
       spreads = keep_awake(pair.second, pair.first) || spreads;
     }

@@ -7,6 +7,7 @@
 
 #include "engine/islands/island_lists.h"
 #include "engine/islands/topology.h"
+#include "engine/islands/watched_pair.h"
 #include "engine/math/list.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
@@ -58,7 +59,8 @@ class Sleep {
   void choose_again() { has_changed_ = true; }
 
   void wake(std::size_t body, State* state) {
-    any_waking_ = any_waking_ || state->asleep[body];
+    if (!state->asleep[body]) return;
+    any_waking_ = true;
     state->asleep[body] = false;
   }
   void wake(const std::pair<int, int>& bodies, State* state) {
@@ -81,8 +83,8 @@ class Sleep {
   /// Lets islands fall asleep at the end of a step. `near` are pairs that may touch in the next
   /// step. Empty where nothing fell asleep.
   std::optional<RestingSets> fall_asleep(const Model& model, const Topology& topology,
-                                         const List<std::pair<std::pair<int, int>, double>>& near,
-                                         IslandLists* lists, State* state);
+                                         const List<WatchedPair>& near, IslandLists* lists,
+                                         State* state);
 
   /// Visits everything that the next step goes on from, as support/memory.h says.
   template <class Self, class Visit>
@@ -95,8 +97,7 @@ class Sleep {
   bool is_quiet(const Model& model, const State& state, const Island& island,
                 const IslandMembers& members) const;
   bool find_candidates(const Model& model, const Topology& topology, const State& state,
-                       const List<std::pair<std::pair<int, int>, double>>& near,
-                       const IslandLists& lists);
+                       const List<WatchedPair>& near, const IslandLists& lists);
   RestingSets list_awake(const Model& model, const Topology& topology, const State& state,
                          IslandLists* lists);
 

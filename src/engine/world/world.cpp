@@ -278,7 +278,7 @@ void World::Impl::leave_out_estimates() {
   for (const int body : integration.partition().impulse_bodies) leave_out(island_of(body));
   for (const int island : integration.partition().smooth)
     if (islands[island].why == MethodReason::kInconsistent) leave_out(island);
-  for (const auto& [pair, gap] : reach.watched_pairs()) {
+  for (const auto& [pair, apart] : reach.watched_pairs()) {
     for (const int island : {island_of(pair.first), island_of(pair.second)})
       if (island >= 0 && islands[island].why != MethodReason::kAtRest &&
           !groups.contains(to_index(island)))

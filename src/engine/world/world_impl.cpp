@@ -121,7 +121,7 @@ void World::Impl::find_hits(const StepContext& step) {
 bool World::Impl::wake_touched() {
   for (const TouchingPair& pair : touching) sleep.wake(pair.ends(), this);
   if (!sleep.is_stale() && follows_contacts(options))
-    for (const auto& [pair, gap] : reach.watched_pairs())
+    for (const auto& [pair, apart] : reach.watched_pairs())
       if (asleep[pair.first] || asleep[pair.second]) sleep.wake(pair, this);
   return sleep.is_stale();
 }

@@ -59,7 +59,7 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
 // ---- an interval without jumps
 
 void EquationsOfMotion::begin_step(const List<JointState>& states) {
-  coordinates_.begin_step(*this, states);
+  if (!coordinates_.empty()) coordinates_.begin_step(*this, states);
   forces_.begin_step();
   delassus_.begin_step();
   redundant_.begin_step();

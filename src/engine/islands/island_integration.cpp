@@ -287,14 +287,18 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
         finish_span(model.joints[j], span, state->joint_states[j]);
     had_wrenches_ = !loads_.empty();
   }
-  for (const int i : continuous.find_passing(in.step, *state, in.rollback, *lists)) {
-    reject(in, to_index(i), MethodReason::kContact);
-    remember_choice({Method::kSequentialImpulses, MethodReason::kContact}, true, state->step_count,
-                    &lists->island_parts[i]);
+  if (!continuous.jointed_pairs().empty()) {
+    for (const int i : continuous.find_passing(in.step, *state, in.rollback, *lists)) {
+      reject(in, to_index(i), MethodReason::kContact);
+      remember_choice({Method::kSequentialImpulses, MethodReason::kContact}, true,
+                      state->step_count, &lists->island_parts[i]);
+    }
   }
   if (!groups->is_empty()) groups->take_out_contacts(topology, &state->touching);
-  if (report_islands(in, *groups, &work)) list_by_method(model, topology, in.awake, *state, *lists);
-  report.islands = partition_.islands;
+  if (report_islands(in, *groups, &work)) {
+    list_by_method(model, topology, in.awake, *state, *lists);
+    report.islands = partition_.islands;
+  }
   return work;
 }
 

@@ -233,6 +233,7 @@ RestingSets Sleep::list_awake(const Model& model, const Topology& topology, cons
   }
   awake_.joints.clear();
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    if (!acts(model.joints[j], state.joint_states[j])) continue;
     const auto [a, b] = topology.ends(j);
     (state.asleep[model.is_movable(a) ? a : b] ? resting_sets.joints : awake_.joints)
         .push_back(static_cast<int>(j));

@@ -18,11 +18,11 @@ namespace constraint_sim::engine {
 struct AwakeSets {
   List<int> islands;
   List<int> bodies;     ///< dynamic bodies, and kinematic bodies that move
-  List<int> joints;     ///< on dynamic bodies that are awake, also joints that do not act
+  List<int> joints;     ///< joints that act on dynamic bodies that are awake
   List<int> kinematic;  ///< kinematic bodies that move
 };
 
-/// Indices of everything that the stages leave out, ascending.
+/// Indices of bodies and acting joints that the stages leave out, ascending.
 struct RestingSets {
   List<int> bodies, joints;
 };

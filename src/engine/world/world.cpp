@@ -112,14 +112,16 @@ const StepReport& World::step() {
     const StepContext step = world.begin_step();
     bool is_due = world.sleep.needs_stages();
     while (is_due) {
-      world.run_broadphase(step);   // 1. broadphase: fast and approximate
-      world.run_narrowphase(step);  // 2. narrowphase: accurate but slow
+      world.run_broadphase(step);  // 1. broadphase: fast and approximate
+      if (world.has_near_bodies())
+        world.run_narrowphase(step);  // 2. narrowphase: accurate but slow
       if (world.any_corrections)
         world.State::take_out_corrections(
             world.sleep.awake().bodies);  // velocities that closed errors in the last step
       world.choose_methods(step);
-      world.integrate(step);            //    islands of runge_kutta, energy_momentum, event_driven
-      world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
+      world.integrate(step);  //    islands of runge_kutta, energy_momentum, event_driven
+      if (!world.integration.partition().impulse_bodies.empty())
+        world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
       is_due = world.assumed.is_any_driven(world) && world.has_missed_any(step);
     }
     world.advance_kinematic_bodies();
@@ -192,6 +194,7 @@ void World::Impl::restore_state() {
 }
 
 void World::Impl::choose_methods(const StepContext& step) {
+  continuous.begin_impulses();
   const bool may_change =
       sleep.has_changed() || !touching.empty() || !pipeline.touching_before().empty();
   integration.choose_methods({step, sleep.awake(), rollback, this, this, this}, may_change, reach,
@@ -236,8 +239,6 @@ void World::Impl::find_custom_forces(const StepContext& step) {
 }
 
 void World::Impl::advance_by_impulses(const StepContext& step) {
-  continuous.begin_impulses();
-  if (integration.partition().impulse_bodies.empty()) return;
   acting_wrenches.clear();
   if (!wrenches.empty()) find_acting_wrenches(step);
   if (topology.has_custom_forces()) find_custom_forces(step);
@@ -257,7 +258,6 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
 }
 
 void World::Impl::finish_impulses(const StepContext& step) {
-  if (integration.partition().impulse_bodies.empty()) return;
   if (!continuous.is_divided() || !continuous.others().is_empty())
     report.correction_work += sequential_impulses.finish(*this, impulse_step(step), this);
   if (continuous.is_divided()) report.contacts += continuous.return_contacts(this);
@@ -314,7 +314,7 @@ void World::Impl::finish_step(const StepContext& step) {
   const Failure failure =
       failure_of_motion(*this, *this, sleep.awake().bodies, &report.failed_body);
   if (failure != Failure::kNone) throw StepFailed{failure};
-  finish_impulses(step);
+  if (!integration.partition().impulse_bodies.empty()) finish_impulses(step);
   if (!motions.empty() && !integration.partition().smooth.empty())
     read_smooth_joints(joint_step(options, step.tick.start, options.time_step));
   if (!groups.is_empty())

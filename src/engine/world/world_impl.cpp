@@ -94,9 +94,6 @@ void World::Impl::run_broadphase(const StepContext& step) {
 // Stage 2: contacts where shapes touch now, hits of fast bodies, and event-driven groups. Repeats
 // both stages while a touched body wakes up.
 void World::Impl::run_narrowphase(const StepContext& step) {
-  if (pipeline.pairs().empty() && touching.empty() && pipeline.touching_before().empty() &&
-      groups.is_empty())
-    return;
   pipeline.collide(step, this, &report);
   find_hits(step);
   while (wake_touched()) {

@@ -85,6 +85,11 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void restore_state();
   void rebuild_topology();
   void run_broadphase(const StepContext& step);
+  /// Whether there are bodies near each other, now or in the step before.
+  bool has_near_bodies() const {
+    return !(pipeline.pairs().empty() && touching.empty() && pipeline.touching_before().empty() &&
+             groups.is_empty());
+  }
   void run_narrowphase(const StepContext& step);
   void find_hits(const StepContext& step);
   void choose_methods(const StepContext& step);

@@ -20,7 +20,9 @@ class BoundedStream : public ros::serialization::Stream {
   static constexpr ros::serialization::StreamType stream_type =
       ros::serialization::stream_types::Input;
 
-  BoundedStream(std::uint8_t* bytes, std::uint32_t count) : Stream(bytes, count) {}
+  /// `bytes` may be null where there are none, as of an empty vector: Stream adds to its address.
+  BoundedStream(std::uint8_t* bytes, std::uint32_t count)
+      : Stream(bytes == nullptr ? &nothing_ : bytes, count) {}
 
   template <class Value>
   void next(Value& value) {
@@ -44,6 +46,9 @@ class BoundedStream : public ros::serialization::Stream {
       }
     }
   }
+
+ private:
+  static inline std::uint8_t nothing_ = 0;
 };
 
 /// A message or request that roscpp reads by a BoundedStream. It has the message's type for roscpp.

@@ -7,6 +7,7 @@
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/snapshot.h"
 #include "random_scenes.h"
 #include "redundant_cases.h"
 #include "support.h"
@@ -55,6 +56,23 @@ World two_lengths() {
 }
 
 // ---- errors
+
+// A step reports an unclosed rod, and a ball that overlaps a box. After their removal nothing
+// names them, in a world from a snapshot either.
+TEST(Warnings, NamesNothingThatWasRemoved) {
+  World world = two_lengths();
+  const BodyId box = world.add_body(make_body("box", Box{{1.0, 1.0, 1.0}}, 1.0, {9.0, 0.0, 0.0}));
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.4}, 1.0, {9.0, 0.0, 0.3}));
+  world.step();
+  ASSERT_TRUE(world.report().overlap_body.has_value());
+  while (world.unclosed_joints().empty() && world.time() < 2.0) world.step();
+  ASSERT_FALSE(world.unclosed_joints().empty());
+  world.remove({}, {world.find_body("bob"), box, ball});
+  EXPECT_FALSE(world.report().overlap_body || world.report().unclosed_joint ||
+               world.report().worst_joint);
+  EXPECT_TRUE(step_warnings(world).empty());
+  EXPECT_TRUE(step_warnings(read_snapshot(write_snapshot(world))).empty());
+}
 
 TEST(Warnings, NamesRodsThatContradictEachOther) {
   World world = after(two_lengths(), 2.0);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "engine/constraints/joint_kinds.h"
@@ -138,6 +139,7 @@ void erase(const List<bool>& is_joint_removed, const List<bool>& is_body_removed
   };
   if (any(is_joint_removed)) erase_joints(is_joint_removed, world);
   if (any(is_body_removed)) erase_bodies(is_body_removed, world);
+  world->forget_unknown_ids();
 }
 
 }  // namespace
@@ -155,5 +157,19 @@ std::vector<std::string> World::remove(const std::vector<JointId>& joints,
 void World::remove_joint(JointId id) { remove({id}, {}); }
 
 std::vector<std::string> World::remove_body(BodyId id) { return remove({}, {id}); }
+
+void World::Impl::forget_unknown_ids() {
+  const auto is_gone = [&](auto id) { return find(id) < 0; };
+  for (std::optional<BodyId>* body :
+       {&report.energy_rise_body, &report.hits_left_body, &report.overlap_body, &report.creep_body,
+        &report.failed_body, &report.handed_over_body})
+    if (*body && is_gone(**body)) body->reset();
+  for (std::optional<JointId>* joint :
+       {&report.worst_joint, &report.closing_joint, &report.unclosed_joint, &failed_joint})
+    if (*joint && is_gone(**joint)) joint->reset();
+  std::vector<JointId> unclosed = monitors.unclosed();
+  unclosed.erase(std::remove_if(unclosed.begin(), unclosed.end(), is_gone), unclosed.end());
+  monitors.set_unclosed(unclosed);
+}
 
 }  // namespace constraint_sim::engine

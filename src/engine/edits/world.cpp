@@ -170,6 +170,9 @@ void World::continue_from(const World& other) {
     }
   }
   for (auto& [first_body, memory] : impl_->loaded_memory) renumber(first_body);
+  impl_->report = {};  // names bodies and joints by their old ids
+  impl_->failed_joint.reset();
+  impl_->monitors.set_unclosed({});
   impl_->contacts.clear();
   impl_->resting_contacts = 0;
   impl_->events.clear();

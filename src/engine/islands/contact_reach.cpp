@@ -111,6 +111,7 @@ bool ContactReach::grow(const StepContext& step, const State& state, const Islan
   watch_pairs(step, state, lists.islands.size(), pairs);
   if (watched_pairs_.empty()) return false;
   list_group_sizes(step, state, lists, awake);
+  if (watched_pairs_.empty()) return false;
   bool any_grown = false;
   for (const int i : awake.islands) {
     const GroupSize& size = sizes_[leader_of_[i]];
@@ -151,14 +152,15 @@ void ContactReach::watch_pairs(const StepContext& step, const State& state, std:
 }
 
 // Counts the members of possible groups, by leader: most groups in a heap are too large, and need
-// no list of members.
+// no list of members. Watches nothing once the step is asked to stop: groups must not be formed
+// from sizes that are not counted.
 void ContactReach::list_group_sizes(const StepContext& step, const State& state,
                                     const IslandLists& lists, const AwakeSets& awake) {
   const Model& model = step.model;
   const Topology& topology = step.topology;
   sizes_.assign(lists.islands.size(), GroupSize{});
   for (const auto& [pair, apart] : watched_pairs_) {
-    if (is_set(step.stop)) return;
+    if (is_set(step.stop)) return watched_pairs_.clear();
     const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
     GroupSize& size = sizes_[leader_of_[island]];
     size.has_pairs = true;

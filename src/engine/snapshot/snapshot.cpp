@@ -431,6 +431,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
                   std::min(self.joints.size(), self.integration.courses().size()));
     if (self.resting_contacts > self.contacts.size()) fail_damaged("its contacts");
     check_ids(self, visit.most_ids());
+    self.forget_unknown_ids();
   }
 }
 

@@ -71,6 +71,8 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   std::uint64_t hash() const;
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit);
+  /// Takes bodies and joints that are not in the world out of the report of the last step.
+  void forget_unknown_ids();
 
   // ---- resting
   bool wake_touched();

@@ -218,7 +218,8 @@ class Silence : public console_bridge::OutputHandler {
 
 }  // namespace
 
-extern "C" int LLVMFuzzerInitialize(int* /*argc*/, char*** /*argv*/) {
+extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
+  fuzz::initialize(*argc, *argv);
   static Silence silence;
   console_bridge::useOutputHandler(&silence);
   engine::example_types::register_all();
@@ -258,7 +259,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const fuzz::TimeLimit limit;
-  Node node;
+  Node node(fuzz::digest(data, size));
   for (const Record& record : records_of(data, size)) {
     try {
       kind_of(record).take(node, record.bytes);

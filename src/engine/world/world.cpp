@@ -262,7 +262,7 @@ void World::Impl::finish_impulses(const StepContext& step) {
     report.correction_work += sequential_impulses.finish(*this, impulse_step(step), this);
   if (continuous.is_divided()) report.contacts += continuous.return_contacts(this);
   for (const int j : integration.partition().impulse_joints)
-    note_if_broken(static_cast<std::size_t>(j));
+    if (joint_states[j].broken) mark_broken(to_index(j));
 }
 
 // Sets the error estimate of a step and its islands to NaN where impulses advance an island, where
@@ -352,10 +352,6 @@ void World::Impl::restore_state_before(Failure why) {
   report.failure = why;
   report.step = step_count;
   report.time = time();
-}
-
-void World::Impl::note_if_broken(std::size_t j) {
-  if (joint_states[j].broken) mark_broken(j);
 }
 
 // Marks a joint that broke in this step, and the couplings on it, as broken: impulses are cleared,

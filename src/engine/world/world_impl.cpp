@@ -269,7 +269,7 @@ void World::Impl::read_smooth_joint(std::size_t j, const JointStep& step, const 
                             impulse, zeta, joint_states[j]);
   if (has_coupling && couples_joints(joints[j].kind))
     add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
-  note_if_broken(j);
+  if (joint_states[j].broken) mark_broken(j);
 }
 
 }  // namespace constraint_sim::engine

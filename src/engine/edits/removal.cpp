@@ -158,18 +158,4 @@ void World::remove_joint(JointId id) { remove({id}, {}); }
 
 std::vector<std::string> World::remove_body(BodyId id) { return remove({}, {id}); }
 
-void World::Impl::forget_unknown_ids() {
-  const auto is_gone = [&](auto id) { return find(id) < 0; };
-  for (std::optional<BodyId>* body :
-       {&report.energy_rise_body, &report.hits_left_body, &report.overlap_body, &report.creep_body,
-        &report.failed_body, &report.handed_over_body})
-    if (*body && is_gone(**body)) body->reset();
-  for (std::optional<JointId>* joint :
-       {&report.worst_joint, &report.closing_joint, &report.unclosed_joint, &failed_joint})
-    if (*joint && is_gone(**joint)) joint->reset();
-  std::vector<JointId> unclosed = monitors.unclosed();
-  unclosed.erase(std::remove_if(unclosed.begin(), unclosed.end(), is_gone), unclosed.end());
-  monitors.set_unclosed(unclosed);
-}
-
 }  // namespace constraint_sim::engine

@@ -189,6 +189,20 @@ void World::Impl::forget_contacts() {
   events.clear();
 }
 
+void World::Impl::forget_unknown_ids() {
+  const auto is_gone = [&](auto id) { return find(id) < 0; };
+  for (std::optional<BodyId>* body :
+       {&report.energy_rise_body, &report.hits_left_body, &report.overlap_body, &report.creep_body,
+        &report.failed_body, &report.handed_over_body})
+    if (*body && is_gone(**body)) body->reset();
+  for (std::optional<JointId>* joint :
+       {&report.worst_joint, &report.closing_joint, &report.unclosed_joint, &failed_joint})
+    if (*joint && is_gone(**joint)) joint->reset();
+  std::vector<JointId> unclosed = monitors.unclosed();
+  unclosed.erase(std::remove_if(unclosed.begin(), unclosed.end(), is_gone), unclosed.end());
+  monitors.set_unclosed(unclosed);
+}
+
 // Whether both bodies are still there.
 bool World::Impl::is_known(const TouchingPair& pair) const {
   return Model::is_known(pair.id_a) && Model::is_known(pair.id_b);

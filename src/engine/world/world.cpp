@@ -112,14 +112,16 @@ const StepReport& World::step() {
     const StepContext step = world.begin_step();
     bool is_due = world.sleep.needs_stages();
     while (is_due) {
-      world.run_broadphase(step);  // 1. broadphase: fast and approximate
+      world.reach.forget_pairs();
+      if (!world.pipeline.moving_shapes().empty())
+        world.run_broadphase(step);  // 1. broadphase: fast and approximate
       if (world.has_near_bodies())
         world.run_narrowphase(step);  // 2. narrowphase: accurate but slow
       if (world.any_corrections)
         world.State::take_out_corrections(
             world.sleep.awake().bodies);  // velocities that closed errors in the last step
       world.choose_methods(step);
-      world.integrate(step);  //    islands of runge_kutta, energy_momentum, event_driven
+      world.integrate(step);  // islands of runge_kutta, energy_momentum, event_driven
       if (!world.integration.partition().impulse_bodies.empty())
         world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
       is_due = world.assumed.is_any_driven(world) && world.has_missed_any(step);

@@ -73,9 +73,7 @@ void World::Impl::list_resting(const RestingSets& resting_sets) {
 // Stage 1: pairs of shapes that may touch within the step. With event-driven contacts, bounds are
 // widened until no group grows any more (ContactReach).
 void World::Impl::run_broadphase(const StepContext& step) {
-  reach.forget_pairs();
   const List<int>& shapes = pipeline.moving_shapes();
-  if (shapes.empty()) return;
   const StageTimer timer(step.clock, Stage::kBroadphase, &report.stage_times);
   continuous.find_fast_bodies(step, *this, shapes);
   if (!follows_contacts(options))
@@ -100,6 +98,7 @@ void World::Impl::run_narrowphase(const StepContext& step) {
     pipeline.take_back(&touching);
     spread_waking();
     save_state();
+    reach.forget_pairs();
     run_broadphase(step);
     pipeline.collide(step, this, &report);
     find_hits(step);

@@ -22,12 +22,6 @@ MassProperties mass_properties(const Body& body) {
 
 }  // namespace
 
-std::size_t Model::index(BodyId id) const {
-  const int place = find(id);
-  if (place < 0) refuse("body", "there is none with id " + std::to_string(id.value));
-  return to_index(place);
-}
-
 BodyId World::add_body(const Body& body) {
   validate(body);
   if (has_body(body.name)) refuse("name", "there is already a body named " + in_quotes(body.name));
@@ -62,9 +56,6 @@ std::vector<BodyId> World::body_ids() const {
 void World::body_ids(std::vector<BodyId>* ids) const {
   ids->assign(impl_->body_ids.begin() + 1, impl_->body_ids.end());
 }
-
-const Body& World::body(BodyId id) const { return impl_->bodies[impl_->index(id)]; }
-const BodyState& World::state(BodyId id) const { return impl_->states[impl_->index(id)]; }
 
 void World::set_body(BodyId id, const Body& body) {
   const std::size_t i = impl_->index(id);

@@ -29,11 +29,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Kept out of line: inlined, each index() would reserve stack for the text.
-[[noreturn, gnu::noinline]] void refuse_unknown(JointId id) {
-  refuse("constraint", "there is none with id " + std::to_string(id.value));
-}
-
 void check_ends(const Model& model, const Joint& joint) {
   const std::size_t a = model.index(joint.body_a);
   const std::size_t b = model.index(joint.body_b);
@@ -98,12 +93,6 @@ void check_coordinate(const char* field, const Joint& joint, int coordinate) {
 }
 
 }  // namespace
-
-std::size_t Model::index(JointId id) const {
-  const int place = find(id);
-  if (place < 0) refuse_unknown(id);
-  return to_index(place);
-}
 
 CoupledTerms Model::terms_of(std::size_t j) const {
   const Joint& joint = joints[j];
@@ -205,10 +194,6 @@ JointId World::find_joint(std::string_view name) const {
 }
 
 const std::vector<JointId>& World::joint_ids() const { return impl_->joint_ids; }
-const Joint& World::joint(JointId id) const { return impl_->joints[impl_->index(id)]; }
-const JointState& World::joint_state(JointId id) const {
-  return impl_->joint_states[impl_->index(id)];
-}
 
 World::Anchors World::anchors(JointId id) const {
   const Joint& joint = this->joint(id);

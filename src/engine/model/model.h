@@ -29,8 +29,9 @@ struct JointStart {
   double time = 0.0;                ///< time of `state` [s]
 };
 
-/// Returns the place of an id in a list of ascending ids; -1 where the list lacks it. The difference
-/// to the first id is the largest place possible, and the place where no id before is gone.
+/// Returns the place of an id in a list of ascending ids; -1 where the list lacks it. The
+/// difference to the first id is the largest place possible, and the place where no id before is
+/// gone.
 template <class Id>
 int place_of(Id id, const std::vector<Id>& ids) {
   if (ids.empty() || id < ids.front()) return -1;

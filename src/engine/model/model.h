@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -29,17 +30,22 @@ struct JointStart {
   double time = 0.0;                ///< time of `state` [s]
 };
 
-/// Returns the place of an id in a list of ascending ids; -1 where the list lacks it. The
-/// difference to the first id is the largest place possible, and the place where no id before is
-/// gone.
+/// Returns the place of an id in a list of ascending ids by bisection; -1 where the list lacks it.
 template <class Id>
-int place_of(Id id, const std::vector<Id>& ids) {
-  if (ids.empty() || id < ids.front()) return -1;
-  const std::size_t most = std::min<std::size_t>(id.value - ids.front().value, ids.size() - 1);
-  if (ids[most] == id) return static_cast<int>(most);
-  const auto end = ids.begin() + static_cast<std::ptrdiff_t>(most);
-  const auto found = std::lower_bound(ids.begin(), end, id);
-  return found != end && *found == id ? static_cast<int>(found - ids.begin()) : -1;
+[[gnu::noinline]] int searched_place_of(Id id, const std::vector<Id>& ids) {
+  const auto found = std::lower_bound(ids.begin(), ids.end(), id);
+  return found != ids.end() && *found == id ? static_cast<int>(found - ids.begin()) : -1;
+}
+
+/// Returns the place of an id in a list of ascending ids; -1 where the list lacks it. Looks first
+/// where the id stands if none before it is gone.
+template <class Id>
+inline int place_of(Id id, const std::vector<Id>& ids) {
+  if (!ids.empty()) {
+    const std::uint32_t place = id.value - ids.front().value;
+    if (place < ids.size() && ids[place] == id) return static_cast<int>(place);
+  }
+  return searched_place_of(id, ids);
 }
 
 /// Bodies and joints of a world. Lists of one kind run in parallel: entry i of each is the same

@@ -1,8 +1,6 @@
 // Settings of a joint changed while it acts: laws, springs, limits, motors, and whether it acts.
 
-#include <algorithm>
 #include <tuple>
-#include <utility>
 
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
@@ -10,9 +8,6 @@
 #include "engine/edits/joint_defaults.h"
 #include "engine/edits/joint_edits.h"
 #include "engine/edits/motor_ends.h"
-#include "engine/islands/coordinate_motions.h"
-#include "engine/math/list.h"
-#include "engine/math/numbers.h"
 #include "engine/model/fields.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"

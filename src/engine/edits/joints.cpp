@@ -1,10 +1,5 @@
-#include <algorithm>
-#include <iomanip>
-#include <sstream>
 #include <utility>
 
-#include "engine/constraints/closing_errors.h"
-#include "engine/constraints/coupling.h"
 #include "engine/constraints/custom.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
@@ -18,7 +13,6 @@
 #include "engine/edits/joint_edits.h"
 #include "engine/edits/motor_ends.h"
 #include "engine/math/list.h"
-#include "engine/math/numbers.h"
 #include "engine/model/fields.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"

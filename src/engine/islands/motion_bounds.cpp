@@ -78,9 +78,9 @@ double max_center_displacement(const StepContext& step, const BodyState& now, in
 double max_point_displacement(const StepContext& step, const BodyState& now, int body,
                               double duration) {
   const double of_center = max_center_displacement(step, now, body, duration);
-  const Eigen::Vector3d& w = now.angular_velocity;
-  if (w.isZero(0.0)) return of_center;
-  return of_center + duration * w.norm() * reach_of(step.model.bodies[body]);
+  const double turning = now.angular_velocity.norm();
+  if (turning == 0.0) return of_center;  // planes reach to infinity
+  return of_center + duration * turning * reach_of(step.model.bodies[body]);
 }
 
 double max_distance(const StepContext& step, const BodyState& now, int body, double duration) {

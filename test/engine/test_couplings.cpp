@@ -389,6 +389,40 @@ TEST(Coupling, ActsWhileWhatItCouplesDoes) {
   EXPECT_FALSE(wheels.world.joint_state(gear).closing);
 }
 
+// A hinge that began disabled or broken returns to that with a reset; a gear that was added since
+// cannot act on it.
+TEST(Coupling, EndsWithWhatItCouplesWhereAResetEndsThat) {
+  for (const bool is_broken : {false, true}) {
+    for (const Method method : {Method::kAuto, Method::kEventDriven, Method::kSequentialImpulses}) {
+      Wheels wheels(1, method);
+      Joint late;
+      late.name = "late";
+      late.kind = JointKind::kHinge;
+      late.anchor_a = {1.0, 0.0, 0.0};
+      late.body_b = wheels.world.add_body(make_body("late_wheel", Sphere{0.1}, 1.0, late.anchor_a));
+      late.enabled = is_broken;
+      wheels.hinges.push_back(wheels.world.add_joint(late, is_broken));
+      wheels.world.set_enabled(wheels.hinges[1], true);
+      wheels.world.set_broken(wheels.hinges[1], false);
+      const JointId gear = wheels.gear(0, 1, 1.0);
+      ASSERT_FALSE(wheels.world.step().failed);
+      wheels.world.reset();
+      EXPECT_EQ(wheels.world.joint(gear).enabled, is_broken);
+      EXPECT_EQ(wheels.world.joint_state(gear).broken, is_broken);
+      ASSERT_FALSE(wheels.world.step().failed) << name(method);
+      wheels.world.set_enabled(wheels.hinges[1], true);
+      wheels.world.set_broken(wheels.hinges[1], false);
+      wheels.world.set_enabled(gear, true);
+      wheels.world.set_broken(gear, false);
+      wheels.spin(0, 2.0);
+      ASSERT_FALSE(wheels.world.step().failed) << name(method);
+      // a gear of ratio 1 between wheels of 0.5 and 0.004 kg m²: both turn by opposite angles
+      EXPECT_NEAR(wheels.angle(0), -wheels.angle(1), 1e-9) << name(method);
+      EXPECT_GT(wheels.angle(0), 0.01) << name(method);
+    }
+  }
+}
+
 TEST(Coupling, BreaksByItsEffortOrWithAHinge) {
   for (const Method method :
        {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {

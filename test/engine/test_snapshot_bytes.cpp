@@ -257,6 +257,38 @@ TEST(SnapshotBytes, AreReadAfterAScrewIsAddedWithUnusedIds) {
 }
 
 // The hinge motor has a force limit, so each other method compiles the island with events.
+// A third of a turn about (1, 1, 1) exchanges axes exactly, where angles of some kinds do not
+// exist.
+TEST(SnapshotBytes, AreReadAfterABrokenJointIsAddedWhereItsAngleDoesNotExist) {
+  const Eigen::Quaterniond exchange(0.5, 0.5, 0.5, 0.5);
+  int without_angle = 0;
+  for (const JointKind kind : {JointKind::kHinge, JointKind::kCylindrical, JointKind::kPlanar,
+                               JointKind::kUniversal, JointKind::kParallel, JointKind::kScrew}) {
+    for (const int turns : {0, 1, 2}) {
+      World world(weightless(0.01));
+      Body box = make_body("box", Box{{0.1, 0.2, 0.3}}, 1.0, {0.0, 0.0, 0.0});
+      for (int i = 0; i < turns; ++i) box.state.orientation = box.state.orientation * exchange;
+      box.state.angular_velocity = {0.3, 0.5, 0.7};
+      Joint joint;
+      joint.name = "joint";
+      joint.kind = kind;
+      joint.frame_b = Eigen::Quaterniond::Identity();
+      joint.pitch = kind == JointKind::kScrew ? 0.1 : 0.0;
+      joint.body_b = world.add_body(box);
+      // A broken joint does not close its error, so its frames keep their axes.
+      const JointId id = world.add_joint(joint, true);
+      for (const CoordinateState& coordinate : world.joint_state(id).coordinates) {
+        EXPECT_TRUE(std::isfinite(coordinate.velocity)) << name(kind) << ", " << turns;
+        if (kind == JointKind::kUniversal) without_angle += coordinate.velocity == 0.0;
+      }
+      const World again = read_snapshot(write_snapshot(world));
+      EXPECT_EQ(again.state_hash(), world.state_hash()) << name(kind) << ", " << turns;
+    }
+  }
+  EXPECT_EQ(without_angle,
+            3 + 2);  // z axes parallel: two coordinates, and each third one is unused
+}
+
 TEST(SnapshotBytes, AreReadAfterImpulsesAreAskedFor) {
   World world = load_scene(R"(
 bodies:

@@ -205,7 +205,8 @@ class World {
   /// travel, broken, enabled. Timeouts count from the present time. Keeps bodies, joints, options
   /// and time, and clears wrenches; the phase of a sinusoidal motor stays a function of simulated
   /// time. set_time(0, 0) afterwards gives the motion of a new world, bit for bit. A joint that was
-  /// added later closes the error it then has.
+  /// added later closes the error it then has; a coupling that was added later is disabled or
+  /// broken where a joint that it couples is.
   void reset();
   /// Sets simulated time [s] and step; timeouts and wrenches move along. Throws for a time that is
   /// not finite, or that adding a tick does not change.

@@ -91,9 +91,10 @@ double rate(const ScalarForm& form, const JointVectors& vectors, const JointMoti
   if (form.is_length) return unit(vectors.d).dot(motion.d_dot);
   if (!form.is_angle) return vectors.custom->rate(vectors, motion);
   const CosineAndSine<double> at = values(form.angle, vectors);
+  const double square = at.c * at.c + at.s * at.s;
+  if (square == 0.0) return 0.0;  // as of a universal joint whose axes are parallel
   const auto evaluate = [&](RowForm row) { return product_rate(row, vectors, motion); };
-  return (at.c * sum(form.angle.s, evaluate) - at.s * sum(form.angle.c, evaluate)) /
-         (at.c * at.c + at.s * at.s);
+  return (at.c * sum(form.angle.s, evaluate) - at.s * sum(form.angle.c, evaluate)) / square;
 }
 
 // γ of an angle: (c γ_s − s γ_c − 2 φ̇ (c ċ + s ṡ))/(c² + s²); of a length ℓ: (‖ḋ‖² + d·β_d −

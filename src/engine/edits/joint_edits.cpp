@@ -33,11 +33,21 @@ void JointEdits::start() {
     read_coupling(world_.terms_of(j_), world_.joint_states, &state.coupling);
   begin_coordinates(joint, world_.states[a], world_.states[b], state);
   begin_joint(joint, world_.states[a], world_.states[b], now, state, mass_b.can_turn());
-  if (!start.state) return;
-  state = *start.state;
-  const double elapsed = now - start.time;
-  visit_motors(joint, state, [&](const Motor&, double& end) { end += elapsed; });
-  visit_starts(state.to_close, [&](double& since) { since += elapsed; });
+  if (start.state) {
+    state = *start.state;
+    const double elapsed = now - start.time;
+    visit_motors(joint, state, [&](const Motor&, double& end) { end += elapsed; });
+    visit_starts(state.to_close, [&](double& since) { since += elapsed; });
+  }
+  if (couples_joints(joint.kind)) end_with_coupled(joint.coupling);
+}
+
+void JointEdits::end_with_coupled(const Coupling& coupling) {
+  for (const JointId id : {coupling.first, coupling.second}) {
+    const std::size_t coupled = world_.index(id);
+    if (!world_.joints[coupled].enabled) world_.joints[j_].enabled = false;
+    if (world_.joint_states[coupled].broken) world_.joint_states[j_].broken = true;
+  }
 }
 
 void JointEdits::replace(const Joint& joint, const LawChanges& changes) {

@@ -28,6 +28,8 @@ class JointEdits {
   void hold_from_here();
 
  private:
+  /// Disables or breaks a coupling where a joint that it couples starts disabled or broken.
+  void end_with_coupled(const Coupling& coupling);
   /// Updates the state of a coordinate to a changed law. Returns whether a motor holds another
   /// position.
   bool follow_law(std::size_t coordinate, const CoordinateLaw& before, bool is_motor_set);

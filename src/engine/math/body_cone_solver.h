@@ -1,0 +1,158 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <utility>
+
+#include "constraint_sim/engine/stop_flag.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/math/sparse_ldlt.h"
+
+namespace constraint_sim::engine {
+
+/// Rows between bodies, with the matrix A = J M⁻¹ Jᵀ + S as bodies and Jacobians. With u = b + A p,
+/// a single row has
+///   u = 0, or p = least and u ≥ 0, or p = most and u ≤ 0,
+/// and a contact, its normal row before two tangents, has Coulomb's law in the form of De Saxcé and
+/// Feng (Int. J. Eng. Sci. 29 (1991) 593) with the cone K = {‖p_t‖ ≤ μ p_n}:
+///   K ∋ p ⊥ u + μ ‖u_t‖ n ∈ K*.
+struct BodyConeProblem {
+  using Twist = Eigen::Matrix<double, 6, 1>;
+
+  /// Inertia of a body about its centre, world axes.
+  struct Body {
+    double mass = 1.0;          ///< [kg]
+    double inverse_mass = 1.0;  ///< [1/kg]
+    Eigen::Matrix3d inertia = Eigen::Matrix3d::Identity();
+    Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Identity();
+
+    Twist apply_inverse(const Twist& J) const {
+      Twist v;
+      v << inverse_mass * J.head<3>(), inverse_inertia * J.tail<3>();
+      return v;
+    }
+  };
+  /// Jacobian of a row by the twist of a body, linear above angular.
+  struct Part {
+    int body;
+    Twist J;
+  };
+  enum class Kind { kSingle, kNormal, kTangent };
+  struct Row {
+    Kind kind = Kind::kSingle;
+    std::size_t parts_end =
+        0;                  ///< end of its parts; the parts of the row before end where it begins
+    double rate = 0.0;      ///< b, the rate without impulses
+    double softness = 0.0;  ///< entry of the diagonal matrix S, single rows only
+    double least = -kInfinity, most = kInfinity;  ///< bounds of p, single rows only
+    double friction = 0.0;                        ///< μ, normal rows only
+  };
+
+  List<Body> bodies;
+  List<Part>
+      parts;  ///< at most one for each body of a row; the rows of a contact have equal bodies
+  List<Row> rows;
+
+  void clear() {
+    bodies.clear();
+    parts.clear();
+    rows.clear();
+  }
+};
+
+/// Solves a BodyConeProblem by the alternating direction method of multipliers (Boyd et al., Found.
+/// Trends Mach. Learn. 3 (2011) 1; for contacts Carpentier et al., Robotics: Science and Systems
+/// 2024). With D scaling the diagonal blocks of A to a trace of the number of their rows, x = D⁻¹ p
+/// and s = μ ‖z_t‖ n, an iteration is
+///   x = (D A D + W)⁻¹ r,  r = −D b − s + η x + ρ y + z,  W = ρ + η
+///   y = P_K(x − z/ρ),     z ← z − ρ (x − y).
+/// Rows without bounds have r = −D b + ε x and W = ε instead, and y = x. The inverse is that of a
+/// matrix over bodies, sparse in the graph of contacts: with K = M + Jᵀ D W⁻¹ D J and K g = Jᵀ D
+/// W⁻¹ r it is x = W⁻¹ (r − D J g). Redundant rows do no harm: K is positive definite.
+///
+/// Impulses of redundant rows get the least norm of x that gives the bodies the same motion, with
+/// each contact remaining open, sticking or slipping in its direction, so that equal corners of a
+/// box carry equal loads. Keeps its storage, and the order of elimination while bodies and their
+/// neighbours stay.
+class BodyConeSolver {
+ public:
+  /// Quality of a solution. The residual of a contact is that of the natural map,
+  /// ‖p − P_K(p − (u + μ ‖u_t‖ n)/a)‖ a with a the mean diagonal entry of its block of A.
+  struct Outcome {
+    double residual = 0.0;  ///< largest of all rows, as rates
+    double scale = 0.0;     ///< largest |b|
+    int iterations = 0;     ///< 0 where the given impulses were a solution
+
+    bool is_within(double tolerance) const { return residual <= tolerance * scale; }
+  };
+
+  /// Solves from the impulses in `p`, until the residual is `tolerance` times the largest |b| or
+  /// after `most_iterations`; `p` is then the best of all iterations.
+  Outcome solve(const BodyConeProblem& problem, double tolerance, int most_iterations,
+                StopFlag stop, List<double>* p);
+
+ private:
+  using Twist = BodyConeProblem::Twist;
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  /// A single row, or the three rows of a contact.
+  struct Block {
+    std::size_t first, size;  ///< rows
+    double diagonal;          ///< mean diagonal entry of its block of A
+    double d;                 ///< 1/√diagonal; 0 where no impulse moves a body
+    std::size_t edges;        ///< begin of the edges between its bodies in edge_of_
+    Eigen::Matrix3d inverse_weight = Eigen::Matrix3d::Zero();  ///< W⁻¹
+  };
+  /// Constants of a run of iterations.
+  struct Setting {
+    double relaxation, eta;
+  };
+  /// Change of the iterates by an iteration, relative to their size.
+  struct Change {
+    double primal = 0.0, dual = 0.0;
+  };
+
+  void set(const BodyConeProblem& problem);
+  void analyze();
+  void factor();
+  void add_to_matrix(const Block& block);
+  void apply_inverse(const List<double>& r, List<double>* x);
+  void set_velocities(const List<double>& p);
+  double rate(std::size_t row) const;
+  double residual(const List<double>& p);
+  double residual(const Block& block, const List<double>& p) const;
+  double largest_eigenvalue();
+  void start(const List<double>& p);
+  void set_weights(const Setting& setting, double rho);
+  Change iterate(const Setting& setting, double rho);
+  void run(const Setting& setting, double aim, int most_iterations, StopFlag stop, Outcome* outcome,
+           List<double>* p);
+  void share(double aim, Outcome* outcome, List<double>* p);
+  bool free_directions(const List<char>& is_held, const List<double>& p);
+  double way_to_bound(const Block& block, const List<double>& p) const;
+
+  const BodyConeProblem::Row& row(std::size_t i) const { return problem_->rows[i]; }
+  std::size_t parts_begin(std::size_t i) const { return i == 0 ? 0 : row(i - 1).parts_end; }
+  bool is_contact(const Block& block) const {
+    return row(block.first).kind == BodyConeProblem::Kind::kNormal;
+  }
+  bool has_bounds(const Block& block) const {
+    return row(block.first).least > -kInfinity || row(block.first).most < kInfinity;
+  }
+
+  const BodyConeProblem* problem_ = nullptr;
+  List<Block> blocks_;
+  List<std::size_t> edge_of_;  // edges between the bodies of each block
+  List<double> x_, y_, z_, r_, best_, tried_;
+
+  // K, by bodies and edges, which are pairs of bodies that a block has in common.
+  List<std::pair<int, int>> edges_, analyzed_edges_;
+  std::size_t analyzed_bodies_ = 0;
+  List<Matrix6> on_bodies_, on_edges_;
+  List<SparseLdlt::Slot> slots_;
+  SparseLdlt factors_;
+  List<Twist> v_;  // M⁻¹ Jᵀ p
+  List<double> right_;
+};
+
+}  // namespace constraint_sim::engine

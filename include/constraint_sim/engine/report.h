@@ -16,11 +16,18 @@ enum class Method {
   kEnergyMomentum,      ///< discrete gradients, order 2 and 4, on stiff islands
   kSequentialImpulses,  ///< the tutorial's six stages, on all other islands
   kEventDriven,         ///< kRungeKutta between events, on islands with one-sided rows
+  /// The stages of kSequentialImpulses with impulses solved to a tolerance, on islands in contact.
+  kTimeStepping,
 };
-inline constexpr std::size_t kMethodCount = 5;
+inline constexpr std::size_t kMethodCount = 6;
+
+/// Whether a method advances an island over the whole step by impulses of its rows.
+constexpr bool uses_impulses(Method method) {
+  return method == Method::kSequentialImpulses || method == Method::kTimeStepping;
+}
 
 /// Name as in scene files and reports: `auto`, `runge_kutta`, `energy_momentum`,
-/// `sequential_impulses`, `event_driven`.
+/// `sequential_impulses`, `event_driven`, `time_stepping`.
 const char* name(Method method);
 
 /// The stages of a step, in order.

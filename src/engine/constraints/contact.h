@@ -25,11 +25,20 @@ struct ContactSurface {
   ContactSurface(const Body& a, const Body& b);
 };
 
+/// Share of the fall of a step within which converged contacts rest: well above the residual.
+inline constexpr double kConvergedRest = 1e-5;
+
 struct ContactStep {
   double h;        ///< length of the step [s]
   double beta;     ///< share of the penetration removed per step
   double gravity;  ///< [m/s²]; the speed and the fall of a step count as rest
+  /// Whether rows are solved to a tolerance, so that contacts at rest do not need to sink in, and
+  /// bodies with a gap may come as near as the gap allows.
+  bool is_converged = false;
 };
+
+/// Speed below which a converged contact rests [m/s].
+inline double rest_speed(const ContactStep& step) { return kConvergedRest * step.gravity * step.h; }
 
 /// Writes the rows of a contact point, the normal first, and returns their number, 1 without
 /// friction. `impulse` is the impulse on A of the previous step, world [N s], for warm starting.

@@ -254,7 +254,7 @@ std::vector<Island> World::islands() const {
 }
 
 void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const {
-  if (islands[i].method == Method::kSequentialImpulses)
+  if (uses_impulses(islands[i].method))
     find_spinning(*this, *this, rollback, island_parts[i].members, found);
   else
     find_unresolved(*this, *this, rollback, island_parts[i].members,
@@ -293,7 +293,8 @@ bool World::has_reported_contacts() const { return !impl_->edits.is_edited(); }
 
 const char* name(Method method) {
   constexpr std::array<const char*, kMethodCount> kNames = {
-      "auto", "runge_kutta", "energy_momentum", "sequential_impulses", "event_driven"};
+      "auto",         "runge_kutta",  "energy_momentum", "sequential_impulses",
+      "event_driven", "time_stepping"};
   return kNames[static_cast<std::size_t>(method)];
 }
 

@@ -55,7 +55,7 @@ double path_of(const MovedBodies& in, int body) {
   const BodyState &from = in.rollback.states()[body], &to = in.state.states[body];
   const Vector3d moved = to.position - from.position;
   double path = moved.norm(), spin = 0.0;
-  if (in.lists.islands[in.step.topology.island_of(body)].method != Method::kSequentialImpulses) {
+  if (!uses_impulses(in.lists.islands[in.step.topology.island_of(body)].method)) {
     const Vector3d m0 = h * from.linear_velocity, m1 = h * to.linear_velocity;
     path = (m0.norm() + (3.0 * moved - m0 - m1).norm() + m1.norm()) / 3.0;
     spin = std::max(from.angular_velocity.norm(), to.angular_velocity.norm());

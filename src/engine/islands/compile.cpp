@@ -59,7 +59,7 @@ void compile_islands(const Model& model, const State& state, const Topology& top
   const FastestSprings fastest(model, state.joint_states, topology.joint_ends());
   for (IslandParts& parts : lists->island_parts) {
     parts.nature = classify(traits_of(model, parts.members, fastest), model.options);
-    if (method_for(parts.nature, model.options) == Method::kSequentialImpulses) continue;
+    if (uses_impulses(method_for(parts.nature, model.options))) continue;
     if (parts.members.joints.empty())
       parts.turning_freely = parts.members.bodies;
     else if (parts.motion < 0 || parts.is_stale)

@@ -262,7 +262,7 @@ List<int> ContinuousCollision::find_passing(const StepContext& step, const State
                                             const Rollback& rollback,
                                             const IslandLists& lists) const {
   const auto is_integrated = [&](int island) {
-    return island < 0 || (lists.islands[island].method != Method::kSequentialImpulses &&
+    return island < 0 || (!uses_impulses(lists.islands[island].method) &&
                           lists.islands[island].why != MethodReason::kFewContacts);
   };
   List<int> caught;
@@ -282,7 +282,7 @@ void ContinuousCollision::add_jointed_pairs(const StepContext& step, const Islan
   const Model& model = step.model;
   const auto is_by_impulses = [&](int body) {
     return !model.is_movable(to_index(body)) ||
-           lists.islands[step.topology.island_of(body)].method == Method::kSequentialImpulses;
+           uses_impulses(lists.islands[step.topology.island_of(body)].method);
   };
   for (const Broadphase::Pair& pair : jointed_pairs_) {
     if (!is_by_impulses(pair.first) || !is_by_impulses(pair.second)) continue;

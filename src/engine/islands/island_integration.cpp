@@ -23,7 +23,7 @@ using Eigen::Vector3d;
 /// Whether a joint belongs to an island that is integrated.
 bool is_integrated(const Model& model, const Topology& topology, const IslandLists& lists,
                    std::size_t j) {
-  return lists.islands[topology.island_of_joint(model, j)].method != Method::kSequentialImpulses;
+  return !uses_impulses(lists.islands[topology.island_of_joint(model, j)].method);
 }
 
 void report_switch(const IntegrationStep& in, EventKind kind, std::size_t i) {
@@ -67,7 +67,7 @@ MethodChoice choose_method(const IntegrationStep& in, std::size_t i, bool in_con
   if (groups.contains(i)) take_back(in, i);
   if (choice.why == MethodReason::kContact) choice.why = groups.why_left(reach, i);
   if (was_in_group && !parts.is_fresh && groups.is_left_in_contact(in.step, *in.state, reach, i)) {
-    choice = {Method::kSequentialImpulses, groups.why_left(reach, i)};
+    choice = {impulses_of(options), groups.why_left(reach, i)};
     hand_over(in, i, choice.why);
   }
   remember_choice(choice, in_contact, in.state->step_count, &parts);
@@ -128,9 +128,7 @@ void IslandIntegration::continue_from(const Model& model, const Topology& topolo
   list_by_method(model, topology, awake, state, *lists);
   for (std::size_t i = 0; i < lists->islands.size(); ++i) {
     const IslandParts& parts = lists->island_parts[i];
-    if (parts.is_fresh || parts.motion < 0 ||
-        lists->islands[i].method == Method::kSequentialImpulses)
-      continue;
+    if (parts.is_fresh || parts.motion < 0 || uses_impulses(lists->islands[i].method)) continue;
     lists->motions[parts.motion].continue_from(state.time(model.options.time_step), state.states,
                                                model.options.gravity, loads_, courses_);
   }
@@ -185,21 +183,20 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     if (!changes_way && !parts.is_fresh && !has_woken) continue;
     changed = true;
     if (!parts.is_fresh && island.method != before) ++report.changes;
-    parts.energy.has_changed |= !parts.is_fresh && (island.method == Method::kSequentialImpulses ||
-                                                    before == Method::kSequentialImpulses);
+    parts.energy.has_changed |=
+        !parts.is_fresh && (uses_impulses(island.method) || uses_impulses(before));
     parts.energy.has_changed |= groups->contains(i);  // bodies that touch exchange energy
     const bool restarts = parts.is_fresh || has_woken;
     if (restarts) {
       restart(parts, &lists->motions);
     } else if (parts.motion >= 0) {
       IslandMotion& motion = lists->motions[parts.motion];
-      if (before == Method::kSequentialImpulses || island.method == Method::kSequentialImpulses)
+      if (uses_impulses(before) || uses_impulses(island.method))
         motion.forget();
       else
         motion.change_way();
     }
-    if ((restarts || before == Method::kSequentialImpulses) &&
-        island.method != Method::kSequentialImpulses)
+    if ((restarts || uses_impulses(before)) && !uses_impulses(island.method))
       entering_.push_back(static_cast<int>(i));
   }
   if (groups->had_groups() || !groups->is_empty()) groups->list_bodies(model, *lists, in.awake);
@@ -220,14 +217,14 @@ void IslandIntegration::list_by_method(const Model& model, const Topology& topol
   partition_.islands = {};
   for (const int i : awake.islands) {
     ++partition_.islands[static_cast<std::size_t>(lists.islands[i].method)];
-    if (lists.islands[i].method == Method::kSequentialImpulses) continue;
+    if (uses_impulses(lists.islands[i].method)) continue;
     partition_.smooth.push_back(i);
   }
   partition_.impulse_bodies.clear();
   partition_.impulse_joints.clear();
   for (const int body : awake.bodies) {
     const int island = topology.island_of(body);
-    if (island >= 0 && lists.islands[island].method == Method::kSequentialImpulses)
+    if (island >= 0 && uses_impulses(lists.islands[island].method))
       partition_.impulse_bodies.push_back(body);
   }
   for (const int j : awake.joints)
@@ -278,8 +275,7 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
         parts.has_failed = !integrate_island(in, i, continued);
     });
     for (const int i : smooth)
-      if (lists->island_parts[i].has_failed &&
-          lists->islands[i].method != Method::kSequentialImpulses)
+      if (lists->island_parts[i].has_failed && !uses_impulses(lists->islands[i].method))
         reject(in, to_index(i), MethodReason::kRefused);
     if (!groups->is_empty()) advance_groups(in, continued, groups);
     for (const int j : time_varying_joints_)
@@ -290,7 +286,7 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
   if (!continuous.jointed_pairs().empty()) {
     for (const int i : continuous.find_passing(in.step, *state, in.rollback, *lists)) {
       reject(in, to_index(i), MethodReason::kContact);
-      remember_choice({Method::kSequentialImpulses, MethodReason::kContact}, true,
+      remember_choice({impulses_of(model.options), MethodReason::kContact}, true,
                       state->step_count, &lists->island_parts[i]);
     }
   }
@@ -471,7 +467,7 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
     report.changes += parts.changes;
     any_stiff_ = any_stiff_ || parts.needs_method_choice;
     any_changed = any_changed || parts.changes > 0;
-    if (island.method == Method::kSequentialImpulses) continue;  // rejected within the step
+    if (uses_impulses(island.method)) continue;  // rejected within the step
     if (parts.motion >= 0) {
       const IslandMotion& motion = lists->motions[parts.motion];
       const EquationsOfMotion& equations = motion.equations();
@@ -505,7 +501,7 @@ void IslandIntegration::reject(const IntegrationStep& in, std::size_t i, MethodR
   IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
   in.rollback.restore(lists->island_parts[i].members, state);
-  lists->islands[i].method = Method::kSequentialImpulses;
+  lists->islands[i].method = impulses_of(in.step.model.options);
   lists->islands[i].why = why;
   lists->island_parts[i].projected_energy = lists->island_parts[i].correction_work = 0.0;
   if (why == MethodReason::kContactsGivenUp)

@@ -91,7 +91,7 @@ MethodReason classify(const IslandTraits& traits, const WorldOptions& options) {
                               options.time_step * traits.fastest_limited > kMostLimited;
     return is_too_stiff ? MethodReason::kLimitedSpring : traits.jumps;
   }
-  if (options.method == Method::kAuto &&
+  if ((options.method == Method::kAuto || options.method == Method::kTimeStepping) &&
       options.time_step * traits.fastest_spring > options.stiffness_limit)
     return MethodReason::kStiff;
   const bool is_asked = options.method == Method::kEnergyMomentum && traits.has_joints;
@@ -112,8 +112,13 @@ Method method_for(MethodReason why, const WorldOptions& options) {
     case MethodReason::kFewContacts:
       return Method::kEventDriven;
     default:
-      return Method::kSequentialImpulses;
+      return impulses_of(options);
   }
+}
+
+Method impulses_of(const WorldOptions& options) {
+  return options.method == Method::kTimeStepping ? Method::kTimeStepping
+                                                 : Method::kSequentialImpulses;
 }
 
 bool follows_contacts(const WorldOptions& options) {
@@ -123,7 +128,7 @@ bool follows_contacts(const WorldOptions& options) {
 MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& memory,
                     std::uint64_t step, const WorldOptions& options) {
   const auto is_by_impulses = [&](MethodReason why) {
-    return method_for(why, options) == Method::kSequentialImpulses;
+    return uses_impulses(method_for(why, options));
   };
   MethodReason why = nature;
   if (in_contact && !is_by_impulses(why)) why = MethodReason::kContact;
@@ -144,7 +149,7 @@ MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& me
 void remember_choice(const MethodChoice& choice, bool in_contact, std::uint64_t step,
                      IslandMemory* memory) {
   if (in_contact) memory->touched_until = step + kRefusedFor;
-  if (choice.method == Method::kSequentialImpulses) memory->inconsistent_until = 0;
+  if (uses_impulses(choice.method)) memory->inconsistent_until = 0;
 }
 
 // ---- within a step

@@ -178,7 +178,7 @@ std::vector<std::string> left_out(const World& world) {
   leave_out(!counts.turns(), "rotation: no dynamic body has an inertia");
   leave_out(world.wrenches().empty(), "wrenches: there are none");
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum, Method::kEventDriven,
-                              Method::kSequentialImpulses})
+                              impulses_of(world.options())})
     leave_out(counts.islands[static_cast<std::size_t>(method)] == 0,
               std::string(name(method)) + ": carries no island now");
   leave_out(

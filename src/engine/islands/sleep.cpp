@@ -119,8 +119,7 @@ bool Sleep::is_quiet(const Model& model, const State& state, const Island& islan
   if (state.states[first].linear_velocity.squaredNorm() >
       model.options.sleep_speed * model.options.sleep_speed)
     return false;
-  const bool by_impulses =
-      island.method == Method::kSequentialImpulses || island.why == MethodReason::kFewContacts;
+  const bool by_impulses = uses_impulses(island.method) || island.why == MethodReason::kFewContacts;
   const double limit = by_impulses ? model.options.sleep_speed * model.options.sleep_speed : 0.0;
   for (const int body : members.bodies) {
     const BodyState& body_state = state.states[body];

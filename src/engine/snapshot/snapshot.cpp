@@ -334,7 +334,7 @@ void check_rest(const Impl& impl) {
   // Joints added since the last step have no prescribed motion yet; their islands are fresh.
   for (std::size_t i = 0; i < impl.islands.size(); ++i) {
     const auto& parts = impl.island_parts[i];
-    const bool is_smooth = impl.islands[i].method != Method::kSequentialImpulses;
+    const bool is_smooth = !uses_impulses(impl.islands[i].method);
     if (!parts.is_fresh && is_smooth)
       check_indices(parts.members.joints, impl.integration.courses().size());
   }
@@ -393,8 +393,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     // An island that impulses advance by its nature keeps the motion compiled for another method.
     // The next other method restarts this motion, and a reader could not compile it with these
     // options.
-    const bool is_by_impulses =
-        method_for(parts.nature, self.options) == Method::kSequentialImpulses;
+    const bool is_by_impulses = uses_impulses(method_for(parts.nature, self.options));
     bool has_motion = parts.motion >= 0 && !is_by_impulses;
     visit(has_motion);
     List<int> open_points;  // joints that were open when the island was compiled

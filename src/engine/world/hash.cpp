@@ -243,7 +243,7 @@ void add_methods(Fnv1a& hash, const Impl& world) {
       FreeRotation::visit_memory(rotation, add);
     }
     // Sequential impulses use no IslandMotion; the next other method resets it.
-    if (parts.motion < 0 || island.method == Method::kSequentialImpulses) continue;
+    if (parts.motion < 0 || uses_impulses(island.method)) continue;
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
       add(word);

@@ -130,7 +130,7 @@ void Monitors::measure(const MonitorInput& in, IslandLists* lists, StepReport* r
   if (!in.partition.impulse_joints.empty()) {
     for (const int i : in.awake.islands) {
       Island& island = lists->islands[i];
-      if (island.method != Method::kSequentialImpulses) continue;
+      if (!uses_impulses(island.method)) continue;
       island.unresolved_bodies =
           find_spinning(in.model, in.state, in.rollback, lists->island_parts[i].members, nullptr);
       report->unresolved_bodies += island.unresolved_bodies;
@@ -152,8 +152,7 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
   for (std::size_t i = 0; i < lists->islands.size(); ++i) {
     IslandParts& parts = lists->island_parts[i];
     parts.energy = WatchedEnergy{};
-    parts.energy.was_by_impulses =
-        method_for(parts.nature, model.options) == Method::kSequentialImpulses;
+    parts.energy.was_by_impulses = uses_impulses(method_for(parts.nature, model.options));
     parts.energy.was_driven = is_driven(model, state, topology, lists->island_parts[i].members, i);
     parts.has_limited_spring = false;
     for (const int index : parts.members.joints) {
@@ -201,7 +200,7 @@ double Monitors::compare_island(const Model& model, const State& state, const Is
   }
   const double g = model.options.gravity.norm(), h = model.options.time_step;
   const double size = now.kinetic + std::abs(now.potential);
-  if (island.method == Method::kSequentialImpulses) {
+  if (uses_impulses(island.method)) {
     *allowed = steps_ * kRoundingOfSweeps * (size + g * moment);
     return gain;
   }
@@ -231,7 +230,7 @@ void Monitors::compare_energies(const MonitorInput& in, IslandLists* lists) {
     const bool was_driven = watched.was_driven || has_wrench_ended_;
     const bool was_by_impulses = watched.was_by_impulses;
     watched.was_driven = is_driven(model, state, in.topology, lists->island_parts[i].members, i);
-    watched.was_by_impulses = lists->islands[i].method == Method::kSequentialImpulses;
+    watched.was_by_impulses = uses_impulses(lists->islands[i].method);
     const bool any_driven = was_driven || watched.was_driven;
     const bool has_changed = watched.has_changed;
     watched.has_changed = false;

@@ -30,7 +30,7 @@ constexpr double kMostPerturbingPush = 1e-6;
 /// Returns the method of the comparison run. Sequential impulses are compared with `method: auto`.
 Method method_to_compare_with(const World& world) {
   const Method method = world.options().method;
-  if (method == Method::kSequentialImpulses) return Method::kAuto;
+  if (uses_impulses(method)) return Method::kAuto;
   if (method == Method::kEnergyMomentum) return Method::kRungeKutta;
   for (const Island& island : world.islands())
     if (island.joints > 0 && island.method != Method::kEnergyMomentum)
@@ -105,8 +105,7 @@ struct VerifiedRun {
     for (const int i : impl.sleep.awake().islands) {
       const auto island = static_cast<std::size_t>(i);
       const double local_error = impl.islands[island].local_error;
-      const bool has_none =
-          impl.islands[island].method == Method::kSequentialImpulses || std::isnan(local_error);
+      const bool has_none = uses_impulses(impl.islands[island].method) || std::isnan(local_error);
       for (const int b : impl.island_parts[island].members.bodies) {
         VerifiedEstimate& estimate = estimates[impl.body_ids[static_cast<std::size_t>(b)]];
         if (has_none)
@@ -397,11 +396,11 @@ class Verification {
     const Island& island = base_.island_of(body);
     const Island& other = run.island_of(body);
     if (island.why == MethodReason::kAtRest || other.why == MethodReason::kAtRest) return "";
-    if (other.method == Method::kSequentialImpulses)
+    if (uses_impulses(other.method))
       return "no second method has an estimate for what " + reason(other.why);
     if (island.method == Method::kEventDriven)
       return "no second method advances what " + reason(island.why);
-    if (island.method != Method::kSequentialImpulses) {
+    if (!uses_impulses(island.method)) {
       if (other.method == Method::kEventDriven)
         return "no second method advances what " + reason(other.why);
       if (island.joints == 0)

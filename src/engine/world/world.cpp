@@ -220,8 +220,7 @@ void World::Impl::find_acting_wrenches(const StepContext& step) {
                                                   std::max(wrench.start, step.tick.start);
     if (duration <= 0.0) continue;  // begins after this step
     const std::size_t i = index(wrench.body);
-    if (islands[static_cast<std::size_t>(topology.island_of(i))].method ==
-        Method::kSequentialImpulses)
+    if (uses_impulses(islands[static_cast<std::size_t>(topology.island_of(i))].method))
       acting_wrenches.push_back({i, duration, wrench.force, wrench.torque});
   }
 }

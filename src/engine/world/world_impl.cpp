@@ -179,7 +179,7 @@ void World::Impl::read_smooth_joints(JointStep step) {
   const bool is_split = integration.interval_ends().size() > 2;
   for (std::size_t k = 0; is_split && k < integration.time_varying_joints().size(); ++k) {
     const std::size_t j = to_index(integration.time_varying_joints()[k]);
-    if (islands[topology.island_of_joint(*this, j)].method != Method::kSequentialImpulses)
+    if (!uses_impulses(islands[topology.island_of_joint(*this, j)].method))
       joint_states[j].bias = (joint_states[j].travel - rollback.joint_states()[j].travel) / step.h;
   }
   for (const int i : integration.partition().smooth) {

@@ -28,14 +28,13 @@ double tension_energy(const Row& row, double C) {
   return 0.5 * row.stiffness * stretch * stretch;
 }
 
-// Target of J w. A one-sided row demands no more than v leaves open.
-double correction_target(const Row& row, double J_V) {
+}  // namespace
+
+double RowSolver::correction_target(const Row& row, double J_V) {
   if (row.lower == 0.0) return std::min(row.target + row.correction - J_V, row.correction);
   if (row.upper == 0.0) return std::max(row.target + row.correction - J_V, row.correction);
   return row.correction;
 }
-
-}  // namespace
 
 void RowSolver::begin(const List<int>& moved, const Bodies& bodies) {
   before_.resize(bodies.size());
@@ -300,9 +299,39 @@ RowSolver::Outcome RowSolver::solve(const List<int>& moved, List<Row>& rows, int
       ++response;
     }
   }
+  return finish_solve(moved, rows);
+}
+
+RowSolver::Outcome RowSolver::finish_solve(const List<int>& moved, List<Row>& rows) {
   Outcome outcome = account(moved, rows);
   if (limit_energy(moved, rows)) outcome = account(moved, rows);
   return outcome;
+}
+
+double RowSolver::rate(const Row& row, std::size_t i) const {
+  return velocity_along(row, responses_[i], velocities_);
+}
+
+double RowSolver::rate_before(const Row& row, std::size_t i) const {
+  return velocity_along(row, responses_[i], before_);
+}
+
+void RowSolver::set_impulse(std::size_t i, double impulse, List<Row>* rows) {
+  const std::size_t end = (*rows)[i].normal_row == Row::kCoupled ? i + 2 : i + 1;
+  for (std::size_t k = i; k < end; ++k) {
+    Row& row = (*rows)[k];
+    if (impulse != row.impulse) push(row, responses_[k], impulse - row.impulse, &velocities_);
+    row.impulse = impulse;
+  }
+}
+
+void RowSolver::set_correction(std::size_t i, double impulse, List<Row>* rows) {
+  const std::size_t end = (*rows)[i].normal_row == Row::kCoupled ? i + 2 : i + 1;
+  for (std::size_t k = i; k < end; ++k) {
+    Row& row = (*rows)[k];
+    push(row, responses_[k], impulse - row.correction_impulse, &corrections_);
+    row.correction_impulse = impulse;
+  }
 }
 
 // Solves a row of two parts, which get equal impulses.

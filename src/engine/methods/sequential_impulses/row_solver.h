@@ -66,6 +66,24 @@ class RowSolver {
 
   /// Stage 5: sweeps over the rows and leaves the impulses in them. Ends early once `stop` is set.
   Outcome solve(const List<int>& moved, List<Row>& rows, int iterations, StopFlag stop = nullptr);
+  /// Second half of solve(): limits the energy, and measures the impulses. The first half is the
+  /// sweeps, or impulses by the functions below.
+  Outcome finish_solve(const List<int>& moved, List<Row>& rows);
+
+  /// Index of a body of the component of row i, the same for all rows of a component.
+  int component(std::size_t i) const { return responses_[i].component; }
+  /// Rate J v of row i.
+  double rate(const Row& row, std::size_t i) const;
+  /// Rate J v of row i at the start of the step.
+  double rate_before(const Row& row, std::size_t i) const;
+  /// Change of the lasting velocity of a body in the step.
+  Twist velocity_change(std::size_t body) const { return velocities_[body] - before_[body]; }
+  /// Target of J w for a row with the rate J v [m/s]. A one-sided row demands no more than v leaves
+  /// open.
+  static double correction_target(const Row& row, double J_V);
+  /// Gives row i its impulse, or the impulse of its correction; both parts of a coupled row.
+  void set_impulse(std::size_t i, double impulse, List<Row>* rows);
+  void set_correction(std::size_t i, double impulse, List<Row>* rows);
 
   /// Stage 6: x += h (v + w), and q by the rotation h (ω + w), with w the correction velocities.
   /// Conserves the angular momentum of every free body. Sets velocities of bodies to v + w. Returns

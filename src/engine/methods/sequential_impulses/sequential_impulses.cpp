@@ -6,6 +6,7 @@
 
 #include "engine/constraints/contact.h"
 #include "engine/math/elementary.h"
+#include "engine/math/larger.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {
@@ -30,6 +31,12 @@ ContactState contact_state(const Row* rows, std::size_t count) {
   const double limit = rows[1].friction * rows[0].impulse;
   const double friction = math::hypot(rows[1].impulse, rows[2].impulse);
   return friction < (1.0 - kAtLimit) * limit ? ContactState::kSticking : ContactState::kSlipping;
+}
+
+bool converges(const WorldOptions& options) { return options.method == Method::kTimeStepping; }
+
+ContactStep contact_step(const WorldOptions& options) {
+  return {options.time_step, options.baumgarte, options.gravity.norm(), converges(options)};
 }
 
 double work_at(const ActingWrench& wrench, const Twist& v) {
@@ -64,9 +71,7 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
   }
   if (!rows_.empty()) {  // stage 5: velocities that the rows allow
     const StageTimer timer(step.clock, Stage::kSolve, times);
-    const int sweeps = model.options.iterations;
-    const RowSolver::Outcome solved = solver_.solve(step.bodies, rows_, sweeps, step.stop);
-    report.iterations = static_cast<std::uint32_t>(sweeps);
+    const RowSolver::Outcome solved = solve_rows(model, step, *state, &report);
     report.solver_residual = solved.residual;
     report.driven_work = solved.driven_work;
   }
@@ -75,8 +80,26 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
     add_work(step.wrenches, solver_, &report.driven_work, &report.correction_work);
     report.correction_work += solver_.update_positions(
         step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
+    if (converges(model.options) && !rows_.empty())
+      converged_.take_mean_velocities(step.bodies, rows_, solver_,
+                                      rest_speed(contact_step(model.options)), step.span.h,
+                                      &state->states);
   }
   return report;
+}
+
+RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const ImpulseStep& step,
+                                                  const State& state, ImpulseReport* report) {
+  if (!converges(model.options)) {
+    report->iterations = static_cast<std::uint32_t>(model.options.iterations);
+    return solver_.solve(step.bodies, rows_, model.options.iterations, step.stop);
+  }
+  const ConvergedRows::Outcome converged =
+      converged_.solve(state.states, model.masses, step.stop, &rows_, &solver_);
+  report->iterations = static_cast<std::uint32_t>(converged.iterations);
+  RowSolver::Outcome outcome = solver_.finish_solve(step.bodies, rows_);
+  outcome.residual = larger(outcome.residual, converged.residual);
+  return outcome;
 }
 
 // ---- 3. rows
@@ -151,7 +174,7 @@ void SequentialImpulses::prepare_contact(const Model& model, const State& state,
                                          const TouchingPair& pair, std::size_t point) {
   const WorldOptions& options = model.options;
   const ContactSurface surface(model.bodies[pair.a], model.bodies[pair.b]);
-  const ContactStep step{options.time_step, options.baumgarte, options.gravity.norm()};
+  const ContactStep step = contact_step(options);
   std::array<Row, kMaxContactRows> written;
   const int count = write_contact_rows(state.states[pair.a], state.states[pair.b],
                                        pair.manifold.normal, pair.manifold.points[point], surface,

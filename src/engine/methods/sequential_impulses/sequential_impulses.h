@@ -9,6 +9,7 @@
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/constraints/joint.h"
 #include "engine/math/list.h"
+#include "engine/methods/sequential_impulses/converged_rows.h"
 #include "engine/methods/sequential_impulses/row_solver.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
@@ -47,7 +48,8 @@ struct ImpulseReport {
 };
 
 /// Stages 3 to 6 of the step in the tutorial, for islands that no other method can advance. Owns
-/// the rows of a step; between steps these are scratch memory.
+/// the rows of a step; between steps these are scratch memory. With time_stepping, stage 5 solves
+/// the rows to a tolerance instead of sweeping over them.
 class SequentialImpulses {
  public:
   /// Advances the bodies of `step` to the end of the step.
@@ -63,6 +65,8 @@ class SequentialImpulses {
   double prepare_rows(const Model& model, const ImpulseStep& step, State* state);
   void add_coupling(const Model& model, const ImpulseStep& step, const State& state,
                     std::size_t joint);
+  RowSolver::Outcome solve_rows(const Model& model, const ImpulseStep& step, const State& state,
+                                ImpulseReport* report);
   static std::array<Jacobian, 2> coupled_jacobians(const Model& model, const ImpulseStep& step,
                                                    const State& state, std::size_t joint,
                                                    bool at_end);
@@ -78,6 +82,7 @@ class SequentialImpulses {
   List<std::size_t> contact_rows_;  // row of the normal of each contact point
   List<LoopRow> loop_rows_;         // rows of joints in loops; empty without warm starting
   RowSolver solver_;
+  ConvergedRows converged_;
 };
 
 }  // namespace constraint_sim::engine

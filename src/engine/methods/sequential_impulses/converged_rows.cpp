@@ -1,0 +1,192 @@
+#include "engine/methods/sequential_impulses/converged_rows.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace constraint_sim::engine {
+namespace {
+
+// Residual as a share of the largest rate without impulses, in a step and in its corrections, which
+// remove a share of an error only.
+constexpr double kVelocityTolerance = 1e-9, kCorrectionTolerance = 1e-6;
+constexpr int kVelocityIterations = 300, kCorrectionIterations = 100;
+
+bool is_tangent(const Row& row) { return row.normal_row >= 0; }
+bool is_second_part(const Row& row) { return row.normal_row == Row::kCoupledPart; }
+
+}  // namespace
+
+// Sorts rows by components, each in the order of the rows.
+void ConvergedRows::list_by_component(const List<Row>& rows, const RowSolver& solver) {
+  order_.resize(rows.size());
+  std::iota(order_.begin(), order_.end(), std::size_t{0});
+  std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+    return solver.component(a) < solver.component(b);
+  });
+  begins_.clear();
+  for (std::size_t k = 0; k < order_.size(); ++k)
+    if (k == 0 || solver.component(order_[k]) != solver.component(order_[k - 1]))
+      begins_.push_back(k);
+  begins_.push_back(order_.size());
+  if (solvers_.size() + 1 < begins_.size()) solvers_.resize(begins_.size() - 1);
+}
+
+void ConvergedRows::add_part(int body, const Twist& J, const List<BodyState>& bodies,
+                             const List<MassProperties>& masses) {
+  const MassProperties& mass = masses[body];
+  if (!mass.is_movable()) return;
+  if (local_of_[body] < 0) {
+    local_of_[body] = static_cast<int>(bodies_.size());
+    bodies_.push_back(body);
+    BodyConeProblem::Body& added = problem_.bodies.emplace_back();
+    added.inverse_mass = mass.inverse_mass;
+    added.mass = 1.0 / mass.inverse_mass;
+    if (mass.can_turn()) {
+      const Eigen::Matrix3d R = bodies[body].orientation.toRotationMatrix();
+      added.inertia = R * mass.inertia.asDiagonal() * R.transpose();
+      added.inverse_inertia = R * mass.inverse_inertia.asDiagonal() * R.transpose();
+    }
+  }
+  const std::size_t begin = problem_.rows.empty() ? 0 : problem_.rows.back().parts_end;
+  for (std::size_t k = begin; k < problem_.parts.size(); ++k)
+    if (problem_.parts[k].body == local_of_[body]) {
+      problem_.parts[k].J += J;
+      return;
+    }
+  problem_.parts.push_back({local_of_[body], J});
+}
+
+void ConvergedRows::add_parts(const Row& row, const List<BodyState>& bodies,
+                              const List<MassProperties>& masses) {
+  const auto twist_of = [&](int body, const Eigen::Vector3d& force, const Eigen::Vector3d& torque) {
+    return twist(force,
+                 masses[body].can_turn() ? torque : Eigen::Vector3d(Eigen::Vector3d::Zero()));
+  };
+  add_part(row.body_a, twist_of(row.body_a, row.J.j1, row.J.j2), bodies, masses);
+  add_part(row.body_b, twist_of(row.body_b, row.J.j3, row.J.j4), bodies, masses);
+}
+
+void ConvergedRows::forget_bodies() {
+  for (const int body : bodies_) local_of_[body] = -1;
+  bodies_.clear();
+  problem_.clear();
+  problem_rows_.clear();
+  impulses_.clear();
+}
+
+// Rates without impulses are the present ones without the effect of the first guesses.
+void ConvergedRows::set_velocity_problem(std::size_t begin, std::size_t end,
+                                         const List<BodyState>& bodies,
+                                         const List<MassProperties>& masses, const List<Row>& rows,
+                                         const RowSolver& solver) {
+  for (std::size_t k = begin; k < end; ++k) {
+    const Row& row = rows[order_[k]];
+    if (is_second_part(row)) continue;
+    add_parts(row, bodies, masses);
+    double rate = solver.rate(row, order_[k]) - row.target;
+    if (row.normal_row == Row::kCoupled) {
+      add_parts(rows[order_[k] + 1], bodies, masses);
+      rate += solver.rate(rows[order_[k] + 1], order_[k] + 1);
+    }
+    BodyConeProblem::Row& added = problem_.rows.emplace_back();
+    added.parts_end = problem_.parts.size();
+    added.rate = rate;
+    added.softness = row.softness;
+    added.least = row.lower;
+    added.most = row.upper;
+    if (is_tangent(row)) {
+      added.kind = BodyConeProblem::Kind::kTangent;
+      BodyConeProblem::Row& normal =
+          problem_.rows[problem_.rows.size() - (order_[k] - to_index(row.normal_row)) - 1];
+      normal.kind = BodyConeProblem::Kind::kNormal;
+      normal.friction = row.friction;
+    }
+    problem_rows_.push_back(order_[k]);
+    impulses_.push_back(row.impulse);
+  }
+  List<Twist> by_guesses(problem_.bodies.size(), Twist::Zero());
+  std::size_t part = 0;
+  for (std::size_t i = 0; i < problem_.rows.size(); ++i)
+    for (; part < problem_.rows[i].parts_end; ++part)
+      by_guesses[problem_.parts[part].body] += impulses_[i] * problem_.parts[part].J;
+  for (std::size_t body = 0; body < by_guesses.size(); ++body)
+    by_guesses[body] = problem_.bodies[body].apply_inverse(by_guesses[body]);
+  part = 0;
+  for (BodyConeProblem::Row& row : problem_.rows)
+    for (; part < row.parts_end; ++part)
+      row.rate -= problem_.parts[part].J.dot(by_guesses[problem_.parts[part].body]);
+}
+
+// Returns whether there is anything to correct.
+bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
+                                           const List<BodyState>& bodies,
+                                           const List<MassProperties>& masses,
+                                           const List<Row>& rows, const RowSolver& solver) {
+  const auto corrects = [&](std::size_t i) { return rows[i].correction != 0.0; };
+  if (std::none_of(order_.begin() + static_cast<std::ptrdiff_t>(begin),
+                   order_.begin() + static_cast<std::ptrdiff_t>(end), corrects))
+    return false;
+  for (std::size_t k = begin; k < end; ++k) {
+    const Row& row = rows[order_[k]];
+    if (is_second_part(row) || is_tangent(row)) continue;
+    add_parts(row, bodies, masses);
+    double rate = solver.rate(row, order_[k]);
+    if (row.normal_row == Row::kCoupled) {
+      add_parts(rows[order_[k] + 1], bodies, masses);
+      rate += solver.rate(rows[order_[k] + 1], order_[k] + 1);
+    }
+    BodyConeProblem::Row& added = problem_.rows.emplace_back();
+    added.parts_end = problem_.parts.size();
+    added.rate = -RowSolver::correction_target(row, rate);
+    added.softness = row.softness;
+    added.least = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
+    added.most = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
+    problem_rows_.push_back(order_[k]);
+    impulses_.push_back(0.0);
+  }
+  return true;
+}
+
+ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
+                                            const List<MassProperties>& masses, StopFlag stop,
+                                            List<Row>* rows, RowSolver* solver) {
+  Outcome outcome;
+  local_of_.assign(bodies.size(), -1);
+  list_by_component(*rows, *solver);
+  for (std::size_t c = 0; c + 1 < begins_.size() && !is_set(stop); ++c) {
+    forget_bodies();
+    set_velocity_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver);
+    const BodyConeSolver::Outcome solved =
+        solvers_[c].solve(problem_, kVelocityTolerance, kVelocityIterations, stop, &impulses_);
+    outcome.iterations = std::max(outcome.iterations, solved.iterations);
+    outcome.residual = std::max(outcome.residual, solved.residual);
+    for (std::size_t i = 0; i < problem_rows_.size(); ++i)
+      solver->set_impulse(problem_rows_[i], impulses_[i], rows);
+    forget_bodies();
+    if (!set_correction_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver))
+      continue;
+    solvers_[c].solve(problem_, kCorrectionTolerance, kCorrectionIterations, stop, &impulses_);
+    for (std::size_t i = 0; i < problem_rows_.size(); ++i)
+      solver->set_correction(problem_rows_[i], impulses_[i], rows);
+  }
+  forget_bodies();
+  return outcome;
+}
+
+void ConvergedRows::take_mean_velocities(const List<int>& moved, const List<Row>& rows,
+                                         const RowSolver& solver, double speed, double h,
+                                         List<BodyState>* bodies) {
+  keeps_end_.assign(bodies->size(), 0);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Row& row = rows[i];
+    if (is_tangent(row)) continue;
+    const bool is_contact = row.lower == 0.0 && row.component < 0 && row.coordinate < 0;
+    if (is_contact && (row.impulse == 0.0 || solver.rate_before(row, i) >= -speed)) continue;
+    keeps_end_[row.body_a] = keeps_end_[row.body_b] = 1;
+  }
+  for (const int body : moved)
+    if (keeps_end_[body] == 0)
+      (*bodies)[body].position -= 0.5 * h * solver.velocity_change(to_index(body)).head<3>();
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstddef>
+
+#include "constraint_sim/engine/row.h"
+#include "constraint_sim/engine/stop_flag.h"
+#include "engine/math/body_cone_solver.h"
+#include "engine/math/list.h"
+#include "engine/methods/sequential_impulses/row_solver.h"
+#include "engine/model/mass_properties.h"
+
+namespace constraint_sim::engine {
+
+/// Solves the rows of time_stepping to a tolerance, in place of the sweeps of RowSolver: velocities
+/// with Coulomb's cone, then the corrections, each for every component of bodies that rows connect.
+/// Between steps the fields are scratch memory.
+class ConvergedRows {
+ public:
+  struct Outcome {
+    double residual = 0.0;  ///< largest residual of a component [m/s]
+    int iterations = 0;     ///< most iterations of a component
+  };
+
+  /// Solves `rows` and leaves the impulses in them and the velocities in `solver`.
+  Outcome solve(const List<BodyState>& bodies, const List<MassProperties>& masses, StopFlag stop,
+                List<Row>* rows, RowSolver* solver);
+
+  /// Moves bodies of stage 6 from h v₁ to ½ h (v₀ + v₁), which is exact for constant forces: all
+  /// bodies but the ones on joints or with an impact, where v₀ would take them into others. An
+  /// impact is an approach faster than `speed` [m/s].
+  void take_mean_velocities(const List<int>& moved, const List<Row>& rows, const RowSolver& solver,
+                            double speed, double h, List<BodyState>* bodies);
+
+ private:
+  void list_by_component(const List<Row>& rows, const RowSolver& solver);
+  void add_parts(const Row& row, const List<BodyState>& bodies, const List<MassProperties>& masses);
+  void add_part(int body, const Twist& J, const List<BodyState>& bodies,
+                const List<MassProperties>& masses);
+  void set_velocity_problem(std::size_t begin, std::size_t end, const List<BodyState>& bodies,
+                            const List<MassProperties>& masses, const List<Row>& rows,
+                            const RowSolver& solver);
+  bool set_correction_problem(std::size_t begin, std::size_t end, const List<BodyState>& bodies,
+                              const List<MassProperties>& masses, const List<Row>& rows,
+                              const RowSolver& solver);
+  void forget_bodies();
+
+  List<std::size_t> order_;  // rows, by component
+  List<std::size_t> begins_;
+  List<std::size_t> problem_rows_;  // rows of the problem
+  List<int> local_of_, bodies_;     // index in the problem of each body, and the reverse
+  BodyConeProblem problem_;
+  List<BodyConeSolver> solvers_;  // one for each component, for its order of elimination
+  List<double> impulses_;
+  List<char> keeps_end_;  // bodies that move by v₁
+};
+
+}  // namespace constraint_sim::engine

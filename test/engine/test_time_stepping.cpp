@@ -1,0 +1,152 @@
+// Stacks and sliding bodies by time_stepping: rest to rounding, and closed forms of friction.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "constraint_sim/engine/world.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kEdge = 0.2;  // [m]
+
+WorldOptions stepping(double time_step) {
+  WorldOptions options;
+  options.method = Method::kTimeStepping;
+  options.time_step = time_step;
+  options.sleep_after = kInfinity;  // else a tower at rest would not be stepped
+  return options;
+}
+
+BodyId add_cube(World* world, const std::string& name, double mass, const Vector3d& position,
+                const Vector3d& velocity = Vector3d::Zero()) {
+  Body body = make_body(name, Box{{kEdge, kEdge, kEdge}}, mass, position);
+  body.friction = 0.6;
+  body.state.linear_velocity = velocity;
+  return world->add_body(body);
+}
+
+World tower(int n, double top, double time_step) {
+  World world(stepping(time_step));
+  world.add_body(make_floor(0.6));
+  for (int i = 0; i < n; ++i)
+    add_cube(&world, "cube_" + std::to_string(i), i + 1 == n ? top : 1.0,
+             {0.0, 0.0, kEdge * (i + 0.5)});
+  return world;
+}
+
+/// Returns the largest distance of a body from where it is now, within a time [s]; infinite where a
+/// step fails.
+double largest_motion(World* world, double duration) {
+  std::vector<Vector3d> start;
+  for (const BodyId id : world->body_ids()) start.push_back(world->state(id).position);
+  const int steps = static_cast<int>(std::round(duration / world->options().time_step));
+  double largest = 0.0;
+  for (int k = 0; k < steps; ++k) {
+    if (world->step().failed) return kInfinity;
+    std::size_t i = 0;
+    for (const BodyId id : world->body_ids())
+      largest = std::max(largest, (world->state(id).position - start[i++]).norm());
+  }
+  return largest;
+}
+
+constexpr std::array<double, 3> kTimeSteps{1.0 / 30.0, 1.0 / 60.0, 1.0 / 240.0};
+const double kDuration = kIsLongRun ? 60.0 : 10.0;  // [s]
+
+// The residual of 1e-9 g h moves a level by less than 1e-9 g h² per step, 6e-7 m in 60 s at 1/60 s
+// if all steps moved alike.
+TEST(TimeStepping, TowersStand) {
+  for (const double h : kTimeSteps)
+    for (const int n : {10, 20}) {
+      World world = tower(n, 1.0, h);
+      const double motion = largest_motion(&world, kDuration);
+      EXPECT_LT(motion, 1e-6) << n << " " << h;
+      EXPECT_EQ(world.islands().front().method, Method::kTimeStepping);
+    }
+}
+
+TEST(TimeStepping, TowersStandWithAHeavyTop) {
+  for (const double h : kTimeSteps)
+    for (const int n : {10, 20}) {
+      World world = tower(n, 1e4, h);
+      EXPECT_LT(largest_motion(&world, kDuration), 1e-5) << n << " " << h;
+    }
+}
+
+TEST(TimeStepping, APyramidStands) {
+  for (const double h : kTimeSteps) {
+    World world(stepping(h));
+    world.add_body(make_floor(0.6));
+    constexpr int kRows = 6;
+    for (int row = 0; row < kRows; ++row)
+      for (int i = 0; i < kRows - row; ++i)
+        add_cube(&world, std::to_string(row) + "_" + std::to_string(i), 1.0,
+                 {1.1 * kEdge * (i + 0.5 * row), 0.0, kEdge * (row + 0.5)});
+    EXPECT_LT(largest_motion(&world, kDuration), 1e-6) << h;
+  }
+}
+
+TEST(TimeStepping, ALightBoxCarriesAHeavyOne) {
+  for (const double h : kTimeSteps) {
+    World world = tower(2, 3e6, h);
+    EXPECT_LT(largest_motion(&world, 10.0), 1e-6) << h;
+  }
+}
+
+// Friction of 0.2 on the floor and 0.6 between the cubes: all stop after v²/(2 μ g). The end of the
+// step in which they stop is off by at most μ g h²/8.
+TEST(TimeStepping, ASlidingStackStopsWhereFrictionStopsIt) {
+  constexpr double kFriction = 0.2, kSpeed = 1.0;
+  for (const double h : kTimeSteps) {
+    World world(stepping(h));
+    world.add_body(make_floor(kFriction * kFriction / 0.6));
+    std::vector<BodyId> cubes;
+    for (int i = 0; i < 3; ++i)
+      cubes.push_back(add_cube(&world, std::to_string(i), 1.0, {0.0, 0.0, kEdge * (i + 0.5)},
+                               {kSpeed, 0.0, 0.0}));
+    for (int k = 0; k < std::round(1.0 / h); ++k) {
+      world.step();
+      const double t = std::min(world.report().time, kSpeed / (kFriction * kGravity));
+      const double x = kSpeed * t - 0.5 * kFriction * kGravity * t * t;
+      for (const BodyId id : cubes) {
+        const Vector3d position = world.state(id).position;
+        ASSERT_NEAR(position.x(), x, 0.13 * kFriction * kGravity * h * h) << h << " " << k;
+        ASSERT_LT(std::abs(position.y()), 1e-6) << h << " " << k;
+      }
+    }
+  }
+}
+
+// A weld holds the upper cubes beside a tower of two, from which one overhangs: the weld carries
+// its weight of 9.81 N, and the lower corners the rest.
+TEST(TimeStepping, AJointHoldsBesideContacts) {
+  for (const double h : kTimeSteps) {
+    World world(stepping(h));
+    world.add_body(make_floor(0.6));
+    add_cube(&world, "lower", 3.0, {0.0, 0.0, 0.5 * kEdge});
+    const BodyId upper = add_cube(&world, "upper", 3.0, {0.0, 0.0, 1.5 * kEdge});
+    const BodyId beside = add_cube(&world, "beside", 1.0, {kEdge, 0.0, 1.5 * kEdge});
+    const Vector3d arm(0.5 * kEdge, 0.0, 0.0);
+    const JointId weld =
+        world.add_joint(make_joint("weld", upper, arm, beside, -arm, JointKind::kWeld));
+    EXPECT_LT(largest_motion(&world, 2.0), 1e-6) << h;
+    EXPECT_EQ(world.islands().back().method, Method::kTimeStepping) << h;
+    EXPECT_LT(world.joint_state(weld).error, 1e-6) << h;
+    double carried = 0.0;
+    for (const Contact& contact : world.contacts())
+      if (std::abs(contact.position.z()) < 1e-3) carried += contact.normal_force;
+    EXPECT_NEAR(carried, 7.0 * kGravity, 1e-6 * 7.0 * kGravity) << h;  // residual over g h: 1e-9
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -177,6 +177,9 @@ class StepReport:
     def creep_body(self) -> Optional[str]:
         """a body of that contact, or None"""
     @property
+    def unsolved_body(self) -> Optional[str]:
+        """with time_stepping, a body whose impulses were not solved, or None; solver_residual says how far"""
+    @property
     def energy(self) -> float:
         """kinetic energy + potential energy of gravity and springs [J]"""
     @property

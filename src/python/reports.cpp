@@ -39,6 +39,9 @@ void define_step_report(py::module* module) {
                     "farthest that a contact by impulses has slid while friction holds it [m]; 0: "
                     "none")
       .def_readonly("creep_body", &Report::creep_body_name, "a body of that contact, or None")
+      .def_readonly("unsolved_body", &Report::unsolved_body_name,
+                    "with time_stepping, a body whose impulses were not solved, or None; "
+                    "solver_residual says how far")
       .def_readonly("energy", &Report::energy,
                     "kinetic energy + potential energy of gravity and springs [J]")
       .def_readonly("energy_drift", &Report::energy_drift,

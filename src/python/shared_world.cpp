@@ -86,6 +86,8 @@ NamedReport::NamedReport(const engine::World& world) : engine::StepReport(world.
   if (failed_body) failed_body_name = name_among(world.body_ids(), *failed_body, name_of_body);
   if (overlap_body) overlap_body_name = name_among(world.body_ids(), *overlap_body, name_of_body);
   if (creep_body) creep_body_name = name_among(world.body_ids(), *creep_body, name_of_body);
+  if (unsolved_body)
+    unsolved_body_name = name_among(world.body_ids(), *unsolved_body, name_of_body);
 }
 
 class SharedWorld::Stepping {

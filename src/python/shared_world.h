@@ -28,7 +28,7 @@ std::uint64_t steps_in(double duration, double time_step);
 struct NamedReport : engine::StepReport {
   explicit NamedReport(const engine::World& world);
   std::optional<std::string> worst_joint_name, closing_joint_name, failed_body_name,
-      overlap_body_name, creep_body_name;
+      overlap_body_name, creep_body_name, unsolved_body_name;
 };
 
 /// Result of World.run: worst values and sums over all steps.

@@ -264,7 +264,7 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv, OutputFile* cons
       for (const BodyId id : world->unresolved_bodies())
         outcome.unresolved_bodies.insert(world->body(id).name);
     if (report.unclosed_joints > 0 || report.energy_rise > 0.0 || report.hits_left_body ||
-        report.overlap_body || report.creep_body)
+        report.overlap_body || report.creep_body || report.unsolved_body)
       for (const StepWarning& now : step_warnings(*world)) add(now, &outcome);
     outcome.failed = report.failed;
     if (csv->is_wanted()) csv->write(csv_rows(*world));

@@ -21,7 +21,7 @@ std::vector<std::string> warnings(const World& world);
 /// A warning of the last step: an error that does not close, energy that rose without a cause, fast
 /// bodies with too many hits, or contacts by impulses that overlap or creep.
 struct StepWarning {
-  enum class Kind { kUnclosed, kEnergyRise, kHitsLeft, kOverlap, kCreep };
+  enum class Kind { kUnclosed, kEnergyRise, kHitsLeft, kOverlap, kCreep, kUnsolved };
   Kind kind;
   std::string whose;    ///< name of a joint, or of the first body of an island or group
   double amount = 0.0;  ///< |error| [m], energy rise [J], number of hits, overlap or distance [m]

@@ -130,6 +130,9 @@ struct StepReport {
   /// kMostCreepShare of the thinner shape.
   double creep = 0.0;
   std::optional<BodyId> creep_body;  ///< body of the contact with `creep`, movable where one is
+  /// With time_stepping, a body whose impulses, and those of all bodies that it is in contact or
+  /// jointed with, were not solved: `solver_residual` exceeds 1e-5 g h, which counts as rest.
+  std::optional<BodyId> unsolved_body;
   /// Kinetic energy lost when velocities were projected onto the joints, after a change of method
   /// or an edit [J].
   double projected_energy = 0.0;

@@ -195,8 +195,8 @@ class World {
   std::optional<BodyId> gaining_body() const;
   /// StepReport::hits_left_body of the last step; none between an edit and the next step.
   std::optional<BodyId> hits_left_body() const;
-  /// Whether StepReport::overlap_body and creep_body of the last step are bodies of this world;
-  /// false between an edit and the next step.
+  /// Whether StepReport::overlap_body, creep_body and unsolved_body of the last step are bodies of
+  /// this world; false between an edit and the next step.
   bool has_reported_contacts() const;
   /// Present kinetic energy plus the potential energy of gravity (0 at the origin) and of springs
   /// [J].

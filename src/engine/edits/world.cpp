@@ -193,7 +193,7 @@ void World::Impl::forget_unknown_ids() {
   const auto is_gone = [&](auto id) { return find(id) < 0; };
   for (std::optional<BodyId>* body :
        {&report.energy_rise_body, &report.hits_left_body, &report.overlap_body, &report.creep_body,
-        &report.failed_body, &report.handed_over_body})
+        &report.unsolved_body, &report.failed_body, &report.handed_over_body})
     if (*body && is_gone(**body)) body->reset();
   for (std::optional<JointId>* joint :
        {&report.worst_joint, &report.closing_joint, &report.unclosed_joint, &failed_joint})

@@ -32,6 +32,7 @@ void add_impulses(const ImpulseReport& impulses, Report* report) {
   report->max_penetration = std::max(report->max_penetration, impulses.max_penetration);
   report->iterations += impulses.iterations;
   report->solver_residual = std::max(report->solver_residual, impulses.solver_residual);
+  if (impulses.unsolved_body) report->unsolved_body = impulses.unsolved_body;
   report->driven_work += impulses.driven_work;
   report->correction_work += impulses.correction_work;
   for (std::size_t i = 0; i < kStageCount; ++i) report->stage_times[i] += impulses.stage_times[i];

@@ -286,8 +286,8 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
   if (!continuous.jointed_pairs().empty()) {
     for (const int i : continuous.find_passing(in.step, *state, in.rollback, *lists)) {
       reject(in, to_index(i), MethodReason::kContact);
-      remember_choice({impulses_of(model.options), MethodReason::kContact}, true,
-                      state->step_count, &lists->island_parts[i]);
+      remember_choice({impulses_of(model.options), MethodReason::kContact}, true, state->step_count,
+                      &lists->island_parts[i]);
     }
   }
   if (!groups->is_empty()) groups->take_out_contacts(topology, &state->touching);

@@ -222,6 +222,9 @@ std::vector<StepWarning> step_warnings(const World& world) {
         {StepWarning::Kind::kOverlap, world.body(*report.overlap_body).name, report.overlap});
   if (report.creep_body)
     list.push_back({StepWarning::Kind::kCreep, world.body(*report.creep_body).name, report.creep});
+  if (report.unsolved_body)
+    list.push_back({StepWarning::Kind::kUnsolved, world.body(*report.unsolved_body).name,
+                    report.solver_residual});
   return list;
 }
 
@@ -244,6 +247,10 @@ std::string to_string(const StepWarning& warning) {
   if (warning.kind == StepWarning::Kind::kCreep)
     return "body " + in_quotes(warning.whose) + ": it has crept by " + amount +
            " m where friction holds it, since impulses are not solved to the end";
+  if (warning.kind == StepWarning::Kind::kUnsolved)
+    return "body " + in_quotes(warning.whose) +
+           ": impulses on it and on what it touches were not solved, to a residual of " + amount +
+           " m/s";
   return "body " + in_quotes(warning.whose) + ": energy of its island rose by " + amount +
          " J without a cause";
 }

@@ -55,7 +55,7 @@ CONSTRAINT_SIM_FIELDS(WatchedEnergy, a, b, c, d, e, f, g)
 CONSTRAINT_SIM_FIELDS(Monitors::Open, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(Monitors::HeldPair, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(StepReport, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v,
-                      w, x, y, z, A, B, C, D, E, F, G, H, I, J, K, L, M, N, O, P, Q, R, S)
+                      w, x, y, z, A, B, C, D, E, F, G, H, I, J, K, L, M, N, O, P, Q, R, S, U)
 CONSTRAINT_SIM_FIELDS(State, a, b, c, d, e, f, g, h, i, j, k, l)
 // Leaves out the options, which snapshots visit before, and the maps by name, which a reader makes.
 template <class T>

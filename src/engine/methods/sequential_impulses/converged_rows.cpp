@@ -159,7 +159,10 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
     const BodyConeSolver::Outcome solved =
         solvers_[c].solve(problem_, kVelocityTolerance, kVelocityIterations, stop, &impulses_);
     outcome.iterations = std::max(outcome.iterations, solved.iterations);
-    outcome.residual = std::max(outcome.residual, solved.residual);
+    if (solved.residual > outcome.residual) {
+      outcome.residual = solved.residual;
+      outcome.body = bodies_.front();
+    }
     for (std::size_t i = 0; i < problem_rows_.size(); ++i)
       solver->set_impulse(problem_rows_[i], impulses_[i], rows);
     forget_bodies();

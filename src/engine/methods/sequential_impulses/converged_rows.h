@@ -19,6 +19,7 @@ class ConvergedRows {
   struct Outcome {
     double residual = 0.0;  ///< largest residual of a component [m/s]
     int iterations = 0;     ///< most iterations of a component
+    int body = -1;          ///< a body of the component with this residual
   };
 
   /// Solves `rows` and leaves the impulses in them and the velocities in `solver`.

@@ -99,6 +99,8 @@ RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const Impu
   report->iterations = static_cast<std::uint32_t>(converged.iterations);
   RowSolver::Outcome outcome = solver_.finish_solve(step.bodies, rows_);
   outcome.residual = larger(outcome.residual, converged.residual);
+  if (converged.body >= 0 && outcome.residual > rest_speed(contact_step(model.options)))
+    report->unsolved_body = model.body_ids[converged.body];
   return outcome;
 }
 

@@ -4,8 +4,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <utility>
 
+#include "constraint_sim/engine/id.h"
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/constraints/joint.h"
 #include "engine/math/list.h"
@@ -40,11 +42,12 @@ struct ImpulseStep {
 /// Results and cost of a step.
 struct ImpulseReport {
   std::uint32_t rows = 0, contacts = 0, iterations = 0;
-  double max_penetration = 0.0;  ///< [m]
-  double solver_residual = 0.0;  ///< [m/s]
-  double driven_work = 0.0;      ///< work of wrenches, motors and kinematic bodies [J]
-  double correction_work = 0.0;  ///< work of position corrections [J]
-  StageTimes stage_times{};      ///< [s]
+  double max_penetration = 0.0;         ///< [m]
+  double solver_residual = 0.0;         ///< [m/s]
+  double driven_work = 0.0;             ///< work of wrenches, motors and kinematic bodies [J]
+  double correction_work = 0.0;         ///< work of position corrections [J]
+  std::optional<BodyId> unsolved_body;  ///< StepReport::unsolved_body
+  StageTimes stage_times{};             ///< [s]
 };
 
 /// Stages 3 to 6 of the step in the tutorial, for islands that no other method can advance. Owns

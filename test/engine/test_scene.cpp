@@ -318,10 +318,10 @@ INSTANTIATE_TEST_SUITE_P(
                              "s:5: world.gravity[2]: expected a finite number, got '.nan'"},
                     BadScene{"world:\n  gravity: -9.81\n",
                              "s:2: world.gravity: expected a list of 3 numbers, got '-9.81'"},
-                    BadScene{"world:\n  method: time_stepping\n",
-                             "s:2: world.method: there is no 'time_stepping' (yet); there are "
+                    BadScene{"world:\n  method: featherstone\n",
+                             "s:2: world.method: there is no 'featherstone' (yet); there are "
                              "auto, runge_kutta, energy_momentum, sequential_impulses, "
-                             "event_driven"},
+                             "event_driven, time_stepping"},
                     BadScene{"world:\n  method: [auto]\n",
                              "s:2: world.method: expected a word, got a list of 1"},
                     BadScene{"world:\n  order: 7\n", "s:2: world.order: must be 8 or 5, got 7"},

@@ -173,6 +173,23 @@ TEST_F(Runner, SaysWhatWasLeftOut) {
   EXPECT_EQ(report().at("left_out").at(0), "constraints: there are none");
 }
 
+// A tower of light cubes under one of 1e9 kg, which time_stepping does not solve within its
+// iterations.
+TEST_F(Runner, TellsImpulsesThatAreNotSolved) {
+  std::ofstream scene(in_folder("tower.yaml"));
+  scene << "world: {method: time_stepping, time_step: 0.0166}\n"
+           "bodies:\n"
+           "  - {name: floor, type: static, shape: {plane: {}}, friction: 0.6}\n";
+  for (int i = 0; i < 20; ++i)
+    scene << "  - {name: cube_" << i << ", mass: " << (i == 19 ? 1e9 : 1.0)
+          << ", shape: {box: {size: [0.2, 0.2, 0.2]}}, position: [0, 0, " << 0.2 * i + 0.1
+          << "], friction: 0.6}\n";
+  scene.close();
+  ASSERT_EQ(run("tower.yaml --duration 0.5 --report report.json"), 4) << err();
+  EXPECT_NE(err().find("impulses on it and on what it touches were not solved"), std::string::npos)
+      << err();
+}
+
 TEST_F(Runner, TellsErrorsThatAreNotClosed) {
   std::ofstream(in_folder("contradiction.yaml"))
       << "bodies:\n"

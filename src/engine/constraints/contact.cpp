@@ -15,8 +15,7 @@ Jacobian jacobian(const BodyState& a, const BodyState& b, const Vector3d& p, con
 
 // Sets target and correction of the normal row. An approach faster than rest bounces. Baumgarte
 // removes the penetration beyond a slop of g h², the fall of one step: without it contacts at rest
-// would open and close. Where rows are solved to a tolerance, a small share of
-// the slop is enough.
+// would open and close. Where rows are solved to a tolerance, a small share of it is enough.
 void aim_normal(Row* row, double approach, double depth, const ContactSurface& surface,
                 const ContactStep& step) {
   const double fall = step.gravity * step.h * step.h;
@@ -24,9 +23,9 @@ void aim_normal(Row* row, double approach, double depth, const ContactSurface& s
   const double rest_speed = 2.0 * step.gravity * step.h;
   const double push_out = step.beta / step.h * std::max(depth - slop, 0.0);
   row->target = approach > rest_speed ? surface.restitution * approach : 0.0;
+  row->correction = std::max(push_out - row->target, 0.0);
   if (step.is_converged && depth < 0.0 && (row->target == 0.0 || approach * step.h < -depth))
     row->target = depth / step.h;
-  row->correction = std::max(push_out - row->target, 0.0);
 }
 
 }  // namespace

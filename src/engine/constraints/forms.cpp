@@ -92,7 +92,7 @@ double rate(const ScalarForm& form, const JointVectors& vectors, const JointMoti
   if (!form.is_angle) return vectors.custom->rate(vectors, motion);
   const CosineAndSine<double> at = values(form.angle, vectors);
   const double square = at.c * at.c + at.s * at.s;
-  if (square == 0.0) return 0.0;  // as of a universal joint whose axes are parallel
+  if (square == 0.0) return 0.0;  // no angle, as of a universal joint with parallel z axes
   const auto evaluate = [&](RowForm row) { return product_rate(row, vectors, motion); };
   return (at.c * sum(form.angle.s, evaluate) - at.s * sum(form.angle.c, evaluate)) / square;
 }

@@ -61,7 +61,7 @@ class Cubes {
   Outcome solve() {
     p.resize(problem.rows.size(), 0.0);
     BodyConeSolver solver;
-    return solver.solve(problem, kTolerance, kIterations, nullptr, &p);
+    return solver.solve(problem, {kTolerance, 0.0, kIterations}, nullptr, &p);
   }
   Vector3d impulse(std::size_t contact) const {
     return {p[3 * contact], p[3 * contact + 1], p[3 * contact + 2]};
@@ -355,22 +355,40 @@ TEST(BodyCones, SoftAndBoundedRowsHaveTheirClosedForm) {
   }
 }
 
+// A top of 1e8 kg needs more than 50 iterations, after which a sufficient residual ends them.
+TEST(BodyCones, EndsAtASufficientResidual) {
+  Cubes cubes = tower(20, 1e8);
+  cubes.p.resize(cubes.problem.rows.size(), 0.0);
+  List<double> p = cubes.p;
+  const Outcome all =
+      BodyConeSolver().solve(cubes.problem, {kTolerance, 0.0, kIterations}, nullptr, &p);
+  ASSERT_GT(all.iterations, 50);
+  constexpr double kSufficient = 1e-2;  // [m/s]
+  const Outcome part = BodyConeSolver().solve(cubes.problem, {kTolerance, kSufficient, kIterations},
+                                              nullptr, &cubes.p);
+  EXPECT_LT(part.iterations, all.iterations);
+  EXPECT_GE(part.iterations, 50);
+  EXPECT_LE(part.residual, kSufficient);
+}
+
 TEST(BodyCones, TellsTheResidualThatItReached) {
   Cubes cubes = tower(10, 1e4);
   cubes.p.resize(cubes.problem.rows.size(), 0.0);
   BodyConeSolver solver;
-  const Outcome few = solver.solve(cubes.problem, kTolerance, 3, nullptr, &cubes.p);
+  const Outcome few = solver.solve(cubes.problem, {kTolerance, 0.0, 3}, nullptr, &cubes.p);
   EXPECT_FALSE(few.is_within(kTolerance));
   List<double> again = cubes.p;
-  const Outcome none = solver.solve(cubes.problem, kTolerance, 0, nullptr, &again);
+  const Outcome none = solver.solve(cubes.problem, {kTolerance, 0.0, 0}, nullptr, &again);
   EXPECT_EQ(none.residual, few.residual);  // of the impulses that were returned
   EXPECT_EQ(again, cubes.p);
   const std::atomic<bool> stop{true};
-  const Outcome stopped = solver.solve(cubes.problem, kTolerance, kIterations, &stop, &again);
+  const Outcome stopped =
+      solver.solve(cubes.problem, {kTolerance, 0.0, kIterations}, &stop, &again);
   EXPECT_EQ(stopped.iterations, 0);
-  const Outcome rest = solver.solve(cubes.problem, kTolerance, kIterations, nullptr, &again);
+  const Outcome rest = solver.solve(cubes.problem, {kTolerance, 0.0, kIterations}, nullptr, &again);
   EXPECT_TRUE(rest.is_within(kTolerance));
-  const Outcome known = solver.solve(cubes.problem, kTolerance, kIterations, nullptr, &again);
+  const Outcome known =
+      solver.solve(cubes.problem, {kTolerance, 0.0, kIterations}, nullptr, &again);
   EXPECT_EQ(known.iterations, 0);
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -187,6 +188,47 @@ TEST(TimeStepping, NamesABodyWhoseImpulsesAreNotSolved) {
     EXPECT_TRUE(is_named) << k;
   }
   EXPECT_GT(named, 0);
+}
+
+// Tilted boxes that keep 0.9 of their speed at each corner would gain energy with friction of 0.8
+// where two corners bounce at once: such bounces are lowered, and everything is solved.
+TEST(TimeStepping, BouncesOfSeveralCornersGainNoEnergy) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  for (int scene = 0; scene < 20; ++scene) {
+    World world(stepping(1.0 / 100.0));
+    world.add_body(make_floor(0.8));
+    Body box = make_body("box", Box{{0.3, 0.2, 0.1}}, 1.0, {0.0, 0.0, 0.5});
+    box.friction = 0.8;
+    box.restitution = 0.9;
+    box.state.orientation =
+        Eigen::Quaterniond(1.0, 0.3 * uniform(random), 0.3 * uniform(random), 0.0).normalized();
+    box.state.linear_velocity = {uniform(random), uniform(random), -1.0};
+    world.add_body(box);
+    for (int k = 0; k < 150; ++k) {
+      const StepReport& report = world.step();
+      ASSERT_FALSE(report.unsolved_body)
+          << scene << " " << k << " " << report.solver_residual << " " << report.iterations;
+      ASSERT_EQ(report.energy_rise, 0.0) << scene << " " << k;
+    }
+  }
+}
+
+// Rows of more than 500 bodies in contact are swept, and not named.
+TEST(TimeStepping, SweepsOverGroupsThatAreTooLarge) {
+  const auto row_of = [](int n) {
+    WorldOptions options = stepping(1.0 / 60.0);
+    options.iterations = 7;
+    World world(options);
+    world.add_body(make_floor(0.6));
+    for (int i = 0; i < n; ++i)
+      world.add_body(make_body(std::to_string(i), Sphere{0.1}, 1.0, {0.2 * i, 0.0, 0.1}));
+    return world;
+  };
+  World solved = row_of(500), swept = row_of(501);
+  EXPECT_NE(solved.step().iterations, 7u);
+  EXPECT_EQ(swept.step().iterations, 7u);
+  EXPECT_FALSE(swept.report().unsolved_body);
 }
 
 // The memory of the solvers, of a step before or of a tower that was there, changes no bit.

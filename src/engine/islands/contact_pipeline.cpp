@@ -6,15 +6,13 @@
 
 #include "engine/collision/narrowphase.h"
 #include "engine/islands/motion_bounds.h"
+#include "engine/model/impulse_method.h"
 
 namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
 
 namespace {
-
-/// Whether contacts with a gap count, so that bodies may touch within the step without overlap.
-bool looks_ahead(const WorldOptions& options) { return options.method == Method::kTimeStepping; }
 
 /// Returns the way of a body in a step, with the fall of a body at rest [m].
 double fall_and_way(const WorldOptions& options, const BodyState& body) {
@@ -65,7 +63,7 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
       ++fast;
     }
     if (reach != nullptr) widen(reach->of(body), &proxies_.back());
-    if (looks_ahead(model.options))
+    if (solves_impulses(model.options))
       widen(fall_and_way(model.options, state.states[body]), &proxies_.back());
   }
   report->candidate_pairs = static_cast<std::uint32_t>(broadphase_.find_pairs(proxies_).size());
@@ -87,7 +85,8 @@ void ContactPipeline::collide(const StepContext& step, State* state, StepReport*
     if (is_set(step.stop)) return;
     const auto a = to_index(ends.first);
     const auto b = to_index(ends.second);
-    const double margin = looks_ahead(model.options) ? contact_margin(model, *state, ends) : 0.0;
+    const double margin =
+        solves_impulses(model.options) ? contact_margin(model, *state, ends) : 0.0;
     const Manifold manifold =
         engine::collide(PlacedShape(model.bodies[a], state->states[a]),
                         PlacedShape(model.bodies[b], state->states[b]), margin);

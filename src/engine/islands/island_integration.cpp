@@ -14,6 +14,7 @@
 #include "engine/islands/unresolved_bodies.h"
 #include "engine/math/larger.h"
 #include "engine/math/numbers.h"
+#include "engine/model/impulse_method.h"
 
 namespace constraint_sim::engine {
 namespace {

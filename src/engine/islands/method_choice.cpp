@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/model/impulse_method.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -114,11 +116,6 @@ Method method_for(MethodReason why, const WorldOptions& options) {
     default:
       return impulses_of(options);
   }
-}
-
-Method impulses_of(const WorldOptions& options) {
-  return options.method == Method::kTimeStepping ? Method::kTimeStepping
-                                                 : Method::kSequentialImpulses;
 }
 
 bool follows_contacts(const WorldOptions& options) {

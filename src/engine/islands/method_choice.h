@@ -68,9 +68,6 @@ MethodReason classify(const IslandTraits& traits, const WorldOptions& options);
 /// The method that goes with a reason.
 Method method_for(MethodReason why, const WorldOptions& options);
 
-/// The method of islands that only impulses can advance.
-Method impulses_of(const WorldOptions& options);
-
 /// Whether contacts of few bodies are event-driven.
 bool follows_contacts(const WorldOptions& options);
 

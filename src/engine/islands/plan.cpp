@@ -12,6 +12,7 @@
 #include "engine/constraints/law.h"
 #include "engine/islands/method_choice.h"
 #include "engine/math/numbers.h"
+#include "engine/model/impulse_method.h"
 #include "engine/model/shape_names.h"
 #include "engine/model/validate.h"
 

@@ -5,61 +5,12 @@
 #include <utility>
 
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/math/body_cone_problem.h"
 #include "engine/math/list.h"
-#include "engine/math/numbers.h"
+#include "engine/math/small_cone_solver.h"
 #include "engine/math/sparse_ldlt.h"
 
 namespace constraint_sim::engine {
-
-/// Rows between bodies, with the matrix A = J M⁻¹ Jᵀ + S as bodies and Jacobians. With u = b + A p,
-/// a single row has
-///   u = 0, or p = least and u ≥ 0, or p = most and u ≤ 0,
-/// and a contact, its normal row before two tangents, has Coulomb's law in the form of De Saxcé and
-/// Feng (Int. J. Eng. Sci. 29 (1991) 593) with the cone K = {‖p_t‖ ≤ μ p_n}:
-///   K ∋ p ⊥ u + μ ‖u_t‖ n ∈ K*.
-struct BodyConeProblem {
-  using Twist = Eigen::Matrix<double, 6, 1>;
-
-  /// Inertia of a body about its centre, world axes.
-  struct Body {
-    double mass = 1.0;          ///< [kg]
-    double inverse_mass = 1.0;  ///< [1/kg]
-    Eigen::Matrix3d inertia = Eigen::Matrix3d::Identity();
-    Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Identity();
-
-    Twist apply_inverse(const Twist& J) const {
-      Twist v;
-      v << inverse_mass * J.head<3>(), inverse_inertia * J.tail<3>();
-      return v;
-    }
-  };
-  /// Jacobian of a row by the twist of a body, linear above angular.
-  struct Part {
-    int body;
-    Twist J;
-  };
-  enum class Kind { kSingle, kNormal, kTangent };
-  struct Row {
-    Kind kind = Kind::kSingle;
-    std::size_t parts_end =
-        0;                  ///< end of its parts; the parts of the row before end where it begins
-    double rate = 0.0;      ///< b, the rate without impulses
-    double softness = 0.0;  ///< entry of the diagonal matrix S, single rows only
-    double least = -kInfinity, most = kInfinity;  ///< bounds of p, single rows only
-    double friction = 0.0;                        ///< μ, normal rows only
-  };
-
-  List<Body> bodies;
-  List<Part>
-      parts;  ///< at most one for each body of a row; the rows of a contact have equal bodies
-  List<Row> rows;
-
-  void clear() {
-    bodies.clear();
-    parts.clear();
-    rows.clear();
-  }
-};
 
 /// Solves a BodyConeProblem by the alternating direction method of multipliers (Boyd et al., Found.
 /// Trends Mach. Learn. 3 (2011) 1; for contacts Carpentier et al., Robotics: Science and Systems
@@ -71,10 +22,10 @@ struct BodyConeProblem {
 /// matrix over bodies, sparse in the graph of contacts: with K = M + Jᵀ D W⁻¹ D J and K g = Jᵀ D
 /// W⁻¹ r it is x = W⁻¹ (r − D J g). Redundant rows do no harm: K is positive definite.
 ///
-/// Impulses of redundant rows get the least norm of x that gives the bodies the same motion, with
-/// each contact remaining open, sticking or slipping in its direction, so that equal corners of a
-/// box carry equal loads. Keeps its storage, and the order of elimination while bodies and their
-/// neighbours stay.
+/// Where this converges slowly and rows are few, SmallConeSolver takes over. Impulses of redundant
+/// rows get the least norm of x that gives the bodies the same motion, with each contact remaining
+/// open, sticking or slipping in its direction, so that equal corners of a box carry equal loads.
+/// Keeps its storage, and the order of elimination while bodies and their neighbours stay.
 class BodyConeSolver {
  public:
   /// Quality of a solution. The residual of a contact is that of the natural map,
@@ -86,11 +37,16 @@ class BodyConeSolver {
 
     bool is_within(double tolerance) const { return residual <= tolerance * scale; }
   };
+  /// When a solution is good enough.
+  struct Goal {
+    double tolerance;         ///< residual at which iterations end, as a share of the largest |b|
+    double sufficient = 0.0;  ///< residual at which they end after kSettling iterations, as a rate
+    int most_iterations;      ///< of either setting; fewer where the matrix is large
+  };
 
-  /// Solves from the impulses in `p`, until the residual is `tolerance` times the largest |b| or
-  /// after `most_iterations`; `p` is then the best of all iterations.
-  Outcome solve(const BodyConeProblem& problem, double tolerance, int most_iterations,
-                StopFlag stop, List<double>* p);
+  /// Solves from the impulses in `p` to the goal, or gives up; `p` is then the best of all
+  /// iterations.
+  Outcome solve(const BodyConeProblem& problem, const Goal& goal, StopFlag stop, List<double>* p);
 
  private:
   using Twist = BodyConeProblem::Twist;
@@ -125,8 +81,9 @@ class BodyConeSolver {
   void start(const List<double>& p);
   void set_weights(const Setting& setting, double rho);
   Change iterate(const Setting& setting, double rho);
-  void run(const Setting& setting, double aim, int most_iterations, StopFlag stop, Outcome* outcome,
-           List<double>* p);
+  void run(const Setting& setting, double aim, double sufficient, int most_iterations,
+           StopFlag stop, Outcome* outcome, List<double>* p);
+  void solve_small(StopFlag stop, Outcome* outcome, List<double>* p);
   void share(double aim, Outcome* outcome, List<double>* p);
   bool free_directions(const List<char>& is_held, const List<double>& p);
   double way_to_bound(const Block& block, const List<double>& p) const;
@@ -151,6 +108,7 @@ class BodyConeSolver {
   List<Matrix6> on_bodies_, on_edges_;
   List<SparseLdlt::Slot> slots_;
   SparseLdlt factors_;
+  SmallConeSolver small_;
   List<Twist> v_;  // M⁻¹ Jᵀ p
   List<double> right_;
 };

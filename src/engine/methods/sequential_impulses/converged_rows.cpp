@@ -6,10 +6,12 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Residual as a share of the largest rate without impulses, in a step and in its corrections, which
-// remove a share of an error only.
-constexpr double kVelocityTolerance = 1e-9, kCorrectionTolerance = 1e-6;
-constexpr int kVelocityIterations = 300, kCorrectionIterations = 100;
+// Residual at which the iterations end, as a share of the largest rate without impulses; sufficient
+// residual, as a share of the speed that counts as rest; and most iterations.
+constexpr double kTolerance = 1e-9, kSufficient = 0.5;
+constexpr int kMostIterations = 300;
+// Bodies of a component beyond which its rows are swept.
+constexpr std::size_t kMostBodies = 500;
 
 bool is_tangent(const Row& row) { return row.normal_row >= 0; }
 bool is_second_part(const Row& row) { return row.normal_row == Row::kCoupledPart; }
@@ -147,32 +149,45 @@ bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
   return true;
 }
 
+// Adds the outcome of the present component.
+void ConvergedRows::add(const BodyConeSolver::Outcome& solved, Outcome* outcome) const {
+  outcome->iterations = std::max(outcome->iterations, solved.iterations);
+  if (solved.residual <= outcome->residual) return;
+  outcome->residual = solved.residual;
+  outcome->body = bodies_.front();
+}
+
 ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
-                                            const List<MassProperties>& masses, StopFlag stop,
+                                            const List<MassProperties>& masses,
+                                            const Accuracy& accuracy, StopFlag stop,
                                             List<Row>* rows, RowSolver* solver) {
   Outcome outcome;
+  const BodyConeSolver::Goal goal{kTolerance, kSufficient * accuracy.rest_speed, kMostIterations};
+  swept_.clear();
   local_of_.assign(bodies.size(), -1);
   list_by_component(*rows, *solver);
   for (std::size_t c = 0; c + 1 < begins_.size() && !is_set(stop); ++c) {
     forget_bodies();
     set_velocity_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver);
-    const BodyConeSolver::Outcome solved =
-        solvers_[c].solve(problem_, kVelocityTolerance, kVelocityIterations, stop, &impulses_);
-    outcome.iterations = std::max(outcome.iterations, solved.iterations);
-    if (solved.residual > outcome.residual) {
-      outcome.residual = solved.residual;
-      outcome.body = bodies_.front();
+    if (problem_.bodies.size() > kMostBodies) {
+      for (std::size_t k = begins_[c]; k < begins_[c + 1]; ++k) swept_.push_back(order_[k]);
+      outcome.iterations = std::max(outcome.iterations, accuracy.sweeps);
+      outcome.has_swept = true;
+      continue;
     }
+    const BodyConeSolver::Outcome solved = solvers_[c].solve(problem_, goal, stop, &impulses_);
+    add(solved, &outcome);
     for (std::size_t i = 0; i < problem_rows_.size(); ++i)
       solver->set_impulse(problem_rows_[i], impulses_[i], rows);
     forget_bodies();
     if (!set_correction_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver))
       continue;
-    solvers_[c].solve(problem_, kCorrectionTolerance, kCorrectionIterations, stop, &impulses_);
+    add(solvers_[c].solve(problem_, goal, stop, &impulses_), &outcome);
     for (std::size_t i = 0; i < problem_rows_.size(); ++i)
       solver->set_correction(problem_rows_[i], impulses_[i], rows);
   }
   forget_bodies();
+  solver->sweep(swept_, accuracy.sweeps, stop, *rows);
   return outcome;
 }
 
@@ -187,6 +202,7 @@ void ConvergedRows::take_mean_velocities(const List<int>& moved, const List<Row>
     if (is_contact && (row.impulse == 0.0 || solver.rate_before(row, i) >= -speed)) continue;
     keeps_end_[row.body_a] = keeps_end_[row.body_b] = 1;
   }
+  for (const std::size_t i : swept_) keeps_end_[rows[i].body_a] = keeps_end_[rows[i].body_b] = 1;
   for (const int body : moved)
     if (keeps_end_[body] == 0)
       (*bodies)[body].position -= 0.5 * h * solver.velocity_change(to_index(body)).head<3>();

@@ -13,22 +13,27 @@ namespace constraint_sim::engine {
 
 /// Solves the rows of time_stepping to a tolerance, in place of the sweeps of RowSolver: velocities
 /// with Coulomb's cone, then the corrections, each for every component of bodies that rows connect.
-/// Between steps the fields are scratch memory.
+/// Components of more than 500 bodies are swept. Between steps the fields are scratch memory.
 class ConvergedRows {
  public:
   struct Outcome {
-    double residual = 0.0;  ///< largest residual of a component [m/s]
-    int iterations = 0;     ///< most iterations of a component
-    int body = -1;          ///< a body of the component with this residual
+    double residual = 0.0;   ///< largest residual of a component [m/s]
+    int iterations = 0;      ///< most iterations of a component
+    int body = -1;           ///< a body of the component with this residual; -1: all are 0
+    bool has_swept = false;  ///< whether a component was too large to be solved
+  };
+  struct Accuracy {
+    double rest_speed;  ///< speed that counts as rest [m/s]
+    int sweeps;         ///< over rows of components that are too large to be solved
   };
 
   /// Solves `rows` and leaves the impulses in them and the velocities in `solver`.
-  Outcome solve(const List<BodyState>& bodies, const List<MassProperties>& masses, StopFlag stop,
-                List<Row>* rows, RowSolver* solver);
+  Outcome solve(const List<BodyState>& bodies, const List<MassProperties>& masses,
+                const Accuracy& accuracy, StopFlag stop, List<Row>* rows, RowSolver* solver);
 
   /// Moves bodies of stage 6 from h v₁ to ½ h (v₀ + v₁), which is exact for constant forces: all
-  /// bodies but the ones on joints or with an impact, where v₀ would take them into others. An
-  /// impact is an approach faster than `speed` [m/s].
+  /// bodies but the ones on joints, in swept components or with an impact, where v₀ would take them
+  /// into others. An impact is an approach faster than `speed` [m/s].
   void take_mean_velocities(const List<int>& moved, const List<Row>& rows, const RowSolver& solver,
                             double speed, double h, List<BodyState>* bodies);
 
@@ -44,9 +49,11 @@ class ConvergedRows {
                               const List<MassProperties>& masses, const List<Row>& rows,
                               const RowSolver& solver);
   void forget_bodies();
+  void add(const BodyConeSolver::Outcome& solved, Outcome* outcome) const;
 
   List<std::size_t> order_;  // rows, by component
   List<std::size_t> begins_;
+  List<std::size_t> swept_;         // rows of components that are too large
   List<std::size_t> problem_rows_;  // rows of the problem
   List<int> local_of_, bodies_;     // index in the problem of each body, and the reverse
   BodyConeProblem problem_;

@@ -287,14 +287,7 @@ RowSolver::Outcome RowSolver::solve(const List<int>& moved, List<Row>& rows, int
   for (int sweep = 0; sweep < iterations && !is_set(stop); ++sweep) {
     const Response* response = responses_.data();
     for (Row* row = rows.data(); row != end; ++row, ++response) {
-      if (row->normal_row == -1) {
-        solve_row(*row, *response);
-        continue;
-      }
-      if (row->normal_row == Row::kCoupled)
-        solve_coupled(row, response);
-      else
-        solve_friction(rows[row->normal_row].impulse, row, response);
+      if (!solve_next(row, response, rows)) continue;
       ++row;
       ++response;
     }
@@ -302,10 +295,46 @@ RowSolver::Outcome RowSolver::solve(const List<int>& moved, List<Row>& rows, int
   return finish_solve(moved, rows);
 }
 
+[[gnu::always_inline]] inline bool RowSolver::solve_next(Row* row, const Response* response,
+                                                         List<Row>& rows) {
+  if (row->normal_row == -1) {
+    solve_row(*row, *response);
+    return false;
+  }
+  if (row->normal_row == Row::kCoupled)
+    solve_coupled(row, response);
+  else
+    solve_friction(rows[row->normal_row].impulse, row, response);
+  return true;
+}
+
+void RowSolver::sweep(const List<std::size_t>& which, int iterations, StopFlag stop,
+                      List<Row>& rows) {
+  for (int k = 0; k < iterations && !is_set(stop); ++k)
+    for (std::size_t place = 0; place < which.size(); ++place)
+      if (solve_next(&rows[which[place]], &responses_[which[place]], rows)) ++place;
+}
+
 RowSolver::Outcome RowSolver::finish_solve(const List<int>& moved, List<Row>& rows) {
   Outcome outcome = account(moved, rows);
   if (limit_energy(moved, rows)) outcome = account(moved, rows);
   return outcome;
+}
+
+bool RowSolver::lower_bounces(const List<int>& moved, bool to_zero, List<Row>& rows) {
+  constexpr double kGain = 1e-6;  // share of ½ Δvᵀ M Δv that is no rounding
+  account(moved, rows);
+  bool any = false;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    Row& row = rows[i];
+    const Component& part = components_[responses_[i].component];
+    const bool bounces = row.lower == 0.0 && row.component < 0 && row.coordinate < 0 &&
+                         row.normal_row == -1 && row.target > 0.0;
+    if (!bounces || part.has_springs || part.work <= (1.0 + kGain) * part.absorbed) continue;
+    row.target = to_zero ? 0.0 : 0.5 * row.target;
+    any = true;
+  }
+  return any;
 }
 
 double RowSolver::rate(const Row& row, std::size_t i) const {

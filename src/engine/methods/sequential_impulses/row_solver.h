@@ -66,9 +66,14 @@ class RowSolver {
 
   /// Stage 5: sweeps over the rows and leaves the impulses in them. Ends early once `stop` is set.
   Outcome solve(const List<int>& moved, List<Row>& rows, int iterations, StopFlag stop = nullptr);
+  /// Sweeps over some rows, which include both tangents of a contact and both parts of a row.
+  void sweep(const List<std::size_t>& which, int iterations, StopFlag stop, List<Row>& rows);
   /// Second half of solve(): limits the energy, and measures the impulses. The first half is the
   /// sweeps, or impulses by the functions below.
   Outcome finish_solve(const List<int>& moved, List<Row>& rows);
+  /// Makes bounces of components that gained energy by them lower, by half and in the end to 0.
+  /// Returns whether there are any, which are to be solved again.
+  bool lower_bounces(const List<int>& moved, bool to_zero, List<Row>& rows);
 
   /// Index of a body of the component of row i, the same for all rows of a component.
   int component(std::size_t i) const { return responses_[i].component; }
@@ -158,6 +163,8 @@ class RowSolver {
   int component_of(int body);
   void respond(const List<Row>& rows);
   void warm_start(const List<int>& moved, List<Row>& rows);
+  /// Solves a row; true where the next row has been solved with it.
+  bool solve_next(Row* row, const Response* response, List<Row>& rows);
   void solve_row(Row& row, const Response& response);
   void correct(Row& row, const Response& response, double J_V);
   double wanted_correction(const Row& row, const Response& response, double J_V, double J_W) const;

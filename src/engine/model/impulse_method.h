@@ -1,0 +1,18 @@
+#pragma once
+
+#include "constraint_sim/engine/world.h"
+
+namespace constraint_sim::engine {
+
+/// The method of islands that only impulses can advance.
+inline Method impulses_of(const WorldOptions& options) {
+  return options.method == Method::kTimeStepping ? Method::kTimeStepping
+                                                 : Method::kSequentialImpulses;
+}
+
+/// Whether impulses are solved to a tolerance, and contacts may have a gap.
+inline bool solves_impulses(const WorldOptions& options) {
+  return impulses_of(options) == Method::kTimeStepping;
+}
+
+}  // namespace constraint_sim::engine

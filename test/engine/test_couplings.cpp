@@ -423,6 +423,28 @@ TEST(Coupling, EndsWithWhatItCouplesWhereAResetEndsThat) {
   }
 }
 
+// The angles do not have the value of the gear, which closes no error once the reset ends it.
+TEST(Coupling, ClosesNothingWhereAResetEndsIt) {
+  for (const bool is_broken : {false, true}) {
+    Wheels wheels(2);
+    Joint late;
+    late.name = "late";
+    late.kind = JointKind::kHinge;
+    late.anchor_a = {1.0, 0.0, 0.0};
+    late.body_b = wheels.bodies[1];
+    late.enabled = is_broken;
+    wheels.hinges.push_back(wheels.world.add_joint(late, is_broken));
+    wheels.world.set_enabled(wheels.hinges[2], true);
+    wheels.world.set_broken(wheels.hinges[2], false);
+    const JointId gear = wheels.gear(0, 2, 1.0, 0.5);
+    EXPECT_TRUE(wheels.world.joint_state(gear).closing);
+    wheels.world.reset();
+    EXPECT_FALSE(wheels.world.joint_state(gear).closing);
+    const std::string saved = save_scene(wheels.world);
+    EXPECT_EQ(save_scene(load_scene(saved)), saved);
+  }
+}
+
 TEST(Coupling, BreaksByItsEffortOrWithAHinge) {
   for (const Method method :
        {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {

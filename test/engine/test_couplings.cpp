@@ -470,6 +470,19 @@ TEST(Coupling, BreaksByItsEffortOrWithAHinge) {
   }
 }
 
+// Scene files refuse a torque limit of a gear too, so a saved gear could not be loaded; and a gear
+// with this limit alone broke by any effort.
+TEST(Coupling, HasAnEffortInsteadOfATorque) {
+  Wheels wheels(2);
+  Joint joint = wheels.world.joint(wheels.gear(0, 1, 1.0));
+  joint.break_torque = 1.0;
+  const std::string answer = "break_torque: a gear breaks by its effort, beyond break_force, got 1";
+  EXPECT_EQ(refusal([&] { wheels.world.set_joint(wheels.world.find_joint(joint.name), joint); }),
+            answer);
+  joint.name = "other";
+  EXPECT_EQ(refusal([&] { wheels.world.add_joint(joint); }), answer);
+}
+
 TEST(Coupling, RefusesWhatItCannotCouple) {
   Wheels wheels(2);
   Body point = make_body("point", Point{}, 1.0, Vector3d(0.0, 0.0, 2.0));

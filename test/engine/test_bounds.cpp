@@ -282,6 +282,25 @@ TEST(Bounds, OfSubstepsEndAStepOfBodiesThatTurnTooFast) {
   for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kRefused);
 }
 
+// Stages of a substep reach 1e154 here, and their squares overflow. With a tolerance the substep is
+// repeated with a shorter one; where any error is allowed, the step fails.
+TEST(Bounds, OfStagesKeepOrientationsOfUnitLength) {
+  const auto expect_unit = [](double tolerance, double speed, Failure failure) {
+    WorldOptions options = weightless(1e6);
+    options.method = Method::kRungeKutta;
+    options.tolerance = tolerance;
+    World world(options);
+    Body body = make_body("body", Box{{1.0, 0.6, 2.0}}, 0.3, Vector3d::Zero());
+    body.inertia = {0.01, 1.84, 1.32};
+    body.state.angular_velocity = speed * Vector3d(-0.1, -0.05, 1.0);
+    const BodyId id = world.add_body(body);
+    EXPECT_STREQ(to_string(world.step().failure), to_string(failure)) << speed;
+    EXPECT_NEAR(world.state(id).orientation.norm(), 1.0, 8 * kEpsilon) << speed;
+  };
+  for (double speed = 6.0e6; speed < 7.0e6; speed *= 1.01) expect_unit(1e-8, speed, Failure::kNone);
+  expect_unit(0.0, 2.4e6, Failure::kNotFinite);
+}
+
 // The system cannot start so many threads; the work is done nevertheless, with the same bits.
 TEST(Bounds, OfThreadsThatCannotBeAreDoneWithout) {
   WorldOptions options;

@@ -423,6 +423,28 @@ TEST(Coupling, EndsWithWhatItCouplesWhereAResetEndsThat) {
   }
 }
 
+// The angles do not have the value of the gear, which closes no error once the reset ends it.
+TEST(Coupling, ClosesNothingWhereAResetEndsIt) {
+  for (const bool is_broken : {false, true}) {
+    Wheels wheels(2);
+    Joint late;
+    late.name = "late";
+    late.kind = JointKind::kHinge;
+    late.anchor_a = {1.0, 0.0, 0.0};
+    late.body_b = wheels.bodies[1];
+    late.enabled = is_broken;
+    wheels.hinges.push_back(wheels.world.add_joint(late, is_broken));
+    wheels.world.set_enabled(wheels.hinges[2], true);
+    wheels.world.set_broken(wheels.hinges[2], false);
+    const JointId gear = wheels.gear(0, 2, 1.0, 0.5);
+    EXPECT_TRUE(wheels.world.joint_state(gear).closing);
+    wheels.world.reset();
+    EXPECT_FALSE(wheels.world.joint_state(gear).closing);
+    const std::string saved = save_scene(wheels.world);
+    EXPECT_EQ(save_scene(load_scene(saved)), saved);
+  }
+}
+
 TEST(Coupling, BreaksByItsEffortOrWithAHinge) {
   for (const Method method :
        {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {
@@ -446,6 +468,19 @@ TEST(Coupling, BreaksByItsEffortOrWithAHinge) {
     pull();
     EXPECT_TRUE(wheels.world.joint_state(id).broken) << name(method);
   }
+}
+
+// Scene files refuse a torque limit of a gear too, so a saved gear could not be loaded; and a gear
+// with this limit alone broke by any effort.
+TEST(Coupling, HasAnEffortInsteadOfATorque) {
+  Wheels wheels(2);
+  Joint joint = wheels.world.joint(wheels.gear(0, 1, 1.0));
+  joint.break_torque = 1.0;
+  const std::string answer = "break_torque: a gear breaks by its effort, beyond break_force, got 1";
+  EXPECT_EQ(refusal([&] { wheels.world.set_joint(wheels.world.find_joint(joint.name), joint); }),
+            answer);
+  joint.name = "other";
+  EXPECT_EQ(refusal([&] { wheels.world.add_joint(joint); }), answer);
 }
 
 TEST(Coupling, RefusesWhatItCannotCouple) {

@@ -104,6 +104,17 @@ TEST(Jacobians, RowsOfLimits) {
   }
 }
 
+TEST(Jacobians, ASpringBetweenLimitsHasMostRows) {
+  DistanceJoint bounded = between(0.8, 1.5);
+  bounded.length = 1.0;
+  bounded.stiffness = 10.0;
+  Random random;
+  const Joined joined = random_distance_joint(&random);
+  Row rows[kMaxDistanceRows + 1];
+  EXPECT_EQ(write_distance_rows(bounded, {joined.joint, joined.pose.a, joined.pose.b}, 0.0, rows),
+            kMaxDistanceRows);
+}
+
 // J V is the rate of the anchors' distance under the velocities: the tutorial's C-dot.
 TEST(Jacobians, TimesVelocitiesIsTheRateOfTheDistance) {
   Random random;

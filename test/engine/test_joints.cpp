@@ -375,6 +375,20 @@ TEST(Spring, WithALimitStopsThere) {
   EXPECT_NEAR(hanging.state().force, -5.0 * kGravity, 1e-6);
 }
 
+// The weight pulls the load beyond either limit, which has no row of its own where rows are too
+// few.
+TEST(Spring, BetweenBothLimitsStopsAtEach) {
+  DistanceJoint bounded = spring(1.0, 10.0, 0.0);  // alone it would give way by 4.9 m
+  bounded.min_length = 0.8;
+  bounded.max_length = 1.2;
+  for (const double depth : {1.0, -1.0}) {  // below the origin, and above
+    Hanging hanging(options(0.01), 5.0, depth, bounded);
+    run(hanging.world, 500);
+    EXPECT_NEAR(hanging.length(), depth > 0.0 ? 1.2 : 0.8, 1e-9);
+    EXPECT_NEAR(hanging.state().force, (depth > 0.0 ? -5.0 : 5.0) * kGravity, 1e-6);
+  }
+}
+
 // ---- ropes and struts
 
 TEST(Rope, SlackIsFreeFallExactly) {

@@ -166,7 +166,8 @@ struct Joint {
   /// Share of the error removed each step, [0, 1]; left out: the world's.
   std::optional<double> baumgarte;
   double break_force = 0.0;  ///< force beyond which the joint breaks for good [N]; 0: never
-  /// Torque beyond which the joint breaks for good [N m]; 0: never; not for kind kDistance.
+  /// Torque beyond which the joint breaks for good [N m]; 0: never; not for kinds of
+  /// distances, gears and pulleys.
   double break_torque = 0.0;
   bool collide_connected = false;  ///< whether the two connected bodies collide with each other
   bool enabled = true;             ///< whether the joint acts; World::set_enabled()

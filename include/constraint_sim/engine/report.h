@@ -48,7 +48,9 @@ const char* name(Stage stage);
 /// Reason for a failed step, which keeps the state before it.
 enum class Failure {
   kNone,
-  kNotFinite,        ///< a number was not finite, or a saved one beyond kMostMagnitude
+  /// A number was not finite, the length of an orientation overflowed, or a saved number was beyond
+  /// kMostMagnitude.
+  kNotFinite,
   kOutOfRange,       ///< a body is farther or faster than kMostMagnitude
   kTooManyPairs,     ///< more than kMostPairs of bodies have overlapping bounding boxes
   kTooManyContacts,  ///< more than kMostContacts contact points

@@ -11,6 +11,9 @@ namespace constraint_sim::engine {
 //   K = J M⁻¹ Jᵀ                     the tutorial's "constraint mass"
 // L is the length plus the motor's travel. Each limit is a one-sided row with its own L.
 
+/// Most rows of the joint: the spring and both limits.
+inline constexpr int kMaxDistanceRows = 3;
+
 /// Returns n = d/‖d‖; for coincident anchors, where C has no gradient, the x axis of the world.
 Eigen::Vector3d direction(const AnchorPair& anchors);
 
@@ -18,9 +21,9 @@ Eigen::Vector3d direction(const AnchorPair& anchors);
 /// a spring that only pulls is slack. `travel` is the motor's travel [m].
 double distance_error(const DistanceJoint& joint, double distance, double travel);
 
-/// Writes C, J and bounds of the rows of the joint and returns their number: one for a rod or
-/// spring, one for each limit. `softness` of a spring stays 0. Rows of limits are one-sided by
-/// `lower` and `upper`.
+/// Writes C, J and bounds of the rows of the joint and returns their number, at most
+/// kMaxDistanceRows: one for a rod or spring, one for each limit. `softness` of a spring stays 0.
+/// Rows of limits are one-sided by `lower` and `upper`.
 int write_distance_rows(const DistanceJoint& joint, const AnchorPair& anchors, double travel,
                         Row* rows);
 

@@ -12,7 +12,6 @@
 
 namespace constraint_sim::engine {
 
-inline constexpr int kMaxDistanceRows = 2;
 /// Marks a row of the coupling, in place of the number of a coordinate.
 inline constexpr int kOfCoupling = -2;
 

@@ -123,6 +123,10 @@ bool has_frames(JointKind kind) { return info(kind).has_frames; }
 
 int coordinates(JointKind kind) { return info(kind).coordinates; }
 
+bool bears_torque(JointKind kind) {
+  return has_frames(kind) || info(kind).form == RowsForm::kPoint;
+}
+
 bool is_angle(JointKind kind, int coordinate) {
   return info(kind).coordinate[static_cast<std::size_t>(coordinate)].is_angle;
 }

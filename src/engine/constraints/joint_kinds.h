@@ -69,6 +69,9 @@ constexpr bool has_length(JointKind kind) { return kind == JointKind::kDistance;
 /// Whether the kind has no rows but a force of another package.
 constexpr bool is_custom_force(JointKind kind) { return kind == JointKind::kCustomForce; }
 
+/// Whether joints of the kind exert a torque about their anchor, which break_torque bounds.
+bool bears_torque(JointKind kind);
+
 /// Kind that replaces a rod of length zero.
 inline constexpr JointKind kKindOfLengthZero = JointKind::kBall;
 

@@ -43,11 +43,13 @@ void JointEdits::start() {
 }
 
 void JointEdits::end_with_coupled(const Coupling& coupling) {
+  const bool acted = acts(world_.joints[j_], world_.joint_states[j_]);
   for (const JointId id : {coupling.first, coupling.second}) {
     const std::size_t coupled = world_.index(id);
     if (!world_.joints[coupled].enabled) world_.joints[j_].enabled = false;
     if (world_.joint_states[coupled].broken) world_.joint_states[j_].broken = true;
   }
+  if (acted && !acts(world_.joints[j_], world_.joint_states[j_])) restart();
 }
 
 void JointEdits::replace(const Joint& joint, const LawChanges& changes) {

@@ -152,7 +152,8 @@ double squared_error(const System& system, const StageMemory& memory, double h) 
 // Errors of embedded formulas decrease more slowly with h than the error of the step. Their ratios
 // supply the missing powers of h. The ratios are chosen so that all errors rise and fall together
 // where a motion reverses or passes its middle, and every other derivative vanishes. An estimate
-// never exceeds the error of the best formula. bench/error_estimates.cpp prints their accuracy.
+// never exceeds the error of the best formula, and is infinite where another one overflows.
+// bench/error_estimates.cpp prints their accuracy.
 
 /// Returns the estimate h⁶ (h⁶/h⁵)(h⁶/h⁴), with a factor fitted to pendulums, chains and free
 /// bodies.
@@ -163,6 +164,7 @@ double estimate(DormandPrince8, const System& system, const StageMemory& memory,
   const double fourth2 = squared_error<DormandPrince8::kE4>(system, memory, h);
   const double third2 = squared_error<DormandPrince8::kE3>(system, memory, h);
   if (fifth2 == 0.0) return 0.0;
+  if (!(fourth2 + third2 < kInfinity)) return kInfinity;
   const double share2 = kFitted * kFitted * (fifth2 / fourth2) * (fifth2 / third2);
   return h * std::sqrt(fifth2 * std::min(1.0, share2));
 }
@@ -174,6 +176,7 @@ double estimate(DormandPrince5, const System& system, const StageMemory& memory,
   const double third2 = squared_error<DormandPrince5::kE3>(system, memory, h);
   const double second2 = squared_error<DormandPrince5::kE2>(system, memory, h);
   if (fourth2 == 0.0) return 0.0;
+  if (!(third2 + second2 < kInfinity)) return kInfinity;
   return h * std::sqrt(fourth2 * std::min(1.0, third2 / second2));
 }
 

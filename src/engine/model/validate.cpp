@@ -372,8 +372,12 @@ void validate(const Joint& joint) {
   if (is_custom_force(joint.kind) && joint.break_force + joint.break_torque > 0.0)
     refuse("break_force", "a custom force does not break, got " + shortest(joint.break_force) +
                               " and a break_torque of " + shortest(joint.break_torque));
-  if ((has_length(joint.kind) || joint.kind == free_length()) && joint.break_torque > 0.0)
-    refuse("break_torque", "a distance joint has no torque, got " + shortest(joint.break_torque));
+  if (joint.break_torque > 0.0 && !bears_torque(joint.kind))
+    refuse("break_torque",
+           (couples_joints(joint.kind) ? "a " + std::string(name(joint.kind)) +
+                                             " breaks by its effort, beyond break_force, got "
+                                       : "a distance joint has no torque, got ") +
+               shortest(joint.break_torque));
 }
 
 }  // namespace constraint_sim::engine

@@ -35,7 +35,7 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
     keys = keys_of<CoordinateLaw>(keys);
     keys.push_back("coordinates");
   }
-  if (has_frames(*kind) || info(*kind).form == RowsForm::kPoint) keys.push_back("break_torque");
+  if (bears_torque(*kind)) keys.push_back("break_torque");
   if (couples_joints(*kind)) keys.insert(keys.end(), {"joints", "ratio"});
   if (couples_lengths(*kind)) keys.push_back("one_sided");
   if (is_custom(*kind)) keys.insert(keys.end(), {"custom", "parameters"});

@@ -19,11 +19,13 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// Checks that the states of bodies are finite and in range. One sum of squares over all bodies is
-/// enough in most steps; the bodies are checked one by one only where the sum is too large.
+/// Checks that the states of bodies are finite, in range and of unit orientation: a quaternion
+/// whose squared length overflows is normalized to zero. Sums over all bodies are enough in most
+/// steps; the bodies are checked one by one only where a sum is off.
 Failure failure_of_motion(const Model& model, const State& state, const List<int>& awake_bodies,
                           std::optional<BodyId>* failed_body) {
-  Eigen::Array2d squares(0.0, 0.0);
+  const auto is_small = [](double off_unit) { return std::abs(off_unit) <= 0.01; };
+  Eigen::Array2d squares(0.0, 0.0), off_unit(0.0, 0.0);
   double others = 0.0;
   for (const int i : awake_bodies) {
     const BodyState& body = state.states[static_cast<std::size_t>(i)];
@@ -31,18 +33,19 @@ Failure failure_of_motion(const Model& model, const State& state, const List<int
     const Eigen::Vector3d& v = body.linear_velocity;
     const Eigen::Vector3d& w = body.angular_velocity;
     const Eigen::Vector4d& q = body.orientation.coeffs();
-    squares += x.head<2>().array().square() + v.head<2>().array().square() +
-               w.head<2>().array().square() + q.head<2>().array().square() +
-               q.tail<2>().array().square();
+    squares +=
+        x.head<2>().array().square() + v.head<2>().array().square() + w.head<2>().array().square();
+    off_unit += q.head<2>().array().square() + q.tail<2>().array().square() - 0.5;
     others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
   }
-  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
+  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude && is_small(off_unit.sum()))
+    return Failure::kNone;
   for (const int i : awake_bodies) {
     const BodyState& body = state.states[i];
     Eigen::Matrix<double, 13, 1> numbers;
     numbers << body.position, body.linear_velocity, body.angular_velocity,
         body.orientation.coeffs();
-    const bool is_finite = numbers.allFinite();
+    const bool is_finite = numbers.allFinite() && is_small(body.orientation.squaredNorm() - 1.0);
     if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
     *failed_body = model.body_ids[i];
     return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;

@@ -41,7 +41,7 @@ class BodyConeSolver {
   struct Goal {
     double tolerance;         ///< residual at which iterations end, as a share of the largest |b|
     double sufficient = 0.0;  ///< residual at which they end after kSettling iterations, as a rate
-    int most_iterations;      ///< of either setting; fewer where the matrix is large
+    int most_iterations;      ///< with either setting; fewer where the matrix is large
   };
 
   /// Solves from the impulses in `p` to the goal, or gives up; `p` is then the best of all

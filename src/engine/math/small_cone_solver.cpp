@@ -3,7 +3,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kMostSmallSteps = 50.0;  // of Newton's method, or sweeps at this cost
+constexpr double kMostSmallSteps = 50.0;  // limit in steps of Newton's method
 
 }  // namespace
 

@@ -24,7 +24,7 @@ class SmallConeSolver {
   ConeSolver solver_;
   ConeProblem dense_;
   List<std::size_t> order_;                  // rows of the problem: contacts, then single rows
-  List<BodyConeProblem::Twist> velocities_;  // of each body, by a unit impulse of a row
+  List<BodyConeProblem::Twist> velocities_;  // effect on each body of a unit impulse of a row
   List<double> p_;                           // in this order
 };
 

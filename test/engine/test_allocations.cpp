@@ -89,6 +89,29 @@ TEST(Allocations, AreFewInStepsWithEvents) {
   }
 }
 
+// A tower that stands, with a cube that slides beside it.
+TEST(Allocations, AreNoneInStepsByTimeStepping) {
+  WorldOptions options;
+  options.method = Method::kTimeStepping;
+  options.time_step = 0.005;
+  options.sleep_after = kInfinity;
+  World world(options);
+  world.add_body(make_floor(0.1));
+  for (int i = 0; i < 10; ++i) {
+    Body cube = make_body(std::to_string(i), Box{{0.2, 0.2, 0.2}}, 1.0, {0.0, 0.0, 0.2 * i + 0.1});
+    cube.friction = 0.6;
+    world.add_body(cube);
+  }
+  Body cube = make_body("sliding", Box{{0.2, 0.2, 0.2}}, 1.0, {1.0, 0.0, 0.1});
+  cube.friction = 0.1;
+  cube.state.linear_velocity = {3.0, 1.0, 0.0};
+  const BodyId sliding = world.add_body(cube);
+  run(world, 100);
+  EXPECT_EQ(allocations_in(world, 200), 0u);
+  EXPECT_GT(world.state(sliding).linear_velocity.x(), 1.0);
+  EXPECT_EQ(world.islands().front().method, Method::kTimeStepping);
+}
+
 TEST(Allocations, AreNoneWithMotorsSpringsAndTurningBodies) {
   World scene;
   Body wheel = make_body("wheel", Point{}, 0.0, Vector3d::Zero());

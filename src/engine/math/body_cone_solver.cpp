@@ -95,11 +95,7 @@ void BodyConeSolver::set(const BodyConeProblem& problem) {
 // ---- the matrix over bodies
 
 void BodyConeSolver::analyze() {
-  struct Pair {
-    std::pair<int, int> bodies;
-    std::size_t place;
-  };
-  List<Pair> pairs;
+  pairs_.clear();
   edge_of_.clear();
   for (Block& block : blocks_) {
     block.edges = edge_of_.size();
@@ -107,15 +103,15 @@ void BodyConeSolver::analyze() {
     for (std::size_t k = begin; k < end; ++k)
       for (std::size_t l = k + 1; l < end; ++l) {
         const auto [a, b] = std::minmax(problem_->parts[k].body, problem_->parts[l].body);
-        pairs.push_back({{a, b}, edge_of_.size()});
+        pairs_.push_back({{a, b}, edge_of_.size()});
         edge_of_.push_back(0);
       }
   }
-  std::sort(pairs.begin(), pairs.end(), [](const Pair& l, const Pair& r) {
+  std::sort(pairs_.begin(), pairs_.end(), [](const Pair& l, const Pair& r) {
     return l.bodies != r.bodies ? l.bodies < r.bodies : l.place < r.place;
   });
   edges_.clear();
-  for (const Pair& pair : pairs) {
+  for (const Pair& pair : pairs_) {
     if (edges_.empty() || edges_.back() != pair.bodies) edges_.push_back(pair.bodies);
     edge_of_[pair.place] = edges_.size() - 1;
   }
@@ -427,7 +423,7 @@ void BodyConeSolver::solve_small(StopFlag stop, Outcome* outcome, List<double>* 
 
 // Sets weights so that apply_inverse() acts within the directions in which a solution may change
 // without another state of a contact. Returns whether there are any.
-bool BodyConeSolver::free_directions(const List<char>& is_held, const List<double>& p) {
+bool BodyConeSolver::free_directions(const List<double>& p) {
   double most = 0.0;
   for (const Block& block : blocks_)
     if (block.d > 0.0) most = std::max(most, std::abs(p[block.first]) / block.d);
@@ -435,7 +431,7 @@ bool BodyConeSolver::free_directions(const List<char>& is_held, const List<doubl
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
     Block& block = blocks_[b];
     block.inverse_weight.setZero();
-    if (is_held[b] != 0 || block.d == 0.0) continue;
+    if (is_held_[b] != 0 || block.d == 0.0) continue;
     const BodyConeProblem::Row& first = row(block.first);
     const double normal = p[block.first];
     constexpr double kFree = 1.0 / kSharingPenalty;
@@ -486,9 +482,9 @@ double BodyConeSolver::way_to_bound(const Block& block, const List<double>& p) c
 // Takes the part of x = D⁻¹ p out that leaves the bodies as they are. Where a contact meets the
 // border of its cone, it is held there and the others go on.
 void BodyConeSolver::share(double aim, Outcome* outcome, List<double>* p) {
-  List<char> is_held(blocks_.size(), 0);
+  is_held_.assign(blocks_.size(), 0);
   for (int round = 0; round < kSharingRounds; ++round) {
-    if (!free_directions(is_held, *p)) return;
+    if (!free_directions(*p)) return;
     factor();
     for (const Block& block : blocks_)
       for (std::size_t i = block.first; i < block.first + block.size; ++i)
@@ -507,7 +503,7 @@ void BodyConeSolver::share(double aim, Outcome* outcome, List<double>* p) {
     if (change <= kOpen * before) return;
     double share = 1.0;
     for (std::size_t b = 0; b < blocks_.size(); ++b)
-      if (is_held[b] == 0) share = std::min(share, way_to_bound(blocks_[b], *p));
+      if (is_held_[b] == 0) share = std::min(share, way_to_bound(blocks_[b], *p));
     best_ = *p;
     for (const Block& block : blocks_)
       for (std::size_t i = block.first; i < block.first + block.size; ++i)
@@ -517,7 +513,7 @@ void BodyConeSolver::share(double aim, Outcome* outcome, List<double>* p) {
     outcome->residual = now;
     const bool is_done = share == 1.0;
     for (std::size_t b = 0; b < blocks_.size() && !is_done; ++b)
-      if (is_held[b] == 0 && way_to_bound(blocks_[b], *p) <= share) is_held[b] = 1;
+      if (is_held_[b] == 0 && way_to_bound(blocks_[b], *p) <= share) is_held_[b] = 1;
     *p = best_;
     if (is_done) return;
   }

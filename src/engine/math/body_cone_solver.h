@@ -59,6 +59,10 @@ class BodyConeSolver {
     std::size_t edges;        ///< begin of the edges between its bodies in edge_of_
     Eigen::Matrix3d inverse_weight = Eigen::Matrix3d::Zero();  ///< W⁻¹
   };
+  struct Pair {
+    std::pair<int, int> bodies;
+    std::size_t place;  ///< in edge_of_
+  };
   /// Constants of a run of iterations.
   struct Setting {
     double relaxation, eta;
@@ -85,7 +89,7 @@ class BodyConeSolver {
            StopFlag stop, Outcome* outcome, List<double>* p);
   void solve_small(StopFlag stop, Outcome* outcome, List<double>* p);
   void share(double aim, Outcome* outcome, List<double>* p);
-  bool free_directions(const List<char>& is_held, const List<double>& p);
+  bool free_directions(const List<double>& p);
   double way_to_bound(const Block& block, const List<double>& p) const;
 
   const BodyConeProblem::Row& row(std::size_t i) const { return problem_->rows[i]; }
@@ -100,6 +104,8 @@ class BodyConeSolver {
   const BodyConeProblem* problem_ = nullptr;
   List<Block> blocks_;
   List<std::size_t> edge_of_;  // edges between the bodies of each block
+  List<Pair> pairs_;           // pairs of bodies while edges are listed
+  List<char> is_held_;         // blocks that sharing leaves as they are
   List<double> x_, y_, z_, r_, best_, tried_;
 
   // K, by bodies and edges, which are pairs of bodies that a block has in common.

@@ -22,8 +22,9 @@ bool is_second_part(const Row& row) { return row.normal_row == Row::kCoupledPart
 void ConvergedRows::list_by_component(const List<Row>& rows, const RowSolver& solver) {
   order_.resize(rows.size());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
-  std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-    return solver.component(a) < solver.component(b);
+  std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+    const int of_a = solver.component(a), of_b = solver.component(b);
+    return of_a != of_b ? of_a < of_b : a < b;
   });
   begins_.clear();
   for (std::size_t k = 0; k < order_.size(); ++k)
@@ -106,17 +107,17 @@ void ConvergedRows::set_velocity_problem(std::size_t begin, std::size_t end,
     problem_rows_.push_back(order_[k]);
     impulses_.push_back(row.impulse);
   }
-  List<Twist> by_guesses(problem_.bodies.size(), Twist::Zero());
+  by_guesses_.assign(problem_.bodies.size(), Twist::Zero());
   std::size_t part = 0;
   for (std::size_t i = 0; i < problem_.rows.size(); ++i)
     for (; part < problem_.rows[i].parts_end; ++part)
-      by_guesses[problem_.parts[part].body] += impulses_[i] * problem_.parts[part].J;
-  for (std::size_t body = 0; body < by_guesses.size(); ++body)
-    by_guesses[body] = problem_.bodies[body].apply_inverse(by_guesses[body]);
+      by_guesses_[problem_.parts[part].body] += impulses_[i] * problem_.parts[part].J;
+  for (std::size_t body = 0; body < by_guesses_.size(); ++body)
+    by_guesses_[body] = problem_.bodies[body].apply_inverse(by_guesses_[body]);
   part = 0;
   for (BodyConeProblem::Row& row : problem_.rows)
     for (; part < row.parts_end; ++part)
-      row.rate -= problem_.parts[part].J.dot(by_guesses[problem_.parts[part].body]);
+      row.rate -= problem_.parts[part].J.dot(by_guesses_[problem_.parts[part].body]);
 }
 
 // Returns whether there is anything to correct.

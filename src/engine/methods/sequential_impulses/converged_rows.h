@@ -59,7 +59,8 @@ class ConvergedRows {
   BodyConeProblem problem_;
   List<BodyConeSolver> solvers_;  // one for each component, for its order of elimination
   List<double> impulses_;
-  List<char> keeps_end_;  // bodies that move by v₁
+  List<Twist> by_guesses_;  // velocities by the first guesses, of the bodies of the problem
+  List<char> keeps_end_;    // bodies that move by v₁
 };
 
 }  // namespace constraint_sim::engine

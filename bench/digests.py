@@ -18,7 +18,7 @@ import tempfile
 
 SCENES = pathlib.Path(__file__).resolve().parent.parent / 'config/scenes'
 TICKS = 300
-METHODS = ('auto', 'energy_momentum', 'event_driven', 'sequential_impulses')
+METHODS = ('auto', 'energy_momentum', 'event_driven', 'sequential_impulses', 'time_stepping')
 
 
 def run(program, scene, method, folder):

@@ -25,7 +25,7 @@ class SmallConeSolver {
   ConeProblem dense_;
   List<std::size_t> order_;                  // rows of the problem: contacts, then single rows
   List<BodyConeProblem::Twist> velocities_;  // effect on each body of a unit impulse of a row
-  List<double> p_;                           // in this order
+  List<double> p_;                           // impulses in the order of order_
 };
 
 }  // namespace constraint_sim::engine

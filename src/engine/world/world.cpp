@@ -19,8 +19,8 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// Checks that the states of bodies are finite, in range and of unit orientation: a quaternion
-/// whose squared length overflows is normalized to zero. Sums over all bodies are enough in most
+/// Checks that the states of bodies are finite, in range and of unit orientation: normalization
+/// makes a quaternion zero if its squared length overflows. Sums over all bodies are enough in most
 /// steps; the bodies are checked one by one only where a sum is off.
 Failure failure_of_motion(const Model& model, const State& state, const List<int>& awake_bodies,
                           std::optional<BodyId>* failed_body) {

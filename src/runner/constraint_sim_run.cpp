@@ -192,14 +192,32 @@ volatile std::sig_atomic_t stop_signal = 0;
 std::atomic<bool> stop_flag{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler sets the flag");
 
-/// Makes the first SIGINT or SIGTERM a request to end; the second one kills the process.
+/// Time after the first signal in which a further one is the same request [ns]: `timeout` signals
+/// the process, and then its group.
+constexpr std::int64_t kSameRequest = 200'000'000;
+
+std::int64_t signal_time() {  // [ns]; a signal handler may call clock_gettime
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return std::int64_t{1'000'000'000} * now.tv_sec + now.tv_nsec;
+}
+
+/// Makes the first SIGINT or SIGTERM a request to end; a later one kills the process.
 void stop_on_signals() {
   struct sigaction action {};
   action.sa_handler = [](int signal) {
-    stop_signal = signal;
-    stop_flag = true;
+    static std::int64_t requested = 0;
+    if (stop_signal == 0) {
+      requested = signal_time();
+      stop_signal = signal;
+      stop_flag = true;
+    } else if (signal_time() - requested > kSameRequest) {
+      ::signal(signal, SIG_DFL);
+      ::raise(signal);
+    }
   };
-  action.sa_flags = SA_RESETHAND;
+  // Neither signal interrupts the handler of the other one.
+  for (const int signal : {SIGINT, SIGTERM}) sigaddset(&action.sa_mask, signal);
   for (const int signal : {SIGINT, SIGTERM}) ::sigaction(signal, &action, nullptr);
 }
 

@@ -354,6 +354,18 @@ TEST_F(Runner, EndsCleanlyWhenInterrupted) {
   }
 }
 
+// `timeout` signals the process and then its group. Five times, as signals that arrive together are
+// delivered once.
+TEST_F(Runner, TakesSignalsWithinAMomentAsOneRequest) {
+  const std::string repeated =
+      "sh -c '\"$@\" & sleep 0.3; i=0; while [ $i -lt 100 ]; do kill -INT $! 2>&-; i=$((i+1)); "
+      "done; wait $!' sh";
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_EQ(run("scene.yaml --duration 1e9 --report report.json", repeated), 130) << err();
+    EXPECT_EQ(err().rfind("constraint_sim_run: stopped after ", 0), 0u) << err();
+  }
+}
+
 TEST_F(Runner, TellsWarnings) {
   ASSERT_EQ(run("scene.yaml --duration 0.1 --report report.json"), 0) << err();
   EXPECT_EQ(report().at("warnings"), nlohmann::json::array());

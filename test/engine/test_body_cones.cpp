@@ -1,4 +1,5 @@
-// Contacts with friction between bodies, by ADMM: against closed forms and the dense solver.
+// Contacts with friction between bodies, by ADMM and Newton's method: against closed forms and the
+// dense solver.
 
 #include <gtest/gtest.h>
 
@@ -353,6 +354,28 @@ TEST(BodyCones, SoftAndBoundedRowsHaveTheirClosedForm) {
       EXPECT_NEAR(cubes.p[0], expected, 1e-8 * expected) << softness << " " << most;
     }
   }
+}
+
+// Clusters of 40 bodies in motion, masses over three decades, each body in contact with the ones
+// before it in random directions: the alternations solve few of them.
+TEST(BodyCones, NewtonSolvesClustersInMotion) {
+  Draw draw(11);
+  constexpr int kBodies = 40, kClusters = 20;
+  int beyond_alternations = 0;
+  for (int k = 0; k < kClusters; ++k) {
+    Cubes cubes;
+    for (int i = 0; i < kBodies; ++i) {
+      cubes.add(std::pow(10.0, 1.5 * draw()), Cubes::kHalf * Vector3d(i, draw(), draw()),
+                Vector3d(draw(), draw(), draw()));
+      for (int other = std::max(i - 3, -1); other < i; ++other)
+        cubes.touch(i, other, cubes.positions[i] + Cubes::kHalf * Vector3d(draw(), draw(), draw()),
+                    Vector3d(draw(), draw(), draw()).normalized(), 0.5);
+    }
+    const Outcome outcome = cubes.solve();
+    EXPECT_TRUE(outcome.is_within(kTolerance)) << k << " " << outcome.residual;
+    if (outcome.iterations > 50) ++beyond_alternations;
+  }
+  EXPECT_GT(beyond_alternations, kClusters / 2);
 }
 
 // A top of 1e8 kg needs more than 50 iterations, after which a sufficient residual ends them.

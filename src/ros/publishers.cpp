@@ -371,6 +371,7 @@ void Publishers::publish_joint_states(const Snapshot& snapshot) {
     if (!is_contact_exception(snapshot.world.joint(id)))
       add_coordinates(snapshot.world.joint(id), snapshot.world.joint_state(id), efforts.of(id),
                       &message);
+  robot_topics_.add_fixed_joints(&message);
   if (joint_states_topic_.getNumSubscribers() > 0) joint_states_topic_.publish(message);
   robot_topics_.publish(message);
 }

@@ -56,6 +56,16 @@ bool RobotTopics::anybody_listens() const {
   });
 }
 
+void RobotTopics::add_fixed_joints(sensor_msgs::JointState* all) const {
+  for (const auto& [name, topic] : topics_)
+    for (const auto& [joint, position] : *topic.robot.fixed_joints) {
+      all->name.push_back(joint);
+      all->position.push_back(position);
+      all->velocity.push_back(0.0);
+      all->effort.push_back(0.0);
+    }
+}
+
 void RobotTopics::publish(const sensor_msgs::JointState& all) const {
   for (const auto& [name, topic] : topics_) {
     if (topic.publisher.getNumSubscribers() == 0) continue;

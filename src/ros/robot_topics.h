@@ -27,6 +27,9 @@ class RobotTopics {
   /// Advertises topics of new robots and sets their parameters; ends those of removed ones.
   void update(const std::vector<RobotDescription>& robots);
   bool anybody_listens() const;
+  /// Adds the joints of all robots that are fixed since they move no mass, at rest: programs such
+  /// as robot_state_publisher take them for movable.
+  void add_fixed_joints(sensor_msgs::JointState* all) const;
   /// Publishes the part of a message on all joints that is about each robot.
   void publish(const sensor_msgs::JointState& all) const;
 

@@ -78,10 +78,13 @@ std::string name_in_ros(const std::string& prefix, const std::string& robot) {
 RobotDescription describe(const Robot& robot, const UrdfText& urdf, const std::string& prefix,
                           const std::string& frame_prefix) {
   PrefixedUrdf prefixed = prefixed_urdf(urdf.text, frame_prefix + prefix, prefix, urdf.folder);
-  return {name_in_ros(prefix, robot.name),
-          std::make_shared<const std::string>(std::move(prefixed.text)),
-          std::make_shared<const std::set<std::string>>(prefixed.joints.begin(),
-                                                        prefixed.joints.end())};
+  std::map<std::string, double> fixed_joints;
+  for (const auto& [joint, position] : robot.fixed_joints) fixed_joints[prefix + joint] = position;
+  return {
+      name_in_ros(prefix, robot.name),
+      std::make_shared<const std::string>(std::move(prefixed.text)),
+      std::make_shared<const std::set<std::string>>(prefixed.joints.begin(), prefixed.joints.end()),
+      std::make_shared<const std::map<std::string, double>>(std::move(fixed_joints))};
 }
 
 }  // namespace

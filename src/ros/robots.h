@@ -25,6 +25,8 @@ struct RobotDescription {
   std::string name;  ///< as in topics: the prefix, or the name in the URDF where there is no prefix
   std::shared_ptr<const std::string> text;
   std::shared_ptr<const std::set<std::string>> joints;  ///< names of the joints
+  /// Positions of joints that are fixed since they move no mass [m or rad].
+  std::shared_ptr<const std::map<std::string, double>> fixed_joints;
 };
 
 /// A URDF, and the absolute path of its folder; empty where it has none.

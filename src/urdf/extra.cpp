@@ -1,6 +1,9 @@
 #include "urdf/extra.h"
 
+#include <stdexcept>
+
 #include "engine/model/validate.h"
+#include "urdf/positions.h"
 
 namespace constraint_sim {
 namespace {
@@ -18,6 +21,23 @@ LinkProperties read_link(const YamlElement& item) {
     engine::check_share("restitution", link.restitution);
   });
   return link;
+}
+
+[[noreturn]] void refuse_extra(const std::string& key, const std::string& why) {
+  throw std::invalid_argument("extra: " + key + ": " + why);
+}
+
+void check_joint_of(const std::string& key, const std::string& name,
+                    const urdf::ModelInterface& model) {
+  const auto joint = model.getJoint(name);
+  if (!joint) refuse_extra(key, "the URDF has no joint '" + name + "'");
+  if (!has_position(*joint))
+    refuse_extra(key, "joint '" + name + "' is not revolute, continuous or prismatic");
+}
+
+void check_link_of(const std::string& key, const std::string& name,
+                   const urdf::ModelInterface& model) {
+  if (!model.getLink(name)) refuse_extra(key, "the URDF has no link '" + name + "'");
 }
 
 std::pair<std::string, std::string> read_pair(const YamlElement& item) {
@@ -55,6 +75,16 @@ RobotExtra read_extra(const std::string& text) {
   if (const auto list = document.find("no_contact"))
     for (const YamlElement& pair : list->items()) extra.no_contact.push_back(read_pair(pair));
   return extra;
+}
+
+void check_extra(const RobotExtra& extra, const urdf::ModelInterface& model) {
+  for (const auto& entry : extra.positions) check_joint_of("positions", entry.first, model);
+  for (const auto& entry : extra.motors) check_joint_of("motors", entry.first, model);
+  for (const auto& entry : extra.links) check_link_of("links", entry.first, model);
+  for (const auto& [first, second] : extra.no_contact) {
+    check_link_of("no_contact", first, model);
+    check_link_of("no_contact", second, model);
+  }
 }
 
 }  // namespace constraint_sim

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <urdf_model/model.h>
+
 #include <map>
 #include <optional>
 #include <string>
@@ -29,5 +31,9 @@ struct RobotExtra {
 
 /// Reads the YAML; does not check whether joints and links exist. Throws engine::SceneError.
 RobotExtra read_extra(const std::string& text);
+
+/// Throws std::invalid_argument that names a joint or a link that the URDF does not have.
+/// Constraints are not checked.
+void check_extra(const RobotExtra& extra, const urdf::ModelInterface& model);
 
 }  // namespace constraint_sim

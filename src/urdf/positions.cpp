@@ -4,6 +4,10 @@
 #include <stdexcept>
 #include <utility>
 
+#include "constraint_sim/engine/joint.h"
+#include "engine/model/mass_properties.h"
+#include "urdf/parse.h"
+
 namespace constraint_sim {
 namespace {
 
@@ -72,6 +76,27 @@ class Positions {
 bool has_position(const urdf::Joint& joint) {
   return joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS ||
          joint.type == urdf::Joint::PRISMATIC;
+}
+
+Eigen::Quaterniond along_axis(const urdf::Joint& joint) {
+  if (joint.type == urdf::Joint::FIXED) return Eigen::Quaterniond::Identity();
+  const Eigen::Vector3d axis = to_eigen(joint.axis);
+  if (!axis.allFinite() || !(axis.norm() > 0.0))
+    refuse_position(joint.name, "has an axis without direction");
+  return engine::frame_along(axis);
+}
+
+Eigen::Isometry3d motion_of(const urdf::Joint& joint,
+                            const std::map<std::string, double>& positions) {
+  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+  if (!has_position(joint)) return motion;
+  const Eigen::Vector3d axis = along_axis(joint) * Eigen::Vector3d::UnitZ();
+  const double q = positions.at(joint.name);
+  if (joint.type == urdf::Joint::PRISMATIC)
+    motion.translation() = q * axis;
+  else
+    motion.linear() = engine::rotation(q * axis).toRotationMatrix();
+  return motion;
 }
 
 const urdf::Joint& leader_of(const urdf::ModelInterface& model, const urdf::Joint& joint) {

@@ -14,6 +14,7 @@
 #include "urdf/elements.h"
 #include "urdf/extra.h"
 #include "urdf/lumps.h"
+#include "urdf/massless.h"
 #include "urdf/positions.h"
 #include "urdf/servo_sag.h"
 #include "urdf/xacro.h"
@@ -88,22 +89,15 @@ engine::JointKind kind_of(const urdf::Joint& joint) {
   }
 }
 
-/// Returns the orientation of the joint's frame, with z along its axis.
-Quaterniond along_axis(const urdf::Joint& joint) {
-  if (joint.type == urdf::Joint::FIXED) return Quaterniond::Identity();
-  const Vector3d axis = to_eigen(joint.axis);
-  if (!axis.allFinite() || !(axis.norm() > 0.0))
-    refuse("joint " + in_quotes(joint.name) + " has an axis without direction");
-  return engine::frame_along(axis);
-}
-
 /// Builds a robot in a world of its own.
 class Builder {
  public:
-  Builder(const urdf::ModelInterface& model, const RobotOptions& options)
+  Builder(const urdf::ModelInterface& model, const RobotOptions& options, RobotExtra extra,
+          bool is_root_fixed)
       : model_(model),
         options_(options),
-        extra_(read_extra(options.extra)),
+        extra_(std::move(extra)),
+        is_root_fixed_(is_root_fixed),
         lumps_(lump_links(model)) {
     robot_.name = model.getName();
     robot_.warnings = lumps_.warnings;
@@ -111,7 +105,6 @@ class Builder {
   }
 
   BuiltRobot build() {
-    check_extra();
     place_lumps();
     for (std::size_t i = 0; i < lumps_.list.size(); ++i) add_body(i);
     for (const Lump& lump : lumps_.list) add_joint(lump);
@@ -125,46 +118,9 @@ class Builder {
  private:
   std::string named(const std::string& name) const { return options_.prefix + name; }
 
-  bool is_fixed() const { return options_.fixed || model_.getRoot()->name == "world"; }
-
   void warn(const std::string& sentence) { robot_.warnings.push_back(sentence); }
 
-  void check_extra() const {
-    for (const auto& entry : extra_.positions) check_joint("positions", entry.first);
-    for (const auto& entry : extra_.motors) check_joint("motors", entry.first);
-    for (const auto& entry : extra_.links)
-      if (!model_.getLink(entry.first))
-        throw std::invalid_argument("extra: links: the URDF has no link " + in_quotes(entry.first));
-    for (const LinkPair& pair : extra_.no_contact)
-      for (const std::string& link : {pair.first, pair.second})
-        if (!model_.getLink(link))
-          throw std::invalid_argument("extra: no_contact: the URDF has no link " + in_quotes(link));
-  }
-
-  void check_joint(const char* key, const std::string& name) const {
-    const auto joint = model_.getJoint(name);
-    if (!joint)
-      throw std::invalid_argument(std::string("extra: ") + key + ": the URDF has no joint " +
-                                  in_quotes(name));
-    if (!has_position(*joint))
-      throw std::invalid_argument(std::string("extra: ") + key + ": joint " + in_quotes(name) +
-                                  " is not revolute, continuous or prismatic");
-  }
-
   // ---- initial poses
-
-  // Returns the pose of the joint's frame on the child in its frame on the parent.
-  Isometry3d motion(const urdf::Joint& joint) const {
-    Isometry3d motion = Isometry3d::Identity();
-    if (!has_position(joint)) return motion;
-    const Vector3d axis = along_axis(joint) * Vector3d::UnitZ();
-    const double q = positions_.at(joint.name);
-    if (joint.type == urdf::Joint::PRISMATIC)
-      motion.translation() = q * axis;
-    else
-      motion.linear() = engine::rotation(q * axis).toRotationMatrix();
-    return motion;
-  }
 
   void place_lumps() {
     const Isometry3d root = to_isometry(options_.pose);
@@ -177,7 +133,7 @@ class Builder {
       lump_poses_.push_back(
           lump_poses_[parent.lump] * parent.in_lump *
           constraint_sim::to_isometry(lump.joint->parent_to_joint_origin_transform) *
-          motion(*lump.joint));
+          motion_of(*lump.joint, positions_));
     }
   }
 
@@ -193,7 +149,7 @@ class Builder {
     engine::Body body;
     body.name = named(lump.link) + "/com";
     Isometry3d in_lump = Isometry3d::Identity();
-    if (i == 0 && is_fixed())
+    if (i == 0 && is_root_fixed_)
       body.type = engine::BodyType::kStatic;
     else
       in_lump = set_mass(lump, &body);
@@ -463,6 +419,7 @@ class Builder {
   const urdf::ModelInterface& model_;
   const RobotOptions& options_;
   RobotExtra extra_;
+  bool is_root_fixed_;
   Lumps lumps_;
   World world_;
   Robot robot_;
@@ -529,7 +486,14 @@ BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   check_world_link(*model, options);
   const std::vector<std::string> unknown_meshes =
       name_meshes(options.folder, options.mesh_exists, model.get());
-  BuiltRobot built = Builder(*model, options).build();
+  RobotExtra extra = read_extra(options.extra);
+  check_extra(extra, *model);
+  const bool is_fixed = options.fixed || model->getRoot()->name == "world";
+  const MasslessLinks massless = treat_massless_links(is_fixed, model.get(), &extra);
+  BuiltRobot built =
+      Builder(*model, options, std::move(extra), is_fixed || massless.is_root_fixed).build();
+  built.robot.fixed_joints = massless.fixed_joints;
+  for (const std::string& sentence : massless.warnings) built.robot.warnings.push_back(sentence);
   for (const std::string& sentence : unknown_meshes) built.robot.warnings.push_back(sentence);
   if (!xacro.definitions.empty())
     built.robot.warnings.push_back("definitions of xacro are left in the URDF and are not read: " +

@@ -39,7 +39,10 @@ struct Robot {
   std::string name;              ///< in its URDF
   std::vector<RobotLink> links;  ///< root first
   std::vector<RobotVisual> visuals;
-  std::map<std::string, JointBounds> bounds;     ///< by the joint's name in the world
+  std::map<std::string, JointBounds> bounds;  ///< by the joint's name in the world
+  /// Joints that are fixed since they move no mass, and their positions [m or rad]; names as in the
+  /// URDF.
+  std::map<std::string, double> fixed_joints;
   std::vector<std::string> bodies, constraints;  ///< names, in the order of adding
   std::vector<std::string> warnings;             ///< deviations from the URDF
 };

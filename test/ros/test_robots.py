@@ -192,6 +192,29 @@ class Robots(support.ServiceCase):
             self.assertEqual(topics, {support.NODE + "/robots/right_/joint_states"})
         self.assertFalse(rospy.has_param(support.NODE + "/robots"))
 
+    def test_joints_that_move_no_mass_are_named_and_stand_in_joint_states(self):
+        """robot_state_publisher needs the positions of all joints that its URDF does not call fixed."""
+        mass = ("<inertial><mass value='1'/><inertia ixx='0.1' ixy='0' ixz='0' iyy='0.1' iyz='0' izz='0.1'/>"
+                "</inertial>")
+        text = ("<robot name='r'><link name='base'>" + mass + "</link><link name='cross'/><link name='foot'>" + mass +
+                "</link><link name='tool0'/>" + "".join(
+                    "<joint name='%s' type='continuous'><parent link='%s'/><child link='%s'/><axis xyz='%s'/></joint>"
+                    % joint for joint in (("pitch", "base", "cross", "0 1 0"), ("roll", "cross", "foot", "1 0 0"),
+                                          ("turn", "foot", "tool0", "0 0 1"))) + "</robot>")
+        with simulator():
+            answer = call("load_urdf", text=text, prefix="left/", extra="positions: {turn: 0.5}")
+            self.assertTrue(answer.success, answer.status_message)
+            self.assertIn("joints that move no mass are fixed", answer.status_message)
+            self.assertIn("'turn' at 0.5 (link 'tool0')", answer.status_message)
+            self.assertIn("'cross' 1e-06 kg", answer.status_message)
+            self.assertEqual(answer.constraints, ["left/pitch", "left/roll"])
+            for topic in ("/joint_states", "/robots/left/joint_states"):
+                state = rospy.wait_for_message(support.NODE + topic, JointState, timeout=20)
+                self.assertEqual(dict(zip(state.name, state.position)),
+                                 {"left/pitch": 0.0, "left/roll": 0.0, "left/turn": 0.5})
+                self.assertEqual(len(state.velocity), 3)
+                self.assertEqual(len(state.effort), 3)
+
     def test_frames_of_bodies_are_children_of_links(self):
         with simulator(publish_com=True, robot="gripper", robot_fixed=True):
             tf = Listener("/tf", TFMessage)
@@ -206,8 +229,8 @@ class Robots(support.ServiceCase):
             for part, fields in (("exactly one", {}),
                                  ("exactly one", {"path": "arm", "text": urdf("arm")}),
                                  ("cannot read", {"path": "/nowhere.urdf"}),
-                                 ("no mass", {"text": urdf("arm").replace('mass value="8.4"',
-                                                                          'mass value="0"')}),
+                                 ("a mass >= 0", {"text": urdf("arm").replace('mass value="8.4"',
+                                                                              'mass value="-8"')}),
                                  ("no mesh 'package://nowhere/a.stl'",
                                   {"text": urdf("arm").replace(
                                       '<sphere radius="0.05"/>',

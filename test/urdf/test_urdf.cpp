@@ -420,8 +420,9 @@ TEST(Urdf, FaultsAreNamedAndNothingIsAdded) {
        robot(two + joint("a", "revolute", "base", "1",
                          "<limit lower='1' upper='0' effort='1' velocity='1'/>")),
        "", "joint 'a' has a lower limit above the upper one"},
-      {"no inertial", robot(link("base") + link("1", "") + joint("a", "continuous", "base", "1")),
-       "", "link '1' moves and has no mass"},
+      {"no inertial",
+       robot(link("base", "") + link("1", "") + joint("a", "continuous", "base", "1")), "",
+       "link 'base' moves and has no mass, and neither has any other link"},
       {"no mass",
        robot(link("base",
                   "<inertial><mass value='0'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "

@@ -94,10 +94,11 @@ void Robots::add(const Robot& robot, const UrdfText& urdf, const std::string& pr
   const RobotDescription description = describe(robot, urdf, prefix, parameters_.frame_prefix);
   const std::lock_guard<std::mutex> lock(mutex_);
   has_any_ = true;
+  for (const std::string& body : robot.bodies)  // some carry shapes and no link
+    bodies_[world.find_body(body).value].body = body;
   for (const RobotLink& link : robot.links) {
     const bool is_root = &link == &robot.links.front();
     BodyLinks& links = bodies_[link.body.value];
-    links.body = world.body(link.body).name;
     links.links.push_back({link.name, link.in_body, is_root});
     if (is_root) links.robot = description;
   }
@@ -199,7 +200,7 @@ bool Robots::add_frames(const engine::World& world, engine::BodyId body, const r
     if (is_shown && frame != parameters_.world_frame)
       add(parameters_.world_frame, frame, in_world * link.in_body);
   }
-  if (parameters_.publish_com) {
+  if (parameters_.publish_com && !known->links.empty()) {
     const Link& first = known->links.front();
     add(parameters_.frame_prefix + first.frame, parameters_.frame_prefix + world.body(body).name,
         first.in_body.inverse());

@@ -57,13 +57,13 @@ class ExceptionSearch {
   }
 
   void add_listed(const std::vector<LinkPair>& listed) {
-    for (const auto& [first, second] : listed) {
-      const auto a = lumps_.places.find(first), b = lumps_.places.find(second);
-      if (a == lumps_.places.end() || b == lumps_.places.end()) continue;
-      const std::size_t i = a->second.lump, j = b->second.lump;
-      if (i != j && lumps_.list[i].link_of_shape == first && lumps_.list[j].link_of_shape == second)
-        except({i, j});
-    }
+    std::map<std::string, std::vector<std::size_t>> by_link;
+    for (std::size_t i = 0; i < lumps_.list.size(); ++i)
+      if (lumps_.list[i].shape) by_link[lumps_.list[i].shape->link].push_back(i);
+    for (const auto& [first, second] : listed)
+      for (const std::size_t i : by_link[first])
+        for (const std::size_t j : by_link[second])
+          if (i != j) except({i, j});
   }
 
   void add_overlaps() {
@@ -99,7 +99,7 @@ class ExceptionSearch {
   }
 
  private:
-  const std::string& link(std::size_t i) const { return lumps_.list[i].link; }
+  const std::string& link(std::size_t i) const { return lumps_.list[i].shape->link; }
   std::size_t group(std::size_t i) const { return lumps_.list[i].group; }
 
   bool collides(std::size_t i) const {

@@ -1,8 +1,8 @@
 #include "urdf/lumps.h"
 
 #include <algorithm>
-#include <array>
 #include <stdexcept>
+#include <utility>
 
 #include "sim/words.h"
 #include "urdf/parse.h"
@@ -63,21 +63,10 @@ std::optional<engine::Shape> shape_of(const std::string& link, const urdf::Geome
   }
 }
 
-/// Returns the name of a collision, or its place among those of its link and its geometry.
-std::string name_of(const urdf::Collision& collision, std::size_t place) {
-  if (!collision.name.empty()) return "'" + collision.name + "'";
-  static const std::array<const char*, 4> kGeometries{"sphere", "box", "cylinder", "mesh"};
-  return std::string(kGeometries.at(static_cast<std::size_t>(collision.geometry->type))) + " " +
-         std::to_string(place);
-}
-
-/// Returns the shape of the first collision with a supported geometry.
-std::optional<LumpShape> shape_of(const urdf::Link& link, std::vector<std::string>* warnings) {
-  std::optional<LumpShape> first;
-  std::string left_out;
-  std::size_t place = 0;
+/// Returns the shapes of the collisions with a supported geometry.
+std::vector<LumpShape> shapes_of(const urdf::Link& link, std::vector<std::string>* warnings) {
+  std::vector<LumpShape> shapes;
   for (const auto& collision : link.collision_array) {
-    ++place;
     const auto shape = shape_of(link.name, *collision->geometry, warnings);
     if (!shape) continue;
     try {
@@ -85,15 +74,9 @@ std::optional<LumpShape> shape_of(const urdf::Link& link, std::vector<std::strin
     } catch (const std::invalid_argument& error) {
       refuse_link(link.name, std::string("has a collision with ") + error.what());
     }
-    if (first)
-      left_out += (left_out.empty() ? "" : ", ") + name_of(*collision, place);
-    else
-      first = LumpShape{*shape, to_isometry(collision->origin)};
+    shapes.push_back({*shape, to_isometry(collision->origin), link.name});
   }
-  if (!left_out.empty())
-    warnings->push_back("link '" + link.name + "': a body has one shape, so of its collisions " +
-                        shortened(left_out, 200) + " do not collide");
-  return first;
+  return shapes;
 }
 
 /// Walks the tree of links from the root.
@@ -111,21 +94,20 @@ class Walk {
     lumps_.list[lump].link = link.name;
     lumps_.list[lump].joint = joint;
     lumps_.list[lump].group = group;
-    add(link, {lump, Isometry3d::Identity()}, shape_of(link, &lumps_.warnings));
+    add(link, {lump, Isometry3d::Identity()}, shapes_of(link, &lumps_.warnings));
   }
 
-  void add(const urdf::Link& link, const LinkPlace& place, const std::optional<LumpShape>& shape) {
+  void add(const urdf::Link& link, const LinkPlace& place, const std::vector<LumpShape>& shapes) {
     Lump& lump = lumps_.list[place.lump];
     lump.links.push_back(link.name);
     lumps_.places[link.name] = place;
     add_inertial(link, place.in_lump, &lump);
-    if (shape && lump.shape)
-      lumps_.warnings.push_back("link '" + link.name +
-                                "' has no mass, and is fixed to what collides by another shape "
-                                "already: it does not collide");
-    else if (shape) {
-      lump.shape = LumpShape{shape->shape, place.in_lump * shape->in_lump};
-      lump.link_of_shape = link.name;
+    for (LumpShape shape : shapes) {
+      shape.in_lump = place.in_lump * shape.in_lump;
+      if (lump.shape)
+        lump.more_shapes.push_back(std::move(shape));
+      else
+        lump.shape = std::move(shape);
     }
     for (const urdf::JointSharedPtr& joint : link.child_joints) {
       const auto child = std::find_if(
@@ -141,10 +123,11 @@ class Walk {
         lumps_.list[parent.lump].shape && has_mass(child) && !child.collision_array.empty();
     if (would_lose_shape) {
       std::vector<std::string> warnings;  // dropped here; reported when the link is added
-      if (shape_of(child, &warnings)) return begin(child, joint, lumps_.list[parent.lump].group);
+      if (!shapes_of(child, &warnings).empty())
+        return begin(child, joint, lumps_.list[parent.lump].group);
     }
     add(child, {parent.lump, parent.in_lump * to_isometry(joint->parent_to_joint_origin_transform)},
-        shape_of(child, &lumps_.warnings));
+        shapes_of(child, &lumps_.warnings));
   }
 
   Lumps lumps_;
@@ -155,5 +138,32 @@ class Walk {
 Matrix3d Lump::inertia() const { return second_moment - mass * point_inertia(centre_of_mass()); }
 
 Lumps lump_links(const urdf::ModelInterface& model) { return Walk(model).take(); }
+
+void split_shapes(Lumps* lumps) {
+  const std::size_t count = lumps->list.size();
+  std::map<std::string, std::size_t> left_out;  // numbers of shapes, by link
+  for (std::size_t i = 0; i < count; ++i) {
+    std::vector<LumpShape> more = std::move(lumps->list[i].more_shapes);
+    const std::size_t room = count + kMostParts - lumps->list.size();
+    for (; more.size() > room; more.pop_back()) ++left_out[more.back().link];
+    const double share = 1.0 / static_cast<double>(more.size() + 1);
+    Lump& whole = lumps->list[i];
+    whole.mass *= share;
+    whole.first_moment *= share;
+    whole.second_moment *= share;
+    Lump part = whole;
+    part.joint.reset();
+    part.part_of = i;
+    for (std::size_t k = 0; k < more.size(); ++k) {
+      part.link = lumps->list[i].link + "/" + std::to_string(k + 2);
+      part.shape = std::move(more[k]);
+      lumps->list.push_back(part);
+    }
+  }
+  for (const auto& [link, number] : left_out)
+    lumps->warnings.push_back("link '" + link + "': " + std::to_string(number) +
+                              " of its shapes do not collide: a robot has at most " +
+                              std::to_string(kMostParts) + " shapes beyond one for each body");
+}
 
 }  // namespace constraint_sim

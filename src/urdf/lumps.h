@@ -16,6 +16,7 @@ namespace constraint_sim {
 struct LumpShape {
   engine::Shape shape;
   Eigen::Isometry3d in_lump;
+  std::string link;  ///< link that the shape belongs to
 };
 
 /// Links that fixed joints unite to one body. The lump's frame is that of its first link.
@@ -29,7 +30,8 @@ struct Lump {
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();   ///< ∫ r dm [kg m]
   Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();  ///< inertia about the origin [kg m²]
   std::optional<LumpShape> shape;
-  std::string link_of_shape;  ///< link that the shape belongs to
+  std::vector<LumpShape> more_shapes;  ///< further shapes, which need bodies of their own
+  std::optional<std::size_t> part_of;  ///< lump that this one carries a further shape of
 
   Eigen::Vector3d centre_of_mass() const { return first_moment / mass; }
   /// Inertia about the centre of mass, in the axes of the lump [kg m²].
@@ -52,5 +54,12 @@ struct Lumps {
 /// below a parent that has a shape, becomes a separate welded body. Throws std::invalid_argument
 /// for invalid masses and dimensions.
 Lumps lump_links(const urdf::ModelInterface& model);
+
+/// Most bodies of a robot that carry further shapes; each costs a weld in each step.
+constexpr std::size_t kMostParts = 100;
+
+/// Makes a lump for each further shape, behind all others. A lump and its parts share mass, centre
+/// of mass and inertia equally, so welded together they move as the lump did.
+void split_shapes(Lumps* lumps);
 
 }  // namespace constraint_sim

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -99,6 +100,9 @@ class Builder {
         extra_(std::move(extra)),
         is_root_fixed_(is_root_fixed),
         lumps_(lump_links(model)) {
+    split_shapes(&lumps_);
+    for (const Lump& lump : lumps_.list)
+      if (lump.shape) links_with_shapes_.insert(lump.shape->link);
     robot_.name = model.getName();
     robot_.warnings = lumps_.warnings;
     positions_ = first_positions(model, extra_.positions, &robot_.warnings);
@@ -108,6 +112,7 @@ class Builder {
     place_lumps();
     for (std::size_t i = 0; i < lumps_.list.size(); ++i) add_body(i);
     for (const Lump& lump : lumps_.list) add_joint(lump);
+    for (std::size_t i = 0; i < lumps_.list.size(); ++i) add_weld_of_part(i);
     add_mimics();
     add_extra_constraints();
     add_contact_exceptions();
@@ -125,6 +130,11 @@ class Builder {
   void place_lumps() {
     const Isometry3d root = to_isometry(options_.pose);
     for (const Lump& lump : lumps_.list) {
+      if (lump.part_of) {
+        const Isometry3d whole = lump_poses_[*lump.part_of];
+        lump_poses_.push_back(whole);
+        continue;
+      }
       if (!lump.joint) {
         lump_poses_.push_back(root);
         continue;
@@ -149,7 +159,7 @@ class Builder {
     engine::Body body;
     body.name = named(lump.link) + "/com";
     Isometry3d in_lump = Isometry3d::Identity();
-    if (i == 0 && is_root_fixed_)
+    if (lump.part_of.value_or(i) == 0 && is_root_fixed_)
       body.type = engine::BodyType::kStatic;
     else
       in_lump = set_mass(lump, &body);
@@ -176,7 +186,7 @@ class Builder {
              " has no inertia, or one that is not positive definite: its principal moments are " +
              std::to_string(moments.x()) + ", " + std::to_string(moments.y()) + ", " +
              std::to_string(moments.z()) + " kg m^2");
-    if (moments.sum() < 2.0 * moments.maxCoeff() * (1.0 - 1e-9))
+    if (!lump.part_of && moments.sum() < 2.0 * moments.maxCoeff() * (1.0 - 1e-9))
       warn("link " + in_quotes(lump.link) +
            ": no mass has such an inertia: one principal moment is more than the two others");
     body->mass = lump.mass;
@@ -205,8 +215,14 @@ class Builder {
       body->shape_pose = engine::ShapePose{in_body.translation(), Quaterniond(in_body.linear())};
   }
 
+  // Sets the properties of the link that the shape belongs to, else those of links without shapes.
   void set_properties(const Lump& lump, engine::Body* body) const {
-    for (const std::string& link : lump.links) {
+    const std::string owner = lump.shape ? lump.shape->link : "";
+    std::vector<std::string> links;
+    for (const std::string& link : lump.links)
+      if (link != owner && links_with_shapes_.count(link) == 0) links.push_back(link);
+    links.push_back(owner);  // the last counts
+    for (const std::string& link : links) {
       const auto found = extra_.links.find(link);
       if (found == extra_.links.end()) continue;
       body->friction = found->second.friction;
@@ -237,6 +253,23 @@ class Builder {
     joint.frame_b = Quaterniond(b.linear()) * axis;
     if (has_position(given)) joint.coordinates[0] = law_of(given);
     add(joint);
+  }
+
+  // Welds a body that carries a further shape to the body that it is a part of.
+  void add_weld_of_part(std::size_t i) {
+    const Lump& part = lumps_.list[i];
+    if (!part.part_of || (*part.part_of == 0 && is_root_fixed_)) return;
+    const std::size_t whole = *part.part_of;
+    engine::Joint weld;
+    weld.name = named(part.link);
+    weld.kind = engine::JointKind::kWeld;
+    weld.body_a = bodies_[whole];
+    weld.body_b = bodies_[i];
+    const Isometry3d in_whole = in_body_[whole] * in_body_[i].inverse();
+    weld.anchor_a = in_whole.translation();
+    weld.frame_a = Quaterniond(in_whole.linear());
+    weld.frame_b = Quaterniond::Identity();
+    add(weld);
   }
 
   engine::CoordinateLaw law_of(const urdf::Joint& given) {
@@ -373,6 +406,7 @@ class Builder {
 
   void list_links() {
     for (const Lump& lump : lumps_.list) {
+      if (lump.part_of) continue;
       for (const std::string& link : lump.links) {
         const BodyId body = bodies_[lumps_.places.at(link).lump];
         const Isometry3d in_body = link_in_body(link);
@@ -421,6 +455,7 @@ class Builder {
   RobotExtra extra_;
   bool is_root_fixed_;
   Lumps lumps_;
+  std::set<std::string> links_with_shapes_;
   World world_;
   Robot robot_;
   std::vector<engine::Body> given_bodies_;

@@ -180,22 +180,92 @@ TEST(Urdf, ShapesLieWhereTheUrdfHasThem) {
   EXPECT_EQ(r.warnings[0], "link 'c': the mesh 'package://x/y.stl' does not collide");
 }
 
-TEST(Urdf, SecondShapesAreWeldedOnOrNamed) {
-  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+// Further shapes of a link, and shapes of massless links on fixed joints, are on bodies that share
+// the mass of their link equally: together they have its mass, centre of mass and inertia.
+TEST(Urdf, FurtherShapesAreOnPartsThatShareTheMass) {
+  const auto ball = [](const char* origin) {
+    return std::string("<collision><origin xyz='") + origin +
+           "'/><geometry><sphere radius='0.1'/></geometry></collision>";
+  };
+  const std::string heavy =
+      "<inertial><origin xyz='0.1 0.2 0.3' rpy='0.3 -0.2 0.5'/><mass value='6'/>"
+      "<inertia ixx='0.3' ixy='0.02' ixz='0' iyy='0.2' iyz='0.01' izz='0.25'/></inertial>";
+  World world, whole;
+  RobotOptions options;
+  options.extra = "links: {pad: {friction: 0.9}}";
+  const Robot r = add(link("base", heavy + ball("1 0 0") + ball("0 1 0")) +
+                          link("hand", kInertial + ball("0 0 0")) + link("pad", ball("0 0 1")) +
+                          joint("wrist", "fixed", "base", "hand", "<origin xyz='5 0 0'/>") +
+                          joint("glue", "fixed", "base", "pad", "<origin xyz='0 0 1'/>"),
+                      &world, options);
+  EXPECT_EQ(r.bodies,
+            (std::vector<std::string>{"base/com", "hand/com", "base/2/com", "base/3/com"}));
+  EXPECT_EQ(r.constraints, (std::vector<std::string>{"wrist", "base/2", "base/3"}));
+  EXPECT_EQ(r.warnings, std::vector<std::string>{});
+  add(link("base", heavy), &whole);
+  const engine::Body one = whole.body(whole.find_body("base/com"));
+  const Vector3d centres[] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 2.0}};
+  const double friction[] = {0.0, 0.0, 0.9};
+  int i = 0;
+  for (const char* name : {"base/com", "base/2/com", "base/3/com"}) {
+    const engine::Body part = world.body(world.find_body(name));
+    EXPECT_NEAR(part.mass, one.mass / 3.0, 1e-15);
+    EXPECT_LT((part.inertia - one.inertia / 3.0).norm(), 1e-15);  // rounding
+    EXPECT_LT((part.state.position - one.state.position).norm(), 1e-15);
+    ASSERT_TRUE(part.shape_pose);
+    const Vector3d centre =
+        part.state.position + part.state.orientation * part.shape_pose->position;
+    EXPECT_LT((centre - centres[i]).norm(), 1e-15) << name;
+    EXPECT_EQ(part.friction, friction[i++]) << name;
+  }
+}
+
+// A table of a top and four legs, in one link, stands on its legs: at rest, the floor carries
+// m g, and nothing sinks beyond the tolerance of contacts.
+TEST(Urdf, ATableStandsOnItsLegs) {
+  std::string table =
+      "<inertial><origin xyz='0.1 0 0.6'/><mass value='10'/>"
+      "<inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1.5'/></inertial>"
+      "<collision><origin xyz='0 0 0.7'/><geometry><box size='1 1 0.1'/></geometry></collision>";
+  for (const char* at : {"0.4 0.4", "-0.4 0.4", "0.4 -0.4", "-0.4 -0.4"})
+    table += std::string("<collision><origin xyz='") + at +
+             " 0.05'/><geometry><sphere radius='0.05'/></geometry></collision>";
+  engine::WorldOptions world_options;
+  world_options.time_step = 0.01;
+  World world(world_options);
+  engine::Body floor;
+  floor.name = "floor";
+  floor.type = engine::BodyType::kStatic;
+  floor.shape = engine::Plane{};
+  floor.friction = 0.5;
+  world.add_body(floor);
+  RobotOptions options;
+  options.extra = "links: {table: {friction: 0.5}}";
+  add(link("table", table), &world, options);
+  const engine::BodyState before = world.state(world.find_body("table/com"));
+  double force = 0.0;
+  for (int i = 0; i < 200; ++i) {
+    ASSERT_FALSE(world.step().failed);
+    force = 0.0;
+    for (const engine::Contact& contact : world.contacts()) force += contact.normal_force;
+  }
+  EXPECT_NEAR(force, 10.0 * 9.81, 1e-3 * 98.1);
+  const engine::BodyState after = world.state(world.find_body("table/com"));
+  EXPECT_LT((after.position - before.position).norm(), 1e-4);
+  EXPECT_LT(after.orientation.angularDistance(before.orientation), 1e-4);
+}
+
+// Each part costs a weld: shapes beyond the most are named.
+TEST(Urdf, ShapesBeyondTheMostAreNamed) {
+  std::string balls = kInertial;
+  for (int i = 0; i < 103; ++i)
+    balls += "<collision><origin xyz='" + std::to_string(i) +
+             " 0 0'/><geometry><sphere radius='0.1'/></geometry></collision>";
   World world;
-  const Robot r =
-      add(link("base", kInertial + ball + ball) + link("hand", kInertial + ball) +
-              link("pad", ball) + joint("wrist", "fixed", "base", "hand", "<origin xyz='1 0 0'/>") +
-              joint("glue", "fixed", "base", "pad"),
-          &world);
-  EXPECT_EQ(r.bodies, (std::vector<std::string>{"base/com", "hand/com"}));
-  EXPECT_EQ(world.joint(world.find_joint("wrist")).kind, JointKind::kWeld);
-  ASSERT_EQ(r.warnings.size(), 2u);
-  EXPECT_EQ(r.warnings[0],
-            "link 'base': a body has one shape, so of its collisions sphere 2 do not collide");
-  EXPECT_EQ(r.warnings[1],
-            "link 'pad' has no mass, and is fixed to what collides by another shape already: it "
-            "does not collide");
+  EXPECT_EQ(add(link("base", balls), &world).warnings,
+            (std::vector<std::string>{"link 'base': 2 of its shapes do not collide: a robot has at "
+                                      "most 100 shapes beyond one for each body"}));
+  EXPECT_EQ(world.body_ids().size(), 101u);
 }
 
 // ---- meshes

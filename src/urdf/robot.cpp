@@ -17,6 +17,7 @@
 #include "urdf/lumps.h"
 #include "urdf/massless.h"
 #include "urdf/positions.h"
+#include "urdf/servo_gains.h"
 #include "urdf/servo_sag.h"
 #include "urdf/xacro.h"
 
@@ -252,7 +253,20 @@ class Builder {
     joint.frame_a = Quaterniond(a.linear()) * axis;
     joint.frame_b = Quaterniond(b.linear()) * axis;
     if (has_position(given)) joint.coordinates[0] = law_of(given);
+    if (joint.coordinates[0].motor)
+      set_servo_gains(inertia_behind(lumps_, given_bodies_, child.lump, axis_of(joint)),
+                      &*joint.coordinates[0].motor);
     add(joint);
+  }
+
+  // Returns the axis of a hinge or slider in the world.
+  JointAxis axis_of(const engine::Joint& joint) const {
+    const engine::BodyState& child = world_.state(joint.body_b);
+    JointAxis axis;
+    axis.point = child.position + child.orientation * joint.anchor_b;
+    axis.direction = child.orientation * (*joint.frame_b * Vector3d::UnitZ());
+    axis.is_slider = joint.kind == engine::JointKind::kSlider;
+    return axis;
   }
 
   // Welds a body that carries a further shape to the body that it is a part of.

@@ -23,6 +23,8 @@ std::string rounded(double value) {
   return text;
 }
 
+bool is_slider(const engine::Joint& joint) { return joint.kind == engine::JointKind::kSlider; }
+
 /// The joints of a robot as a tree, with the mass behind each.
 class Tree {
  public:
@@ -38,13 +40,15 @@ class Tree {
   /// Returns whether the links behind the joint hang on it alone.
   bool carries_alone(JointId joint) const { return shared_.count(joint.value) == 0; }
 
-  /// Returns the torque of gravity about the axis of a hinge [N m].
-  double torque(JointId id) const {
+  /// Returns the torque of gravity about the axis of a hinge [N m], or its force along that of a
+  /// slider [N].
+  double effort(JointId id) const {
     const engine::Joint& joint = world_.joint(id);
     const Load& load = loads_.at(joint.body_b.value);
-    const Vector3d arm = load.moment - load.mass * world_.anchors(id).p_b;
     const Vector3d axis =
         world_.state(joint.body_b).orientation * (*joint.frame_b * Vector3d::UnitZ());
+    if (is_slider(joint)) return load.mass * world_.options().gravity.dot(axis);
+    const Vector3d arm = load.moment - load.mass * world_.anchors(id).p_b;
     return arm.cross(world_.options().gravity).dot(axis);
   }
 
@@ -96,7 +100,8 @@ class Tree {
 
 const engine::CoordinateMotor* servo_of(const engine::Joint& joint) {
   const auto& motor = joint.coordinates[0].motor;
-  return joint.kind == engine::JointKind::kHinge && motor && motor->is_servo() ? &*motor : nullptr;
+  const bool has_servo = joint.kind == engine::JointKind::kHinge || is_slider(joint);
+  return has_servo && motor && motor->is_servo() ? &*motor : nullptr;
 }
 
 /// Returns the efforts of the joints where rigid motors hold all of them [N m]. A copy of the world
@@ -134,14 +139,16 @@ std::vector<std::string> sagging_servos(const Robot& robot, const World& world) 
     const engine::Joint& joint = world.joint(id);
     const auto effort = efforts.find(id.value);
     if (!tree.carries_alone(id) && effort == efforts.end()) continue;
-    const double torque = std::abs(tree.carries_alone(id) ? tree.torque(id) : effort->second);
-    const double sag = torque / servo_of(joint)->servo_stiffness;
+    const double carried = std::abs(tree.carries_alone(id) ? tree.effort(id) : effort->second);
+    const double sag = carried / servo_of(joint)->servo_stiffness;
     if (!(sag > kMostServoSag)) continue;
-    const double needed = 1.01 * torque / kMostServoSag;  // more than the printed digits round off
-    sentences.push_back("joint '" + joint.name + "': gravity alone turns its servo by " +
-                        rounded(sag) + " rad; servo_stiffness " + rounded(needed) +
-                        " N m/rad keeps that below " + rounded(kMostServoSag) +
-                        " rad, and a position without servo holds it");
+    const double needed = 1.01 * carried / kMostServoSag;  // more than the printed digits round off
+    const std::string unit = is_slider(joint) ? " m" : " rad";
+    sentences.push_back("joint '" + joint.name + "': gravity alone " +
+                        (is_slider(joint) ? "moves" : "turns") + " its servo by " + rounded(sag) +
+                        unit + "; servo_stiffness " + rounded(needed) +
+                        (is_slider(joint) ? " N/m" : " N m/rad") + " keeps that below " +
+                        rounded(kMostServoSag) + unit + ", and a position without servo holds it");
   }
   return sentences;
 }

@@ -7,12 +7,14 @@
 
 namespace constraint_sim {
 
-/// Angle by which gravity may move a servo without a report [rad]: a held pose is that near.
+/// Angle or length by which gravity may move a servo without a report [rad or m]: a held pose is
+/// that near.
 constexpr double kMostServoSag = 1e-3;
 
 /// Returns a sentence for each servo of a robot in a world that the weight of the links behind it
-/// turns by more than kMostServoSag, with the stiffness that it would need. Statics at the present
-/// pose; where links are in loops or geared, the effort of rigid motors in place of all servos.
+/// turns or moves by more than kMostServoSag, with the stiffness that it would need. Statics at the
+/// present pose; where links are in loops or geared, the effort of rigid motors in place of all
+/// servos.
 std::vector<std::string> sagging_servos(const Robot& robot, const engine::World& world);
 
 }  // namespace constraint_sim

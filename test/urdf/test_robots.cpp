@@ -296,8 +296,68 @@ TEST(Robots, ServosThatGravityMovesAreReported) {
   EXPECT_TRUE(warnings("positions: {a: 1.5707963}\nmotors: {a: {position: 1.5707963, "
                        "servo_stiffness: 1}}")
                   .empty());
-  // a frequency gives the stiffness by the mass behind it
+  // a frequency gives the stiffness by all that hangs on the joint
   EXPECT_EQ(warnings("motors: {a: {position: 0, servo_frequency: 0.1}}").size(), 1u);
+}
+
+// A lift of 2 kg on a servo: 2 * 9.81 N / 1000 N/m = 0.0196 m.
+TEST(Robots, ServosOfSlidersThatGravityMovesAreReported) {
+  World world;
+  const std::string body =
+      "<inertial><mass value='2'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/>"
+      "</inertial>";
+  const std::string urdf =
+      "<robot name='r'><link name='base'>" + body + "</link><link name='lift'>" + body +
+      "</link><joint name='z' type='prismatic'><parent link='base'/><child link='lift'/>"
+      "<axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='100' velocity='1'/></joint></robot>";
+  EXPECT_EQ(
+      add_robot(urdf, with_extra("motors: {z: {position: 0, servo_stiffness: 1000}}", true), &world)
+          .warnings,
+      (std::vector<std::string>{
+          "joint 'z': gravity alone moves its servo by 0.0196 m; servo_stiffness 1.98e+04 N/m "
+          "keeps that below 0.001 m, and a position without servo holds it"}));
+}
+
+// An arm without gravity, whose elbow is held and whose shoulder is released 0.1 rad beside the
+// target of its servo: q = 0.1 cos(2 pi f t). The elbow's links, a part that shares mass, and a
+// lift count. The bound is the tolerance of the integration, 1e-8 m/s on a length of 1 m, with
+// room.
+TEST(Robots, ServosHaveTheFrequencyOfAllThatHangsOnThem) {
+  const std::string ball =
+      "<collision><origin xyz='9 0 0'/><geometry><sphere radius='0.1'/>"
+      "</geometry></collision>";
+  const auto link = [&](const std::string& name, double mass, const std::string& more) {
+    return "<link name='" + name + "'><inertial><origin xyz='0.5 0.1 0'/><mass value='" +
+           std::to_string(mass) +
+           "'/><inertia ixx='0.1' iyy='0.2' izz='0.15' ixy='0' ixz='0' iyz='0'/></inertial>" +
+           more + "</link>";
+  };
+  const auto joint = [](const std::string& name, const std::string& type, const std::string& parent,
+                        const std::string& child, double x) {
+    return "<joint name='" + name + "' type='" + type + "'><parent link='" + parent +
+           "'/><child link='" + child + "'/><origin xyz='" + std::to_string(x) +
+           " 0 0' rpy='0.2 0 0'/><axis xyz='0 1 0'/><limit lower='-9' upper='9' effort='1000' "
+           "velocity='9'/></joint>";
+  };
+  const std::string urdf = "<robot name='r'>" + link("base", 1.0, "") +
+                           link("upper", 2.0, ball + ball) + link("lower", 1.0, "") +
+                           link("lift", 0.5, "") + joint("a", "continuous", "base", "upper", 0.0) +
+                           joint("b", "continuous", "upper", "lower", 1.0) +
+                           joint("c", "prismatic", "lower", "lift", 0.3) + "</robot>";
+  WorldOptions options;
+  options.gravity.setZero();
+  options.time_step = 0.01;
+  World world(options);
+  add_robot(urdf,
+            with_extra("positions: {a: 0.1, b: 0.7, c: 0.2}\n"
+                       "motors: {a: {position: 0, servo_frequency: 2, servo_damping_ratio: 0}, "
+                       "b: {position: 0.7}, c: {position: 0.2}}",
+                       true),
+            &world);
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_FALSE(world.step().failed);
+    ASSERT_NEAR(position_of(world, "a"), 0.1 * std::cos(4.0 * engine::kPi * world.time()), 1e-7);
+  }
 }
 
 // Feet of grams below a trunk of kilograms need more sweeps than the default.

@@ -16,6 +16,7 @@
 #include "urdf/extra.h"
 #include "urdf/lumps.h"
 #include "urdf/massless.h"
+#include "urdf/missing_inertias.h"
 #include "urdf/positions.h"
 #include "urdf/servo_gains.h"
 #include "urdf/servo_sag.h"
@@ -42,6 +43,12 @@ engine::BodyState to_state(const Isometry3d& pose) {
   state.position = pose.translation();
   state.orientation = Quaterniond(pose.linear()).normalized();
   return state;
+}
+
+std::string three_digits(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
 }
 
 bool is_diagonal(const Matrix3d& inertia) {
@@ -89,6 +96,18 @@ engine::JointKind kind_of(const urdf::Joint& joint) {
     default:
       refuse("joint " + in_quotes(joint.name) + " has a type that is not known");
   }
+}
+
+/// Replaces one moment of 0, up to rounding, by 1e-6 of the others. Returns whether there was one.
+bool fill_in_thin_rod(Vector3d* moments) {
+  constexpr double kRounding = 1e-12, kShare = 1e-6;
+  const double most = moments->maxCoeff();
+  Eigen::Index least = 0;
+  const double smallest = moments->minCoeff(&least);
+  const double middle = moments->sum() - most - smallest;
+  if (std::abs(smallest) > kRounding * most || !(middle > kRounding * most)) return false;
+  (*moments)[least] = kShare * most;
+  return true;
 }
 
 /// Builds a robot in a world of its own.
@@ -181,7 +200,11 @@ class Builder {
     const Matrix3d inertia = lump.inertia();
     const Matrix3d wanted = axes_of_shape(lump, inertia);
     const Matrix3d axes = wanted * principal_axes(wanted.transpose() * inertia * wanted);
-    const Vector3d moments = (axes.transpose() * inertia * axes).diagonal();
+    Vector3d moments = (axes.transpose() * inertia * axes).diagonal();
+    if (fill_in_thin_rod(&moments))
+      warn("link " + in_quotes(lump.link) +
+           " has a principal moment of inertia of 0, as a thin rod: it gets " +
+           three_digits(moments.minCoeff()) + " kg m^2");
     if (!(moments.minCoeff() > 0.0))
       refuse("link " + in_quotes(lump.link) +
              " has no inertia, or one that is not positive definite: its principal moments are " +
@@ -514,10 +537,8 @@ std::vector<std::string> open_constraints(const Robot& robot, const World& world
   for (const std::string& name : robot.constraints) {
     const double error = std::abs(world.joint_state(world.find_joint(name)).initial_error);
     if (!(error > kOpen)) continue;
-    char text[32];
-    std::snprintf(text, sizeof text, "%.3g", error);
-    sentences.push_back("constraint " + in_quotes(name) + " does not fit the links by " + text +
-                        "; it closes within closing_time");
+    sentences.push_back("constraint " + in_quotes(name) + " does not fit the links by " +
+                        three_digits(error) + "; it closes within closing_time");
   }
   return sentences;
 }
@@ -538,10 +559,12 @@ BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   RobotExtra extra = read_extra(options.extra);
   check_extra(extra, *model);
   const bool is_fixed = options.fixed || model->getRoot()->name == "world";
+  const std::vector<std::string> inertias = fill_in_inertias(is_fixed, model.get());
   const MasslessLinks massless = treat_massless_links(is_fixed, model.get(), &extra);
   BuiltRobot built =
       Builder(*model, options, std::move(extra), is_fixed || massless.is_root_fixed).build();
   built.robot.fixed_joints = massless.fixed_joints;
+  for (const std::string& sentence : inertias) built.robot.warnings.push_back(sentence);
   for (const std::string& sentence : massless.warnings) built.robot.warnings.push_back(sentence);
   for (const std::string& sentence : unknown_meshes) built.robot.warnings.push_back(sentence);
   if (!xacro.definitions.empty())

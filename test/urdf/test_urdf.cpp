@@ -220,6 +220,47 @@ TEST(Urdf, FurtherShapesAreOnPartsThatShareTheMass) {
   }
 }
 
+// Masses without inertias: by the shape, rotated and beside the centre of mass; by a sphere of
+// water; and of a thin rod. A mass on a fixed joint has its parent's inertia.
+TEST(Urdf, InertiasOfZeroAreFilledInAndNamed) {
+  const auto mass = [](const std::string& value, const std::string& more) {
+    return "<inertial><origin xyz='0.1 0 0'/><mass value='" + value + "'/><inertia " + more +
+           "/></inertial>";
+  };
+  const std::string zero = "ixx='0' ixy='0' ixz='0' iyy='0' iyz='0' izz='0'";
+  const std::string box =
+      "<collision><origin rpy='0 0 1.5707963267948966' xyz='1 0 0'/><geometry>"
+      "<box size='1 2 3'/></geometry></collision>";
+  World world;
+  const Robot r =
+      add(link("base") + link("camera", mass("0.2", zero)) + link("arm", mass("12", zero) + box) +
+              link("load", mass("3", zero)) +
+              link("rod", mass("1", "ixx='0' ixy='0' ixz='0' iyy='0.5' iyz='0' izz='0.5'")) +
+              joint("f", "fixed", "base", "camera") + joint("a", "continuous", "base", "arm") +
+              joint("b", "continuous", "arm", "load") + joint("c", "continuous", "load", "rod"),
+          &world);
+  const auto moments = [&](const char* body) { return world.body(world.find_body(body)).inertia; };
+  // 12 kg (1 + 9, 4 + 9, 1 + 4) / 12, with x and y exchanged
+  EXPECT_LT((moments("arm/com") - Vector3d(10.0, 13.0, 5.0)).cwiseAbs().minCoeff(), 1e-12);
+  EXPECT_NEAR(moments("arm/com").sum(), 28.0, 1e-12);
+  const engine::Body arm = world.body(world.find_body("arm/com"));
+  const Vector3d along_box_x =
+      arm.state.orientation.conjugate() * Vector3d::UnitY();  // x of the box, in the body
+  EXPECT_NEAR(along_box_x.cwiseAbs2().dot(arm.inertia), 13.0, 1e-12);
+  EXPECT_NEAR(arm.state.position.x(), 0.1, 1e-15);
+  // 0.4 m r², where 4/3 pi r³ 1000 kg/m³ = 3 kg: r = 0.0894700 m
+  EXPECT_LT((moments("load/com") - Vector3d::Constant(0.4 * 3.0 * 0.08947 * 0.08947)).norm(), 1e-6);
+  EXPECT_LT((moments("rod/com") - Vector3d(5e-7, 0.5, 0.5)).norm(), 1e-15);
+  EXPECT_EQ(
+      r.warnings,
+      (std::vector<std::string>{
+          "link 'rod' has a principal moment of inertia of 0, as a thin rod: it gets 5e-07 kg "
+          "m^2",
+          "link 'arm' has a mass and an inertia of 0: it gets that of its shape",
+          "link 'load' has a mass and an inertia of 0: it gets that of a sphere with the "
+          "density of water, whose radius is 0.089470 m"}));
+}
+
 // A table of a top and four legs, in one link, stands on its legs: at rest, the floor carries
 // m g, and nothing sinks beyond the tolerance of contacts.
 TEST(Urdf, ATableStandsOnItsLegs) {
@@ -503,10 +544,10 @@ TEST(Urdf, FaultsAreNamedAndNothingIsAdded) {
                   "<inertial><mass value='-1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "
                   "iyz='0' izz='1'/></inertial>")),
        "", "link 'base' must have a mass >= 0"},
-      {"no inertia",
+      {"negative moment",
        robot(link("base",
-                  "<inertial><mass value='1'/><inertia ixx='0' ixy='0' ixz='0' iyy='0' "
-                  "iyz='0' izz='0'/></inertial>")),
+                  "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "
+                  "iyz='0' izz='-0.1'/></inertial>")),
        "", "link 'base' has no inertia, or one that is not positive definite"},
       {"inertia not definite",
        robot(link("base",

@@ -112,7 +112,9 @@ class ExceptionSearch {
   }
 
   void except(IndexPair pair) {
-    if (is_excepted(pair)) return;
+    const bool are_static = bodies_[pair.first].type == engine::BodyType::kStatic &&
+                            bodies_[pair.second].type == engine::BodyType::kStatic;
+    if (are_static || is_excepted(pair)) return;
     if (excepted_.size() < kMostPairs)
       excepted_.insert(std::minmax(pair.first, pair.second));
     else

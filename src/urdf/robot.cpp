@@ -98,9 +98,9 @@ engine::JointKind kind_of(const urdf::Joint& joint) {
   }
 }
 
-/// Replaces one moment of 0, up to rounding, by 1e-6 of the others. Returns whether there was one.
+/// Replaces one moment of 0, up to rounding, by 1e-4 of the largest. Returns whether there was one.
 bool fill_in_thin_rod(Vector3d* moments) {
-  constexpr double kRounding = 1e-12, kShare = 1e-6;
+  constexpr double kRounding = 1e-12, kShare = 1e-4;
   const double most = moments->maxCoeff();
   Eigen::Index least = 0;
   const double smallest = moments->minCoeff(&least);

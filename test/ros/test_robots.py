@@ -206,7 +206,7 @@ class Robots(support.ServiceCase):
             self.assertTrue(answer.success, answer.status_message)
             self.assertIn("joints that move no mass are fixed", answer.status_message)
             self.assertIn("'turn' at 0.5 (link 'tool0')", answer.status_message)
-            self.assertIn("'cross' 1e-06 kg", answer.status_message)
+            self.assertIn("'cross' 0.0001 kg", answer.status_message)
             self.assertEqual(answer.constraints, ["left/pitch", "left/roll"])
             for topic in ("/joint_states", "/robots/left/joint_states"):
                 state = rospy.wait_for_message(support.NODE + topic, JointState, timeout=20)

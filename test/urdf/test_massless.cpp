@@ -6,6 +6,7 @@
 
 #include "draw.h"
 #include "robots.h"
+#include "urdf/contact_exceptions.h"
 #include "urdf/massless.h"
 #include "urdf/parse.h"
 
@@ -97,7 +98,7 @@ TEST(Massless, FollowersOfFixedJointsAreFixed) {
 }
 
 // Two hinges on a massless cross are a universal joint. The deviation grows with the share of the
-// mass: 2e-8 m in 2 s, as computed with shares of 1e-2 to 1e-8 [m].
+// mass: 2e-6 m in 2 s at 1e-4, as computed with shares of 1e-2 to 1e-8 [m].
 TEST(Massless, ACrossBetweenHingesIsAUniversalJoint) {
   engine::WorldOptions options;
   options.time_step = 0.01;
@@ -107,7 +108,7 @@ TEST(Massless, ACrossBetweenHingesIsAUniversalJoint) {
                                     joint_of("b", "continuous", "cross", "foot", kAboutY),
                                 &hinges, fixed_at({0.0, 0.0, 1.0}));
   EXPECT_TRUE(says(robot, "links between joints have no mass")) << all_warnings(robot);
-  EXPECT_TRUE(says(robot, "'cross' 2e-06 kg")) << all_warnings(robot);
+  EXPECT_TRUE(says(robot, "'cross' 0.0002 kg")) << all_warnings(robot);
   engine::Body foot = hinges.body(hinges.find_body("foot/com"));
   engine::Joint joint;
   joint.name = "u";
@@ -125,11 +126,11 @@ TEST(Massless, ACrossBetweenHingesIsAUniversalJoint) {
   const Vector3d found = hinges.state(hinges.find_body("foot/com")).position;
   const Vector3d expected = universal.state(universal.find_body("foot/com")).position;
   EXPECT_GT((expected - foot.state.position).norm(), 0.1);
-  EXPECT_LT((found - expected).norm(), 1e-7);
+  EXPECT_LT((found - expected).norm(), 1e-5);
 }
 
 // A base on x, y and yaw slides down a slope of 0.3 rad: x = g sin(0.3) t² / 2, and the yaw turns
-// at its own rate. The relative deviation is the masses of both links, of 1e-6 each.
+// at its own rate. The relative deviation is the masses of both links, of 1e-4 each.
 TEST(Massless, LinksOfAPlanarBaseMoveAlongIt) {
   engine::WorldOptions world_options;
   world_options.time_step = 0.01;
@@ -151,9 +152,9 @@ TEST(Massless, LinksOfAPlanarBaseMoveAlongIt) {
   world.set_state(world.find_body("base/com"), state);
   for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().failed);
   const double x = 0.5 * 9.81 * std::sin(0.3);
-  EXPECT_NEAR(position_of(world, "x"), x, 3e-6 * x);
+  EXPECT_NEAR(position_of(world, "x"), x, 3e-4 * x);
   EXPECT_NEAR(position_of(world, "y"), 0.0, 1e-9);
-  EXPECT_NEAR(position_of(world, "yaw"), 2.0, 1e-5);
+  EXPECT_NEAR(position_of(world, "yaw"), 2.0, 1e-3);
 }
 
 // A free root without mass belongs to the link behind its only joint.
@@ -217,6 +218,47 @@ TEST(Massless, AnInertiaWithoutAMassTurns) {
   EXPECT_NEAR(position_of(world, "a"), 0.5 * 10.0 * t * t, 1e-2 * 5.0 * t * t);
 }
 
+// A trunk of 5 kg stands on one foot, on a two-hinge ankle whose cross has no mass, and whose
+// motors hold it: the floor carries the weight through the cross.
+TEST(Massless, ATrunkStandsOnAMasslessAnkle) {
+  const auto box = [](const char* mass, const char* centre, const char* size) {
+    return std::string("<inertial><origin xyz='") + centre + "'/><mass value='" + mass +
+           "'/><inertia ixx='0.05' ixy='0' ixz='0' iyy='0.05' iyz='0' izz='0.05'/></inertial>"
+           "<collision><origin xyz='" +
+           centre + "'/><geometry><box size='" + size + "'/></geometry></collision>";
+  };
+  const std::string limit = "<limit effort='200' velocity='3'/>";
+  engine::WorldOptions options;
+  options.time_step = 0.005;
+  World world(options);
+  engine::Body floor;
+  floor.name = "floor";
+  floor.type = engine::BodyType::kStatic;
+  floor.shape = engine::Plane{};
+  floor.friction = 0.8;
+  world.add_body(floor);
+  RobotOptions robot_options;
+  robot_options.pose.position.z() = 0.1;
+  robot_options.extra = "{hold: true, links: {foot: {friction: 0.8}}}";
+  const Robot robot =
+      add_links(link_of("trunk", box("5", "0.01 0.01 0.3", "0.1 0.1 0.4")) + link_of("cross") +
+                    link_of("foot", box("0.5", "0 0 -0.075", "0.3 0.2 0.05")) +
+                    joint_of("pitch", "continuous", "trunk", "cross", kAboutY + limit) +
+                    joint_of("roll", "continuous", "cross", "foot", kAboutX + limit),
+                &world, robot_options);
+  EXPECT_TRUE(says(robot, "'cross' 5e-05 kg")) << all_warnings(robot);
+  const Vector3d before = world.state(world.find_body("trunk/com")).position;
+  double force = 0.0;
+  for (int i = 0; i < 400; ++i) {
+    ASSERT_FALSE(world.step().failed);
+    force = 0.0;
+    for (const engine::Contact& contact : world.contacts()) force += contact.normal_force;
+  }
+  EXPECT_NEAR(force, 5.5 * 9.81, 1e-3 * 5.5 * 9.81);
+  EXPECT_LT((world.state(world.find_body("trunk/com")).position - before).norm(), 1e-3);
+  for (const char* joint : {"pitch", "roll"}) EXPECT_LT(std::abs(position_of(world, joint)), 1e-3);
+}
+
 // ---- random robots
 
 struct RandomRobot {
@@ -248,6 +290,12 @@ RandomRobot make_random_robot(std::uint64_t seed) {
                "'/><inertia ixx='0.01' ixy='0' ixz='0' iyy='0.012' iyz='0' izz='0.015'/>"
                "</inertial>";
     }
+    while (number(3) == 0)
+      inside += "<collision><origin xyz='0." + std::to_string(number(4)) + " 0 0." +
+                std::to_string(number(4)) + "' rpy='0." + std::to_string(number(9)) +
+                " 0 0'/><geometry>" +
+                (number(2) == 0 ? "<box size='0.1 0.2 0.3'/>" : "<sphere radius='0.1'/>") +
+                "</geometry></collision>";
     if (number(6) == 0) inside += "<visual><geometry><box size='1 1 1'/></geometry></visual>";
     robot.text += link_of(name, inside);
     if (i == 0) continue;
@@ -278,7 +326,7 @@ RandomRobot make_random_robot(std::uint64_t seed) {
 // Each link is where the URDF has it, each joint is there or named, and the masses add up. Robots
 // hold their poses, or are rejected with the name of a link.
 TEST(Massless, RandomRobotsLoadOrAreRejectedByName) {
-  int loaded = 0, rejected = 0, changed = 0;
+  int loaded = 0, rejected = 0, changed = 0, held = 0;
   const std::uint64_t count = engine::kIsLongRun ? 20000 : 500;
   for (std::uint64_t seed = 1; seed <= count; ++seed) {
     SCOPED_TRACE(seed);
@@ -291,7 +339,9 @@ TEST(Massless, RandomRobotsLoadOrAreRejectedByName) {
     const std::string message = refusal([&] { robot = add_robot(random.text, options, &world); });
     if (!message.empty()) {
       ++rejected;
-      EXPECT_NE(message.find("urdf: link '"), std::string::npos) << message;
+      const bool names_one = message.find("urdf: link '") != std::string::npos ||
+                             message.find("urdf: joint '") != std::string::npos;
+      EXPECT_TRUE(names_one) << message;
       EXPECT_TRUE(world.body_ids().empty());
       continue;
     }
@@ -301,22 +351,32 @@ TEST(Massless, RandomRobotsLoadOrAreRejectedByName) {
     double mass = 0.0;
     for (const engine::BodyId id : world.body_ids()) mass += world.body(id).mass;
     if (!options.fixed && world.body(world.body_ids().front()).type == engine::BodyType::kDynamic) {
-      EXPECT_NEAR(mass, random.mass, 1e-5 * random.mass);
+      EXPECT_NEAR(mass, random.mass, 1e-3 * random.mass);
     }
     for (const auto& [joint, q] : robot.fixed_joints) {
       EXPECT_TRUE(says(robot, "'" + joint + "'")) << joint;
-      EXPECT_FALSE(world.has_joint(joint));
+      if (world.has_joint(joint)) {  // between bodies with masses and shapes of their own
+        EXPECT_EQ(world.joint(world.find_joint(joint)).kind, engine::JointKind::kWeld);
+      }
     }
     std::map<std::string, double> before;
     for (const std::string& joint : robot.constraints)
-      if (engine::coordinates(world.joint(world.find_joint(joint)).kind) == 1)
+      if (engine::coordinates(world.joint(world.find_joint(joint)).kind) == 1 &&
+          !is_contact_exception(world.joint(world.find_joint(joint))))
         before[joint] = position_of(world, joint);
-    for (int i = 0; i < 20; ++i) ASSERT_FALSE(world.step().failed) << random.text;
+    bool is_touched = false;
+    for (int i = 0; i < 20; ++i) {
+      ASSERT_FALSE(world.step().failed) << random.text;
+      is_touched = is_touched || !world.contacts().empty();
+    }
+    if (is_touched) continue;
+    ++held;
     // motors within their efforts leave rounding
     for (const auto& [joint, q] : before)
       EXPECT_NEAR(position_of(world, joint), q, 1e-6) << joint << "\n" << random.text;
   }
   EXPECT_GT(loaded, static_cast<int>(count / 2));
+  EXPECT_GT(held, static_cast<int>(count / 4));
   EXPECT_GT(changed, 10);
   EXPECT_GT(rejected, 0);
 }

@@ -18,6 +18,10 @@ target_include_directories(constraint_sim_python SYSTEM PRIVATE
 target_compile_definitions(constraint_sim_python PRIVATE
   CONSTRAINT_SIM_VERSION="${PROJECT_VERSION}")
 target_link_libraries(constraint_sim_python PRIVATE constraint_sim_engine)
+if(TARGET constraint_sim_urdf)
+  target_compile_definitions(constraint_sim_python PRIVATE CONSTRAINT_SIM_URDF)
+  target_link_libraries(constraint_sim_python PRIVATE constraint_sim_urdf)
+endif()
 set_target_properties(constraint_sim_python PROPERTIES OUTPUT_NAME engine)
 
 # In devel space, or in BUILD/python: with the sources' python/ on PYTHONPATH as well, the package

@@ -669,6 +669,24 @@ class World:
     def warnings(self) -> List[str]:
         """What the world has that may not be meant, one line each: inertias that no distribution
         of mass has."""
+    def add_urdf(self, text: str, prefix: str = ..., position: Vector = ...,
+                 orientation: Vector = ..., fixed: bool = ..., extra: str = ...,
+                 srdf: str = ...) -> Dict[str, Any]:
+        """add_urdf(text, prefix='', position=(0, 0, 0) [m], orientation=(0, 0, 0, 1) x y z w,
+        fixed=False, extra='', srdf='')
+
+        Adds the robot of a URDF; `extra` is the YAML of docs/robots.md. Returns a dict of its
+        name, the names of bodies and constraints, links by name with body, position [m] and
+        orientation in the body, fixed_joints that move no mass, and warnings: all that deviates
+        from the URDF. Raises ValueError and adds nothing where the robot is rejected."""
+    def add_urdf_file(self, path: str, prefix: str = ..., position: Vector = ...,
+                      orientation: Vector = ..., fixed: bool = ...,
+                      extra: Optional[str] = ...) -> Dict[str, Any]:
+        """add_urdf_file(path, prefix='', position=(0, 0, 0) [m], orientation=(0, 0, 0, 1) x y z w,
+        fixed=False, extra=None)
+
+        The same of a file, with the .yaml and .srdf of the same name beside it; an `extra`
+        replaces the YAML."""
     def save_scene(self) -> str:
         """The world as it is now, as text of a scene; every number to 4 ulp."""
     def save_scene_file(self, path: str) -> None:

@@ -23,6 +23,7 @@ void make_by_call_alone(py::handle type);
 
 using WorldClass = py::class_<SharedWorld>;
 void define_joints(WorldClass* world);
+void define_robots(WorldClass* world);
 void define_verify(WorldClass* world);
 
 /// Returns an estimate; None for NaN, which means that there is no estimate.

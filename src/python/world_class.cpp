@@ -373,6 +373,7 @@ void define_world(py::module* module) {
   define_states(&world);
   define_arrays(&world);
   define_joints(&world);
+  define_robots(&world);
   define_wrenches(&world);
   define_motion(&world);
   define_verify(&world);

@@ -744,6 +744,33 @@ def test_time_limit_and_interrupt():
     assert process.returncode == 0
 
 
+def test_robots_of_urdfs():
+    """The shipped arm holds its pose for 1 s by the YAML beside it; what deviates is named."""
+    world = engine.World(time_step=0.01)
+    robot = world.add_urdf_file(str(SOURCES / 'config/robots/arm.urdf'), prefix='left/', position=(0, 2, 0), fixed=True)
+    assert robot['name'] == 'arm' and 'left/base_link/com' in robot['bodies']
+    assert robot['links']['left/tool0']['body'] in robot['bodies']
+    first = {name: world.joint_state(name)['coordinates'][0]['position'] for name in robot['constraints']
+             if not name.startswith('left/no_contact')}
+    assert 'left/elbow' in first
+    world.run(1.0)
+    for name, position in first.items():
+        assert abs(world.joint_state(name)['coordinates'][0]['position'] - position) < 1e-9  # rounding
+    before = world.state_hash
+    mass = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    text = ('<robot name="r"><link name="a">' + mass + '</link><link name="tool0"/><joint name="turn" '
+            'type="continuous"><parent link="a"/><child link="tool0"/></joint></robot>')
+    for bad in ('', '<sdf version="1.6"/>', text.replace('value="2"', 'value="-2"')):
+        with pytest.raises(ValueError):
+            world.add_urdf(bad)
+    assert world.state_hash == before
+    robot = world.add_urdf(text, extra='positions: {turn: 0.5}')
+    assert robot['fixed_joints'] == {'turn': 0.5}
+    assert any("'turn' at 0.5 (link 'tool0')" in warning for warning in robot['warnings'])
+    with pytest.raises(ValueError, match="already a body named 'a/com'"):
+        world.add_urdf(text)
+
+
 def test_stubs_name_what_there_is():
     """engine.pyi has every class, method, property and function of the module, and no others."""
     stubs = ast.parse((SOURCES / 'python/constraint_sim/engine.pyi').read_text())

@@ -285,6 +285,12 @@ INSTANTIATE_TEST_SUITE_P(
     Document, RefusedScene,
     testing::Values(BadScene{"", "s:1: expected a scene, got nothing"},
                     BadScene{"# only a comment\n", "s:1: expected a scene, got nothing"},
+                    BadScene{" <?xml version='1.0'?><robot/>",
+                             "s: expected YAML, got XML; the node's parameter robot, load_urdf and "
+                             "Python's add_urdf load robots from URDFs"},
+                    BadScene{"<robot name='r'/>",
+                             "s: expected YAML, got XML; the node's parameter robot, load_urdf and "
+                             "Python's add_urdf load robots from URDFs"},
                     BadScene{"- a\n", "s:1: expected a map, got a list of 1"},
                     BadScene{"\nword\n", "s:2: expected a map, got 'word'"},
                     BadScene{"world: {}\n---\nworld: {}\n",

@@ -42,6 +42,13 @@ YamlElement YamlElement::parse(const std::string& text, const std::string& sourc
   if (text.size() > kMostSceneBytes)
     throw SceneError(source + ": must be at most " + std::to_string(kMostSceneBytes) +
                      " bytes, got " + std::to_string(text.size()));
+  const std::size_t start = text.find_first_not_of(" \t\r\n");
+  const bool is_xml = start != std::string::npos && text[start] == '<' &&
+                      text.compare(start, 2, "<<") != 0;  // a merge key of YAML
+  if (is_xml)
+    throw SceneError(source +
+                     ": expected YAML, got XML; the node's parameter robot, load_urdf and Python's "
+                     "add_urdf load robots from URDFs");
   std::shared_ptr<const Document> document;
   try {
     document = std::make_shared<const Document>(Document{YamlTree(text), source});

@@ -110,8 +110,11 @@ void World::set_joint(JointId id, const Joint& joint) {
   if (!are_same(changed.motor, before.motor)) state.expires_at = end_of(changed.motor, time());
   const bool is_resized = is_distance && !have_same_length(changed.distance, before.distance);
   if (is_resized) state.travel = 0.0;
-  const bool is_turned = changed.distance.one_sided != before.distance.one_sided;
-  if (is_resized || is_turned || changed.enabled != before.enabled) edits.restart();
+  const bool is_another_law = changed.distance.one_sided != before.distance.one_sided ||
+                              is_rigid(changed) != is_rigid(before);
+  // reset() returns to a saved state only with the length and the law that it belongs to
+  if (is_resized || is_another_law) impl_->joint_starts[j].state.reset();
+  if (is_resized || is_another_law || changed.enabled != before.enabled) edits.restart();
   if (changed.enabled && !before.enabled) edits.hold_from_here();
 }
 

@@ -317,6 +317,26 @@ TEST(SetJoint, LeavesNothingOfASavedStateToAReset) {
   }
 }
 
+// A reset joint of a saved scene turns angles into distances by the inertia of its bodies as it is.
+TEST(SetBody, ChangesTheErrorOfASavedJointThatIsReset) {
+  World world(weightless(0.01));
+  const BodyId box = world.add_body(make_body("box", Box{{0.2, 0.2, 0.2}}, 1.0, Vector3d::Zero()));
+  Joint weld = hang("weld", box, JointKind::kWeld);
+  weld.frame_a = Eigen::AngleAxisd(0.1, Vector3d::UnitX());
+  weld.frame_b = Eigen::Quaterniond::Identity();
+  const JointId id = world.add_joint(weld);
+  world.step();
+  World loaded = load_scene(save_scene(world));
+  Body heavy = loaded.body(box);
+  heavy.inertia = {4.0, 4.0, 4.0};
+  for (World* changed : {&world, &loaded}) {
+    changed->set_body(box, heavy);
+    changed->reset();
+  }
+  EXPECT_EQ(loaded.joint_state(id).radius, 2.0);  // sqrt(4 kg m^2 / 1 kg)
+  EXPECT_EQ(world.joint_state(id).radius, 2.0);
+}
+
 // The laws of one coordinate leave the others, and their timeouts, unchanged.
 TEST(SetJoint, ChangesLawsApart) {
   World world = driven_box(Method::kRungeKutta, 0.01);

@@ -28,13 +28,15 @@ void JointEdits::start() {
   set_ends(joint, now, &state);
   const std::size_t a = world_.index(joint.body_a), b = world_.index(joint.body_b);
   const MassProperties &mass_a = world_.masses[a], &mass_b = world_.masses[b];
-  state.radius = std::max(mass_a.radius_of_gyration(), mass_b.radius_of_gyration());
+  const double radius = std::max(mass_a.radius_of_gyration(), mass_b.radius_of_gyration());
+  state.radius = radius;
   if (couples_joints(joint.kind))
     read_coupling(world_.terms_of(j_), world_.joint_states, &state.coupling);
   begin_coordinates(joint, world_.states[a], world_.states[b], state);
   begin_joint(joint, world_.states[a], world_.states[b], now, state, mass_b.can_turn());
   if (start.state) {
     state = *start.state;
+    state.radius = radius;  // set_body() may have changed the bodies since
     const double elapsed = now - start.time;
     visit_motors(joint, state, [&](const Motor&, double& end) { end += elapsed; });
     visit_starts(state.to_close, [&](double& since) { since += elapsed; });

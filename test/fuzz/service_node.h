@@ -178,6 +178,7 @@ class ServiceNode {
 
   const std::uint64_t digest_;
   const bool replays_ = is_one_of(8, digest_ / 1024);  // each edit, and computes its hashes
+  const bool verifies_ = is_one_of(8, digest_ / 8192);
   int stopped_steps_ = 0;
   Parameters parameters_;
   Robots robots_;
@@ -317,14 +318,18 @@ inline void ServiceNode::restore_snapshot(const RestoreSnapshotRequest& request)
   });
 }
 
+/// Verifies the world, which steps five copies, in a share of the executions.
 inline void ServiceNode::verify(std::uint32_t steps) {
+  if (!verifies_ || stopped_steps_ >= kMostStoppedSteps) return;
   attempt([&](engine::World& world) {
     engine::VerifyOptions options;
     options.ticks = steps % 4;
     watchdog().start(step_interval(digest_));
     options.stop = watchdog().flag();
     VerifyResponse response;
-    response.table = engine::to_table(engine::verify(world, options));
+    const engine::VerifyReport report = engine::verify(world, options);
+    if (report.stopped) ++stopped_steps_;
+    response.table = engine::to_table(report);
     serialized(response);
   });
 }

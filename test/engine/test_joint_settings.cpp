@@ -3,6 +3,7 @@
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/snapshot.h"
 #include "random_joints.h"
 #include "support.h"
 
@@ -335,6 +336,36 @@ TEST(SetBody, ChangesTheErrorOfASavedJointThatIsReset) {
   }
   EXPECT_EQ(loaded.joint_state(id).radius, 2.0);  // sqrt(4 kg m^2 / 1 kg)
   EXPECT_EQ(world.joint_state(id).radius, 2.0);
+}
+
+// Fields that a kind does not use may hold anything: they are neither kept nor compared.
+TEST(SetJoint, IgnoresFieldsOfOtherKinds) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  for (std::size_t k = 0; k < kJointKindCount; ++k) {
+    const auto kind = static_cast<JointKind>(k);
+    if (is_custom(kind) || couples_joints(kind)) continue;
+    World world = pair(kind, Method::kRungeKutta, 0.01);
+    const Joint plain = world.joint(world.joint_ids().front());
+    world.remove_joint(world.joint_ids().front());
+    Joint joint = plain;
+    joint.coupling.ratio = kNone;
+    if (!has_pitch(kind)) joint.pitch = kNone;
+    joint.custom = {"none", {{"k", kNone}}, {}};
+    if (if_distance(joint) == nullptr) joint.distance.stiffness = kNone;
+    const JointId id = world.add_joint(joint);
+    joint = world.joint(id);
+    joint.coupling.ratio = kNone;
+    if (if_distance(joint) == nullptr) joint.distance.damping = kNone;
+    world.set_joint(id, joint);
+    const World read = read_snapshot(write_snapshot(world));
+    EXPECT_EQ(read.state_hash(), world.state_hash()) << name(kind);
+    if (coordinates(kind) == static_cast<int>(kMaxCoordinates)) continue;
+    joint = plain;
+    joint.name = "other";
+    joint.coordinates.back().rest = kNone;
+    EXPECT_THROW(world.add_joint(joint), std::invalid_argument) << name(kind);
+    EXPECT_THROW(world.set_joint(id, joint), std::invalid_argument) << name(kind);
+  }
 }
 
 // The laws of one coordinate leave the others, and their timeouts, unchanged.

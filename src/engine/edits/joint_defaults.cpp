@@ -85,7 +85,6 @@ double inverse_effective_mass(const Model& model, const State& state, const Join
 
 /// Fills in frame B where it is left out, from the present poses of the bodies.
 void fill_in_frames(const Model& model, const State& state, Joint* joint) {
-  joint->distance = DistanceJoint{};
   const JointKindInfo& kind = info(joint->kind);
   if (!kind.has_frames) {
     joint->frame_a.setIdentity();
@@ -113,7 +112,18 @@ void fill_in_frames(const Model& model, const State& state, Joint* joint) {
 
 }  // namespace
 
+void clear_unused(Joint* joint) {
+  if (!has_length(joint->kind)) joint->distance = DistanceJoint{};
+  if (!has_pitch(joint->kind)) joint->pitch = 0.0;
+  if (!is_custom(joint->kind)) joint->custom = CustomElement{};
+  if (couples_joints(joint->kind)) return;
+  const std::optional<double> value = joint->coupling.value;
+  joint->coupling = Coupling{};
+  if (has_pitch(joint->kind)) joint->coupling.value = value;
+}
+
 void fill_in(const Model& model, const State& state, Joint* joint) {
+  clear_unused(joint);
   auto* distance = if_distance(*joint);
   if (distance == nullptr) {
     fill_in_frames(model, state, joint);

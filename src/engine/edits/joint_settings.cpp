@@ -1,5 +1,6 @@
 // Settings of a joint changed while it acts: laws, springs, limits, motors, and whether it acts.
 
+#include <algorithm>
 #include <tuple>
 
 #include "engine/constraints/joint.h"
@@ -58,6 +59,12 @@ void check_same_place(const Joint& joint, const Joint& before) {
   check("one_sided", joint.coupling.one_sided == before.coupling.one_sided);
   check("value", joint.coupling.value == before.coupling.value);
   check("pitch", joint.pitch == before.pitch);
+  check("custom", joint.custom.type == before.custom.type);
+  const auto is_same = [](const CustomParameter& a, const CustomParameter& b) {
+    return a.name == b.name && a.value == b.value;
+  };
+  const CustomParameters &now = joint.custom.parameters, &then = before.custom.parameters;
+  check("parameters", std::equal(now.begin(), now.end(), then.begin(), then.end(), is_same));
 }
 
 /// Checks that joints stay enabled as long as an enabled coupling couples them.
@@ -79,8 +86,10 @@ void check_coupled_act(const Model& model, std::size_t j, bool enabled) {
 void World::set_joint(JointId id, const Joint& joint) {
   const std::size_t j = impl_->index(id);
   const Joint before = impl_->joints[j];
-  check_same_place(joint, before);
   Joint changed = joint;
+  clear_unused(&changed);
+  check_same_place(changed, before);
+  changed.custom = before.custom;  // with its functions, which callers need not have
   replace_spring(before.distance, &changed.distance);
   JointEdits::LawChanges changes{};
   for (std::size_t i = 0; i < changes.size(); ++i) {

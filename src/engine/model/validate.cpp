@@ -319,9 +319,8 @@ void validate_motor(const Joint& joint) {
 void validate_coordinates(const Joint& joint) {
   for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
     const CoordinateLaw& law = joint.coordinates[i];
-    if (static_cast<int>(i) < coordinates(joint.kind))
-      validate(law);
-    else if (!law.is_none())
+    validate(law);
+    if (static_cast<int>(i) >= coordinates(joint.kind) && !law.is_none())
       refuse("coordinates", "a " + std::string(name(joint.kind)) + " joint has " +
                                 std::to_string(coordinates(joint.kind)) +
                                 " with laws, got one for number " + std::to_string(i));

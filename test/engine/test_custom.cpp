@@ -308,6 +308,46 @@ TEST_F(Custom, WhatIsNotThereIsRefused) {
 
 // ---- failures in a step
 
+/// A plane x = 0 whose function ends at x = 1.
+struct EndingPlane : CustomConstraint {
+  double value(const FramePair& at) const override { return at.d.x() > 1.0 ? kNaN : at.d.x(); }
+  FramePair gradient(const FramePair& at) const override {
+    FramePair g;
+    g.d.x() = at.d.x() > 1.0 ? kNaN : 1.0;
+    return g;
+  }
+  double gamma(const FramePair& /*at*/, const FramePair& /*rates*/) const override { return 0.0; }
+};
+
+// A world with a body where the function of a joint fails is saved, loaded and copied, and says in
+// its next step what failed.
+TEST_F(Custom, WhereItsFunctionFailsIsSavedAndLoaded) {
+  register_custom_constraint(
+      "test/ending", [](const CustomParameters& /*p*/) { return std::make_shared<EndingPlane>(); });
+  for (const double error : {0.0, 0.1})  // also while an error is closing
+    for (const bool steps : {false, true}) {
+      World world;
+      const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {error, 0.0, 0.0}));
+      world.add_joint(custom("test/ending", {}, id));
+      if (steps) run(world, 3);
+      BodyState there = world.state(id);
+      there.position.x() = 2.0;
+      world.set_state(id, there);
+      const std::string text = save_scene(world);
+      World loaded = load_scene(text);
+      EXPECT_EQ(save_scene(loaded), text);
+      World read = read_snapshot(write_snapshot(world));
+      EXPECT_EQ(read.state_hash(), world.state_hash());
+      World reset = loaded;
+      reset.reset();
+      EXPECT_EQ(save_scene(load_scene(save_scene(reset))), save_scene(reset));
+      for (World* of : {&world, &loaded, &read}) {
+        EXPECT_EQ(of->step().failure, Failure::kCustom);
+        EXPECT_EQ(of->failed_joint(), of->find_joint("custom"));
+      }
+    }
+}
+
 TEST_F(Custom, WhatFailsIsToldByItsNameAndKeepsTheStateBefore) {
   for (const Method method : kAllMethods) {
     for (const double throws : {0.0, 1.0}) {

@@ -378,7 +378,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
     measure_joint(joint, a, b, state.bias, Passed{}, frame, state);
     state.to_close.offset = row_errors(joint, a, b, state);
   } catch (const CustomFailure&) {  // the next step reports the failure
-    state.error = std::numeric_limits<double>::quiet_NaN();
+    state.error = 0.0;  // no number is known, and a snapshot must not hold one that is not finite
   }
   state.initial_error = state.error;
   state.to_close.since = t;

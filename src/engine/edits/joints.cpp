@@ -96,14 +96,13 @@ CoupledTerms Model::terms_of(std::size_t j) const {
 }
 
 JointId World::add_joint(const Joint& joint, bool broken) {
-  validate(joint);
-  if (couples_joints(joint.kind) && joint.enabled && !broken)
-    check_coupling_loop(*impl_, *impl_, joint);
-  return impl_->add_joint(joint, broken);
+  return impl_->add_joint(joint, broken, false);
 }
 
-JointId World::Impl::add_joint(const Joint& joint, bool broken) {
+JointId World::Impl::add_joint(const Joint& joint, bool broken, bool is_saved) {
   validate(joint);
+  if (couples_joints(joint.kind) && joint.enabled && !broken && !is_saved)
+    check_coupling_loop(*this, *this, joint);
   if (joint_by_name.count(joint.name) > 0)
     refuse("name", "there is already a constraint named " + in_quotes(joint.name));
   Joint filled = joint;
@@ -115,13 +114,13 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
     filled.anchor_b.setZero();
   } else {
     check_ends(*this, joint);
-    filled.coupling.first = filled.coupling.second = JointId{};  // unused; a snapshot checks ids
   }
   fill_in(*this, *this, &filled);
   if (is_custom(filled.kind)) {
     make_custom_code(&filled);
-    filled.custom.code->check(
-        JointVectors(filled, states[index(filled.body_a)], states[index(filled.body_b)]));
+    if (!is_saved)
+      filled.custom.code->check(
+          JointVectors(filled, states[index(filled.body_a)], states[index(filled.body_b)]));
   }
 
   const JointId id = issue(&next_joint_id);

@@ -1,6 +1,7 @@
 #include "engine/edits/saved_state.h"
 
 #include "engine/constraints/closing_errors.h"
+#include "engine/constraints/custom.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/edits/motor_ends.h"
@@ -42,9 +43,13 @@ void continue_joint(std::size_t j, const JointState& saved, WorldImpl* world) {
     state.initial_error = saved.initial_error;
   }
   state.coordinates = saved.coordinates;  // open_joint() read them in another closing frame
-  measure_joint(joint, world->states[world->index(joint.body_a)],
-                world->states[world->index(joint.body_b)],
-                joint_step(world->options, world->time(), world->options.time_step), state);
+  try {
+    measure_joint(joint, world->states[world->index(joint.body_a)],
+                  world->states[world->index(joint.body_b)],
+                  joint_step(world->options, world->time(), world->options.time_step), state);
+  } catch (const CustomFailure&) {  // the next step reports the failure
+    state.error = 0.0;
+  }
   for (std::size_t i = 0; i < kMaxCoordinates; ++i)
     state.coordinates[i].position = saved.coordinates[i].position;  // to the bit
   world->joint_starts[j].state = state;
@@ -56,6 +61,7 @@ bool is_as_added(const WorldImpl& world, JointId id) {
   const std::size_t j = world.index(id);
   const JointState& state = world.joint_states[j];
   Joint joint = world.joints[j];
+  if (is_custom(joint.kind)) return false;  // adding it might be rejected by its functions
   if (couples(joint.kind))
     joint.coupling.value = state.coupling.constant;  // scenes save the constant as `value`
   JointState added;

@@ -303,10 +303,9 @@ World load_scene(const std::string& text, const std::string& source, const World
     item.read("broken", &broken);
     const auto state = item.find("state");
     auto& impl = ImplAccess::of(world);
-    // Saved joints are added without a check for contradictions, so that they continue even where
-    // they contradict each other.
-    const JointId id = item.attempt(
-        [&] { return state ? impl.add_joint(joint, broken) : world.add_joint(joint, broken); });
+    // Saved joints continue even where they contradict each other or their own functions fail.
+    const JointId id =
+        item.attempt([&] { return impl.add_joint(joint, broken, state.has_value()); });
     if (state) {
       continue_joint(impl.index(id), read_joint_state(*state, joint.kind), &impl);
       impl.self_stress[impl.index(id)] = read_self_stress(*state, joint.kind);

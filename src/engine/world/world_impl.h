@@ -62,7 +62,9 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
 
   // ---- editing (edits/)
   const List<std::size_t>& joints_on(std::size_t body);
-  JointId add_joint(const Joint& joint, bool broken);
+  /// Adds a joint. `is_saved`: it continues from a saved state, so it is not checked to fit others
+  /// or, by its functions, the present poses.
+  JointId add_joint(const Joint& joint, bool broken, bool is_saved);
   void wake_ends(const Joint& joint);
   void forget_contacts();
   bool is_known(const TouchingPair& pair) const;

@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/snapshot.h"
 #include "shipped_scenes.h"
 #include "support.h"
 #include "test_paths.h"
@@ -324,6 +325,30 @@ TEST(Saved, RejectsClosingsBeyondTheBoundOfNumbers) {
     } catch (const std::exception& error) {
       EXPECT_NE(std::string(error.what()).find(key), std::string::npos) << error.what();
     }
+  }
+}
+
+// Contacts of a body that collides with nothing any longer are not saved, whether it is awake or
+// not.
+TEST(Saved, ForgetsContactsOfABodyThatNoLongerCollides) {
+  for (const int steps : {5, 300}) {
+    World world(options(0.01));
+    world.add_body(make_floor(0.5));
+    const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.1 - 1e-4}));
+    run(world, steps);
+    ASSERT_FALSE(world.contacts().empty());
+    Body through = world.body(ball);
+    through.no_collision = true;
+    world.set_body(ball, through);
+    const std::string text = save_scene(world);
+    EXPECT_EQ(text.find("contacts:"), std::string::npos);
+    World loaded = load_scene(text);
+    EXPECT_EQ(save_scene(loaded), text);
+    EXPECT_EQ(read_snapshot(write_snapshot(world)).state_hash(), world.state_hash());
+    run(world, 20);
+    run(loaded, 20);
+    EXPECT_EQ(save_scene(loaded), save_scene(world));
+    EXPECT_LT(world.state(ball).position.z(), -0.05);  // 0.2 m in 0.2 s at 9.81 m/s^2
   }
 }
 

@@ -203,9 +203,12 @@ void World::Impl::forget_unknown_ids() {
   monitors.set_unclosed(unclosed);
 }
 
-// Whether both bodies are still there.
+// Whether both bodies are still there and still collide.
 bool World::Impl::is_known(const TouchingPair& pair) const {
-  return Model::is_known(pair.id_a) && Model::is_known(pair.id_b);
+  const auto collides = [this](BodyId id) {
+    return Model::is_known(id) && !bodies[index(id)].no_collision;
+  };
+  return collides(pair.id_a) && collides(pair.id_b);
 }
 
 void World::reset() {

@@ -319,6 +319,41 @@ struct EndingPlane : CustomConstraint {
   double gamma(const FramePair& /*at*/, const FramePair& /*rates*/) const override { return 0.0; }
 };
 
+/// The distance from the plane x = 0, times 1e30.
+struct SteepPlane : CustomConstraint {
+  double value(const FramePair& at) const override { return 1e30 * at.d.x(); }
+  FramePair gradient(const FramePair& /*at*/) const override {
+    FramePair g;
+    g.d.x() = 1e30;
+    return g;
+  }
+  double gamma(const FramePair& /*at*/, const FramePair& /*rates*/) const override { return 0.0; }
+};
+
+// Values have the bound of all numbers of a scene, so that an error which is closing can be saved.
+TEST_F(Custom, ValuesBeyondTheBoundFail) {
+  register_custom_constraint(
+      "test/steep", [](const CustomParameters& /*p*/) { return std::make_shared<SteepPlane>(); });
+  World world;
+  const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0}));
+  try {
+    world.add_joint(custom("test/steep", {}, id));
+    ADD_FAILURE() << "a value of 1e30 was accepted";
+  } catch (const std::invalid_argument& rejected) {
+    EXPECT_NE(std::string(rejected.what()).find("value 1e+30 is beyond 1e20"), std::string::npos)
+        << rejected.what();
+  }
+  const BodyState there = world.state(id);
+  BodyState on_plane = there;
+  on_plane.position.x() = 0.0;
+  world.set_state(id, on_plane);
+  world.add_joint(custom("test/steep", {}, id));
+  world.set_state(id, there);
+  const std::string text = save_scene(world);
+  EXPECT_EQ(save_scene(load_scene(text)), text);
+  EXPECT_EQ(world.step().failure, Failure::kCustom);
+}
+
 // A world with a body where the function of a joint fails is saved, loaded and copied, and says in
 // its next step what failed.
 TEST_F(Custom, WhereItsFunctionFailsIsSavedAndLoaded) {

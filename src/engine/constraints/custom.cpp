@@ -10,6 +10,7 @@
 #include <mutex>
 #include <utility>
 
+#include "constraint_sim/engine/report.h"
 #include "engine/math/numbers.h"
 #include "engine/model/validate.h"
 
@@ -165,7 +166,9 @@ FramePair CustomCode::gradient_at(const FramePair& at) const {
 }
 
 double CustomCode::value(const JointVectors& vectors) const {
-  return call("value", [&] { return constraint_->value(frames(vectors)); });
+  const double C = call("value", [&] { return constraint_->value(frames(vectors)); });
+  if (std::abs(C) > kMostMagnitude) fail("value " + shortest(C) + " is beyond 1e20");
+  return C;
 }
 
 Jacobian CustomCode::jacobian(const JointVectors& vectors) const {
@@ -223,6 +226,7 @@ void CustomCode::check(const JointVectors& vectors) const {
   const auto value_at = [&](const FramePair& z) {
     return call("value", [&] { return constraint_->value(z); });
   };
+  value(vectors);  // is within its bound, or fails
   const FramePair g = gradient_at(at);
   const double size = 1.0 + at.d.norm();
   const double step = kStep * size;

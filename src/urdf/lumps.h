@@ -58,8 +58,8 @@ Lumps lump_links(const urdf::ModelInterface& model);
 /// Most bodies of a robot that carry further shapes; each costs a weld in each step.
 constexpr std::size_t kMostParts = 100;
 
-/// Makes a lump for each further shape, behind all others. A lump and its parts share mass, centre
-/// of mass and inertia equally, so welded together they move as the lump did.
+/// Makes a lump for each further shape, behind all others. A lump and its parts get equal shares of
+/// its mass and inertia, with the same centre of mass, so welded together they move as it did.
 void split_shapes(Lumps* lumps);
 
 }  // namespace constraint_sim

@@ -7,8 +7,8 @@
 
 namespace constraint_sim {
 
-/// Angle or length by which gravity may move a servo without a report [rad or m]: a held pose is
-/// that near.
+/// Angle or length by which gravity may move a servo without a report [rad or m]. Users take a
+/// robot that stays within it for one that holds its pose.
 constexpr double kMostServoSag = 1e-3;
 
 /// Returns a sentence for each servo of a robot in a world that the weight of the links behind it

@@ -15,8 +15,9 @@ constexpr double kFirstSigma = 1.0, kMostSigma = 1e9, kLeastSigma = 1e-6;
 constexpr double kGrowth = 4.0, kCarefulGrowth = 2.0;
 // Iterations of Newton's method in a proximal step, and the most of an easy one.
 constexpr int kMostInner = 8, kMostOfEasy = 3;
-// A proximal step ends at M v − Jᵀ D x of this share of the norm of (x − x_k)/σ, which is what its
-// impulses leave; or at the rounding of its first value.
+// A proximal step ends where M v − Jᵀ D x is at most this multiple of (x − x_k)/σ, both as norms of
+// √energy, or at the rounding of its first value. Of 0.01 to 1000 the value that solved most piles
+// of balls in 100 steps, as the next step mends what this one leaves.
 constexpr double kInnerTolerance = 30.0, kInnerRounding = 1e-12;
 // Line search: halvings, and the decrease of the square asked for, per share of the change and in
 // all.

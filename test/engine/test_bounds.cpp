@@ -204,6 +204,56 @@ TEST(Bounds, OfImpulsesEndAStep) {
   EXPECT_EQ(save_scene(load_scene(text)), text);
 }
 
+// A number that follows from bounded numbers may be beyond the bound, and is saved all the same:
+// errors of joints far apart, the constant of a gear, and the depth of a contact.
+TEST(Bounds, LeaveOutSavedNumbersThatFollowFromOthers) {
+  const Vector3d far = Vector3d::Constant(1e20);
+  std::vector<World> worlds;
+  for (const JointKind kind : {JointKind::kBall, JointKind::kWeld, JointKind::kDistance}) {
+    World& world = worlds.emplace_back(options(0.01));
+    const BodyId a = world.add_body(make_body("a", Sphere{0.1}, 1.0, far));
+    const BodyId b = world.add_body(make_body("b", Sphere{0.1}, 1.0, -far));
+    Joint joint = make_joint("joint", a, Vector3d::Zero(), b, Vector3d::Zero(), DistanceJoint{});
+    if (kind == JointKind::kDistance) joint.distance.length = 1.0;
+    joint.kind = kind;
+    world.add_joint(joint);
+  }
+
+  World& geared = worlds.emplace_back(options(0.01));
+  std::vector<JointId> sliders;
+  for (const char* name : {"first", "second"}) {
+    const BodyId id = geared.add_body(make_body(name, Sphere{0.1}, 1.0, {0.0, 0.0, 1e10}));
+    Joint slider = make_joint(name, kWorldBody, Vector3d::Zero(), id, Vector3d::Zero());
+    slider.kind = JointKind::kSlider;
+    sliders.push_back(geared.add_joint(slider));
+  }
+  Joint gear;
+  gear.name = "gear";
+  gear.kind = JointKind::kGear;
+  gear.coupling.first = sliders[0];
+  gear.coupling.second = sliders[1];
+  gear.coupling.ratio = 1e20;
+  geared.add_joint(gear);
+
+  World& touching = worlds.emplace_back(options(0.01));
+  Body ground = make_body("ground", Plane{}, 0.0, 0.9 * far);
+  ground.type = BodyType::kStatic;
+  ground.state.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), far);
+  touching.add_body(ground);
+  touching.add_body(make_body("ball", Sphere{1.0}, 1.0, Vector3d::Zero()));
+  EXPECT_FALSE(touching.step().failed);
+  ASSERT_EQ(touching.contacts().size(), 1u);
+  EXPECT_GT(touching.contacts()[0].depth, 1e20);
+
+  for (World& world : worlds) {
+    for (int k = 0; k < 2; ++k) {
+      const std::string text = save_scene(world);
+      EXPECT_EQ(save_scene(load_scene(text)), text);
+      world.step();
+    }
+  }
+}
+
 // The equations overflow, and a method may keep their factors.
 TEST(Bounds, OfEquationsLeaveASnapshotThatIsRead) {
   World world = far_rod_on_a_weld(1e17, 1e-9, true);

@@ -16,7 +16,7 @@ void continue_correction(std::size_t i, const Twist& correction, WorldImpl* worl
     refuse("correction", "is of a dynamic body that is awake");
   for (const Eigen::Vector3d& part :
        {Eigen::Vector3d(correction.head<3>()), Eigen::Vector3d(correction.tail<3>())})
-    check_finite("correction", part);
+    check_saved("correction", part);
   if (!world->masses[i].can_turn() && !correction.tail<3>().isZero(0.0))
     refuse("correction", "must not turn a point without inertia");
   world->corrections[i] = correction;
@@ -62,8 +62,10 @@ bool is_as_added(const WorldImpl& world, JointId id) {
   const JointState& state = world.joint_states[j];
   Joint joint = world.joints[j];
   if (is_custom(joint.kind)) return false;  // adding it might be rejected by its functions
-  if (couples(joint.kind))
+  if (couples(joint.kind)) {
+    if (std::abs(state.coupling.constant) > kMostMagnitude) return false;
     joint.coupling.value = state.coupling.constant;  // scenes save the constant as `value`
+  }
   JointState added;
   added.broken = state.broken;
   set_ends(joint, world.time(), &added);

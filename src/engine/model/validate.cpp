@@ -68,13 +68,21 @@ std::string shown(const Eigen::Vector3d& v) {
   return "(" + shortest(v.x()) + ", " + shortest(v.y()) + ", " + shortest(v.z()) + ")";
 }
 
-void check_finite(const std::string& field, double value) {
+void check_saved(const std::string& field, double value) {
   if (!std::isfinite(value)) refuse(field, "must be a finite number, got " + shortest(value));
+}
+
+void check_saved(const std::string& field, const Eigen::Vector3d& value) {
+  if (!value.allFinite()) refuse(field, "must be finite numbers, got " + shown(value));
+}
+
+void check_finite(const std::string& field, double value) {
+  check_saved(field, value);
   check_most(field, std::abs(value), kMostMagnitude, shortest(value));
 }
 
 void check_finite(const std::string& field, const Eigen::Vector3d& value) {
-  if (!value.allFinite()) refuse(field, "must be finite numbers, got " + shown(value));
+  check_saved(field, value);
   check_most(field, value.lpNorm<Eigen::Infinity>(), kMostMagnitude, shown(value));
 }
 

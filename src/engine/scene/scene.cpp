@@ -209,9 +209,9 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
     element.read("depth", &point.depth);
     element.read("impulse", &pair.impulses[k]);
     element.attempt([&] {
-      check_finite("position", point.position);
-      check_finite("depth", point.depth);
-      check_finite("impulse", pair.impulses[k]);
+      check_saved("position", point.position);
+      check_saved("depth", point.depth);
+      check_saved("impulse", pair.impulses[k]);
     });
   }
   return pair;

@@ -171,7 +171,7 @@ void read_rows(const YamlElement& item, const char* key, JointKind kind, RowVect
   const int size = std::max(info(kind).rows + info(kind).coordinates, 3);
   if (const auto numbers = item.find(key)) rows->head(size) = numbers->numbers(size);
   item.attempt([&] {
-    for (int k = 0; k < size; ++k) check_finite(key, (*rows)[k]);
+    for (int k = 0; k < size; ++k) check_saved(key, (*rows)[k]);
   });
 }
 
@@ -197,7 +197,7 @@ void read_moving(const YamlElement& item, int count,
     item.fail("must be one for each coordinate, got " + std::to_string(starts.size()));
   for (std::size_t i = 0; i < starts.size(); ++i) {
     const Eigen::VectorXd numbers = starts[i].numbers(5);
-    for (const double number : numbers) starts[i].attempt([&] { check_finite("moving", number); });
+    for (const double number : numbers) starts[i].attempt([&] { check_saved("moving", number); });
     starts[i].attempt([&] { check_not_negative("moving", numbers[1]); });
     (*moving)[i] = {numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]};
   }
@@ -275,7 +275,7 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
     if (size == 0) return;
     const Eigen::VectorXd numbers = item.at(key).numbers(size);
     for (int i = 0; i < size; ++i) {
-      item.attempt([&] { check_finite(key, numbers[i]); });
+      item.attempt([&] { check_saved(key, numbers[i]); });
       state.coordinates[static_cast<std::size_t>(i)].*field = numbers[i];
     }
   };
@@ -295,16 +295,16 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
     state.initial_error = item.at("initial_error").number();
   }
   item.attempt([&] {
-    check_finite("travel", state.travel);
-    check_finite("coupling_constant", state.coupling.constant);
-    check_finite("coupling_impulse", state.coupling.impulse);
-    check_finite("closing_coupling", state.to_close.coupling);
-    if (std::isfinite(state.expires_at)) check_finite("expires_at", state.expires_at);
-    check_finite("closing_since", state.to_close.since);
-    check_finite("closing_shift", state.to_close.shift);
-    check_finite("closing_turn", state.to_close.turn);
-    check_finite("closing_share", state.closing_share);
-    check_finite("initial_error", state.initial_error);
+    check_saved("travel", state.travel);
+    check_saved("coupling_constant", state.coupling.constant);
+    check_saved("coupling_impulse", state.coupling.impulse);
+    check_saved("closing_coupling", state.to_close.coupling);
+    if (std::isfinite(state.expires_at)) check_saved("expires_at", state.expires_at);
+    check_saved("closing_since", state.to_close.since);
+    check_saved("closing_shift", state.to_close.shift);
+    check_saved("closing_turn", state.to_close.turn);
+    check_saved("closing_share", state.closing_share);
+    check_saved("initial_error", state.initial_error);
   });
   return state;
 }

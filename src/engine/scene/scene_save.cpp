@@ -302,7 +302,9 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
     *out << YAML::EndMap;
   }
   if (has_pitch(joint.kind)) write(out, "pitch", joint.pitch);
-  if (couples(joint.kind)) write(out, "value", state.coupling.constant);
+  // A constant beyond the bound of settings is saved by the state alone.
+  if (couples(joint.kind) && std::abs(state.coupling.constant) <= kMostMagnitude)
+    write(out, "value", state.coupling.constant);
   if (has_frames(joint.kind)) {
     write(out, "frame_a", joint.frame_a);
     write(out, "frame_b", *joint.frame_b);

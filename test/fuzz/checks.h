@@ -191,10 +191,11 @@ inline void step(Watchdog* watchdog, std::chrono::microseconds interval, engine:
   check_numbers(*world);
 }
 
-/// Returns the time for the steps of an input: short for most, since steps without end would take
-/// nearly all of the time.
-inline std::chrono::microseconds step_interval(std::uint64_t digest) {
-  return std::chrono::microseconds(digest % 64 == 0 ? 50'000 : 1000);
+/// Returns the time for a step of an input: short for most inputs, since steps without end would
+/// take nearly all of the time, and a quarter of it after a step that was stopped.
+inline std::chrono::microseconds step_interval(std::uint64_t digest, int stopped_steps = 0) {
+  const std::chrono::microseconds interval(digest % 64 == 0 ? 20'000 : 1000);
+  return stopped_steps == 0 ? interval : interval / 4;
 }
 
 /// Checks that the world can be written and read, to the bit.

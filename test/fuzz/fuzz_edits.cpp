@@ -260,7 +260,7 @@ class Editor {
   /// Steps a world, unless this input has spent its time on steps that were stopped.
   void step(World* world, fuzz::KnownHash* hash) {
     if (stopped_steps_ >= kMostStoppedSteps) return;
-    fuzz::step(&watchdog(), fuzz::step_interval(digest_), world, hash);
+    fuzz::step(&watchdog(), fuzz::step_interval(digest_, stopped_steps_), world, hash);
     if (world->report().stopped) ++stopped_steps_;
   }
 

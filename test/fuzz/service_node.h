@@ -249,7 +249,7 @@ inline void ServiceNode::step(std::uint32_t steps) {
       commands_.before_step(driver);
       follower_.before_step(driver, 1.0);
     });
-    fuzz::step(&watchdog(), step_interval(digest_), &world_, &hash_);
+    fuzz::step(&watchdog(), step_interval(digest_, stopped_steps_), &world_, &hash_);
     if (world_.report().stopped) ++stopped_steps_;
     if (world_.report().failed) commands_.end("a step that failed");
   }
@@ -324,7 +324,7 @@ inline void ServiceNode::verify(std::uint32_t steps) {
   attempt([&](engine::World& world) {
     engine::VerifyOptions options;
     options.ticks = steps % 4;
-    watchdog().start(step_interval(digest_));
+    watchdog().start(step_interval(digest_, stopped_steps_));
     options.stop = watchdog().flag();
     VerifyResponse response;
     const engine::VerifyReport report = engine::verify(world, options);

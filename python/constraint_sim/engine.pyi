@@ -88,8 +88,8 @@ class JointWrench(TypedDict):
 
 
 class JointState(TypedDict):
-    error: float         # [m]
-    error_rate: float    # [m/s]
+    error: Optional[float]       # [m]; None where the function of a custom joint fails
+    error_rate: Optional[float]  # [m/s]; None as error
     angle_error: float   # angle between axes that the joint keeps aligned [rad]
     force: float         # along the joint, mean over the step [N]; < 0 is tension
     bias: float          # velocity requested of the motor [m/s]
@@ -555,7 +555,8 @@ class World:
         """State after the last step: error [m], error_rate [m/s], angle_error [rad], force [N]
         along the joint, < 0 is tension, bias and reached_rate [m/s], travel of the motor [m],
         saturated, broken, closing, and coordinates, a list of those that are free: position,
-        velocity, bias [m or rad, a second], effort [N or N m] of what acts along each."""
+        velocity, bias [m or rad, a second], effort [N or N m] of what acts along each. The errors
+        of a custom joint are None where its function fails."""
     def joint_wrench(self, name: str) -> JointWrench:
         """What the joint does to body B, mean over the last step: force [N], and torque [N m]
         about anchor B, in the joint's frame on B, of types without axes in that of the body."""

@@ -3,6 +3,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -31,8 +32,9 @@ py::dict joint_state_dict(const engine::Joint& joint, const engine::JointState& 
     coordinates.append(each);
   }
   dict["coordinates"] = coordinates;
-  dict["error"] = state.error;
-  dict["error_rate"] = state.error_rate;
+  const bool has_error = std::isfinite(state.error);  // else the function of a custom joint fails
+  dict["error"] = has_error ? py::object(py::float_(state.error)) : py::none();
+  dict["error_rate"] = has_error ? py::object(py::float_(state.error_rate)) : py::none();
   dict["angle_error"] = state.angle_error;
   dict["force"] = state.force;
   dict["bias"] = state.bias;
@@ -132,7 +134,8 @@ void define_joint_states(Class* world) {
       "State after the last step: error [m], error_rate [m/s], angle_error [rad], force [N] along "
       "the joint, < 0 is tension, bias and reached_rate [m/s], travel of the motor [m], saturated, "
       "broken, closing, and coordinates, a list of those that are free: position, velocity, bias "
-      "[m or rad, a second], effort [N or N m] of what acts along each.");
+      "[m or rad, a second], effort [N or N m] of what acts along each. The errors of a custom "
+      "joint are None where its function fails.");
   world->def(
       "joint_wrench",
       [](const SharedWorld& self, const std::string& name) {

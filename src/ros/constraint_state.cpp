@@ -23,7 +23,7 @@ bool has_error(const Joint& joint) {
 
 void write_errors(const Joint& joint, const JointState& state, ConstraintState* msg) {
   msg->error = msg->closing_error = msg->error_rate = kNone;
-  if (!has_error(joint)) return;
+  if (!has_error(joint) || !std::isfinite(state.error)) return;
   (state.closing ? msg->closing_error : msg->error) = state.error;
   (state.closing ? msg->error : msg->closing_error) = 0.0;
   msg->error_rate = state.error_rate;

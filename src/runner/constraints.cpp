@@ -1,5 +1,6 @@
 #include "runner/constraints.h"
 
+#include <cmath>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -39,7 +40,8 @@ std::string constraint_csv_rows(const World& world) {
     for (std::size_t i = 0; i < kMaxCoordinates; ++i)
       out << ',' << (i < coordinates.size() ? shortest(coordinates[i]) : "");
     const JointState& state = world.joint_state(id);
-    out << ',' << shortest(state.error) << ',' << shortest(state.force);
+    out << ',' << (std::isfinite(state.error) ? shortest(state.error) : "") << ','
+        << shortest(state.force);
     if (couples_joints(joint.kind)) {  // acts along coordinates of other joints
       out << ",,,,,,\n";
       continue;

@@ -99,6 +99,17 @@ struct Shaker : CustomForce {
   }
 };
 
+/// A plane x = 0 whose function ends at x = 1.
+struct EndingPlane : CustomConstraint {
+  double value(const FramePair& at) const override { return at.d.x() > 1.0 ? NAN : at.d.x(); }
+  FramePair gradient(const FramePair& at) const override {
+    FramePair g;
+    g.d.x() = at.d.x() > 1.0 ? NAN : 1.0;
+    return g;
+  }
+  double gamma(const FramePair& /*at*/, const FramePair& /*rates*/) const override { return 0.0; }
+};
+
 /// Fails from a time on: throws, or returns NaN where `throws` is 0.
 struct Faulty : CustomForce {
   double from;
@@ -128,6 +139,8 @@ inline void register_all() {
     }
     return bowl;
   });
+  register_custom_constraint(
+      "test/ending", [](const CustomParameters& /*p*/) { return std::make_shared<EndingPlane>(); });
   register_custom_force("test/drag", [](const CustomParameters& p) {
     return std::make_shared<Drag>(parameter(p, "c"), parameter(p, "wind"));
   });

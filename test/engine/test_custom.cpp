@@ -308,17 +308,6 @@ TEST_F(Custom, WhatIsNotThereIsRefused) {
 
 // ---- failures in a step
 
-/// A plane x = 0 whose function ends at x = 1.
-struct EndingPlane : CustomConstraint {
-  double value(const FramePair& at) const override { return at.d.x() > 1.0 ? kNaN : at.d.x(); }
-  FramePair gradient(const FramePair& at) const override {
-    FramePair g;
-    g.d.x() = at.d.x() > 1.0 ? kNaN : 1.0;
-    return g;
-  }
-  double gamma(const FramePair& /*at*/, const FramePair& /*rates*/) const override { return 0.0; }
-};
-
 /// The distance from the plane x = 0, times 1e30.
 struct SteepPlane : CustomConstraint {
   double value(const FramePair& at) const override { return 1e30 * at.d.x(); }
@@ -354,11 +343,57 @@ TEST_F(Custom, ValuesBeyondTheBoundFail) {
   EXPECT_EQ(world.step().failure, Failure::kCustom);
 }
 
+// An error that does not exist is not 0: it is infinite where the function of the joint fails, and
+// the joint does not close. A disabled joint is not asked, and so ends no step.
+TEST_F(Custom, HasNoErrorWhereItsFunctionFails) {
+  for (const bool is_enabled : {true, false}) {
+    World world(options(0.01));
+    const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
+    const JointId joint = world.add_joint(custom("test/ending", {}, id));
+    world.set_enabled(joint, is_enabled);
+    BodyState there = world.state(id);
+    there.position.x() = 2.0;
+    world.set_state(id, there);
+    const World read = read_snapshot(write_snapshot(world));
+    const World loaded = load_scene(save_scene(world));
+    for (const World* of : std::initializer_list<const World*>{&world, &read, &loaded}) {
+      const JointState& state = of->joint_state(of->find_joint("custom"));
+      EXPECT_EQ(state.error, kInfinity);
+      EXPECT_EQ(state.initial_error, 0.0);
+      EXPECT_FALSE(state.closing);
+    }
+    EXPECT_EQ(world.step().failure, is_enabled ? Failure::kCustom : Failure::kNone);
+    there.position.x() = 0.5;
+    world.set_state(id, there);
+    EXPECT_EQ(world.joint_state(joint).error, 0.5);
+    EXPECT_EQ(world.step().failure, Failure::kNone);
+  }
+}
+
+// set_joint() takes settings alone: a description without the functions keeps the joint's own.
+TEST_F(Custom, KeepsItsFunctionsWhenItsSettingsChange) {
+  World world(accurate_options(Method::kRungeKutta, 0.01));
+  const BodyId id = world.add_body(make_body("bob", Sphere{0.1}, 1.0, Vector3d::UnitX()));
+  const CustomParameters rod{{"length", 1.0}, {"squared", 0.0}};
+  const JointId joint = world.add_joint(custom("test/rod", rod, id));
+  Joint changed = world.joint(joint);
+  changed.custom.code.reset();
+  changed.break_force = 1e6;
+  World copy = world;
+  Joint whole = copy.joint(joint);
+  whole.break_force = 1e6;
+  world.set_joint(joint, changed);
+  copy.set_joint(joint, whole);
+  run(world, 100);
+  run(copy, 100);
+  EXPECT_EQ(world.state_hash(), copy.state_hash());
+  EXPECT_NEAR(world.state(id).position.norm(), 1.0, 1e-9);  // rods hold to rounding
+  EXPECT_LT(world.state(id).position.x(), 0.9);             // it swings
+}
+
 // A world with a body where the function of a joint fails is saved, loaded and copied, and says in
 // its next step what failed.
 TEST_F(Custom, WhereItsFunctionFailsIsSavedAndLoaded) {
-  register_custom_constraint(
-      "test/ending", [](const CustomParameters& /*p*/) { return std::make_shared<EndingPlane>(); });
   for (const double error : {0.0, 0.1})  // also while an error is closing
     for (const bool steps : {false, true}) {
       World world;

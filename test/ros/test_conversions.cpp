@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/scene.h"
+#include "custom_types.h"
 #include "engine/math/numbers.h"
 #include "ros/actuator_efforts.h"
 #include "ros/body_messages.h"
@@ -737,6 +738,22 @@ constraints:
   EXPECT_NEAR(hinge.position, 0.5 * world.time(), 1e-9);
   EXPECT_NEAR(free.reached_rate, 0.5, 1e-9);
   EXPECT_NEAR(coil.position, 2.0, 0.01);  // falls for two steps
+}
+
+TEST(ConstraintStates, AFunctionThatFailsHasNoError) {
+  engine::example_types::register_all();
+  engine::World world = engine::load_scene(R"(
+bodies:
+- {name: bob, mass: 1, shape: {sphere: {radius: 0.1}}}
+constraints:
+- {name: plane, type: custom, custom: test/ending, body_b: bob}
+)");
+  EXPECT_EQ(to_msg(world, world.find_joint("plane")).error, 0.0);
+  engine::BodyState state = world.state(world.find_body("bob"));
+  state.position.x() = 2.0;
+  world.set_state(world.find_body("bob"), state);
+  const ConstraintState msg = to_msg(world, world.find_joint("plane"));
+  EXPECT_TRUE(std::isnan(msg.error) && std::isnan(msg.closing_error) && std::isnan(msg.error_rate));
 }
 
 TEST(ConstraintStates, AnErrorThatAnEditLeftIsApartFromErrors) {

@@ -234,6 +234,7 @@ struct JointState {
   /// For kind kDistance ‖d‖ − length, or the excess beyond a limit [m]. For gears and pulleys the
   /// error of the coupling, in the unit of the first coordinate. For other kinds the larger of the
   /// distance between the anchors that rows hold at zero, and `angle_error` times `radius` [m].
+  /// Infinity stands for an error that does not exist, where the function of a custom joint fails.
   double error = 0.0;
   double error_rate = 0.0;   ///< rate of `error` without the motor's prescribed rate [m/s]
   double angle_error = 0.0;  ///< angle between frame B and its aligned orientation [rad]

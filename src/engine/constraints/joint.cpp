@@ -14,6 +14,7 @@
 #include "engine/constraints/joint_sum.h"
 #include "engine/constraints/law.h"
 #include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -378,13 +379,15 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
     measure_joint(joint, a, b, state.bias, Passed{}, frame, state);
     state.to_close.offset = row_errors(joint, a, b, state);
   } catch (const CustomFailure&) {  // the next step reports the failure
-    state.error = 0.0;  // no number is known, and a snapshot must not hold one that is not finite
+    state.error = kInfinity;
   }
-  state.initial_error = state.error;
+  const bool is_measured = std::isfinite(state.error);
+  state.initial_error = is_measured ? state.error : 0.0;
   state.to_close.since = t;
   state.to_close.coupling = coupling_error(joint, state);
   if (is_by_frame) state.to_close.offset.head(kind.rows).setZero();
-  state.closing = acts(joint, state) && is_rigid(joint) && std::abs(state.error) > kFits;
+  state.closing =
+      is_measured && acts(joint, state) && is_rigid(joint) && std::abs(state.error) > kFits;
 }
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,

@@ -1,11 +1,14 @@
 #include "engine/edits/saved_state.h"
 
+#include <cmath>
+
 #include "engine/constraints/closing_errors.h"
 #include "engine/constraints/custom.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/edits/motor_ends.h"
 #include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"
 
@@ -48,7 +51,7 @@ void continue_joint(std::size_t j, const JointState& saved, WorldImpl* world) {
                   world->states[world->index(joint.body_b)],
                   joint_step(world->options, world->time(), world->options.time_step), state);
   } catch (const CustomFailure&) {  // the next step reports the failure
-    state.error = 0.0;
+    state.error = kInfinity;
   }
   for (std::size_t i = 0; i < kMaxCoordinates; ++i)
     state.coordinates[i].position = saved.coordinates[i].position;  // to the bit

@@ -19,7 +19,7 @@ void continue_correction(std::size_t i, const Twist& correction, WorldImpl* worl
     refuse("correction", "is of a dynamic body that is awake");
   for (const Eigen::Vector3d& part :
        {Eigen::Vector3d(correction.head<3>()), Eigen::Vector3d(correction.tail<3>())})
-    check_saved("correction", part);
+    check_finite("correction", part);
   if (!world->masses[i].can_turn() && !correction.tail<3>().isZero(0.0))
     refuse("correction", "must not turn a point without inertia");
   world->corrections[i] = correction;

@@ -68,22 +68,32 @@ std::string shown(const Eigen::Vector3d& v) {
   return "(" + shortest(v.x()) + ", " + shortest(v.y()) + ", " + shortest(v.z()) + ")";
 }
 
-void check_saved(const std::string& field, double value) {
+namespace {
+
+/// Product of four bounded numbers.
+constexpr double kMostSaved = kMostMagnitude * kMostMagnitude * kMostMagnitude * kMostMagnitude;
+
+void check_within(const std::string& field, double value, double most) {
   if (!std::isfinite(value)) refuse(field, "must be a finite number, got " + shortest(value));
+  check_most(field, std::abs(value), most, shortest(value));
 }
 
-void check_saved(const std::string& field, const Eigen::Vector3d& value) {
+void check_within(const std::string& field, const Eigen::Vector3d& value, double most) {
   if (!value.allFinite()) refuse(field, "must be finite numbers, got " + shown(value));
+  check_most(field, value.lpNorm<Eigen::Infinity>(), most, shown(value));
 }
+
+}  // namespace
 
 void check_finite(const std::string& field, double value) {
-  check_saved(field, value);
-  check_most(field, std::abs(value), kMostMagnitude, shortest(value));
+  check_within(field, value, kMostMagnitude);
 }
-
 void check_finite(const std::string& field, const Eigen::Vector3d& value) {
-  check_saved(field, value);
-  check_most(field, value.lpNorm<Eigen::Infinity>(), kMostMagnitude, shown(value));
+  check_within(field, value, kMostMagnitude);
+}
+void check_saved(const std::string& field, double value) { check_within(field, value, kMostSaved); }
+void check_saved(const std::string& field, const Eigen::Vector3d& value) {
+  check_within(field, value, kMostSaved);
 }
 
 void check_between(const std::string& field, double value, double least, double most) {

@@ -27,8 +27,8 @@ std::string shown(const Eigen::Vector3d& v);
 // Numbers are at most kMostMagnitude, and divisors at least its inverse.
 void check_finite(const std::string& field, double value);
 void check_finite(const std::string& field, const Eigen::Vector3d& value);
-/// Requires a finite number of any size: saved states follow from bounded numbers, such as the
-/// difference of two positions, and may be beyond the bound themselves.
+/// Requires at most kMostSaved: saved states follow from bounded numbers, such as the difference of
+/// two positions or the acceleration of an anchor, and may be beyond the bound themselves.
 void check_saved(const std::string& field, double value);
 void check_saved(const std::string& field, const Eigen::Vector3d& value);
 void check_positive(const std::string& field, double value);

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Counts service calls that roscpp loses: a plain roscpp server, called over raw TCPROS connections.
 
-Builds the server, which only answers `true`, from the text below; no code of this package runs. Each row
-is a way of calling: a connection per call, as rospy.ServiceProxy and rosservice make it, by six clients and
-by one; persistent connections; and a connection per call to a server whose sockets do not ask for
-EPOLLRDHUP. A call is lost where the server closes the connection before the response is complete; "served"
-is the number of calls that reached the server's callback.
+Builds the server, which only answers `true`, from the text below. Each row is a way of calling: a connection per
+call, as rospy.ServiceProxy and rosservice make it, by six clients and by one; persistent connections; and a
+connection per call while test/ros/slow_polling.c widens the gap in which roscpp loses calls. The last rows are of a
+server that answers within the node's PollPause. A call is lost where the server closes the connection before the
+response is complete; "served" is the number of calls that reached the server's callback.
 
     bench/ros/lost_calls.py --seconds 10
 """
@@ -29,6 +29,10 @@ SERVER = r"""
 #include <ros/ros.h>
 #include <std_srvs/SetBool.h>
 #include <atomic>
+#ifdef PAUSES
+#include "ros/service_queue.h"
+#endif
+using Spec = ros::ServiceSpec<std_srvs::SetBool::Request, std_srvs::SetBool::Response>;
 std::atomic<unsigned> served{0};
 bool serve(std_srvs::SetBool::Request&, std_srvs::SetBool::Response& response) {
   ++served;
@@ -36,24 +40,26 @@ bool serve(std_srvs::SetBool::Request&, std_srvs::SetBool::Response& response) {
 }
 int main(int argc, char** argv) {
   ros::init(argc, argv, "plain");
+#ifdef PAUSES
+  constraint_sim::ServiceQueue queue(2);
+  ros::NodeHandle handle = queue.serving(ros::NodeHandle());
+  queue.start();
+#else
   ros::NodeHandle handle;
-  const ros::ServiceServer server = handle.advertiseService("plain", serve);
   ros::AsyncSpinner spinner(2);
   spinner.start();
+#endif
+  ros::AdvertiseServiceOptions options;
+  options.initBySpecType<Spec>("plain", serve);
+#ifdef PAUSES
+  options.helper = boost::make_shared<constraint_sim::PausingCalls<Spec>>(serve);
+#endif
+  const ros::ServiceServer server = handle.advertiseService(options);
   ros::waitForShutdown();
   std::printf("%u\n", served.load());
 }
 """
-WITHOUT_RDHUP = r"""
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <sys/epoll.h>
-int epoll_ctl(int set, int action, int socket, struct epoll_event* events) {
-  int (*const real)(int, int, int, struct epoll_event*) = dlsym(RTLD_NEXT, "epoll_ctl");
-  if (events) events->events &= ~EPOLLRDHUP;
-  return real(set, action, socket, events);
-}
-"""
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def field(text):
@@ -103,7 +109,15 @@ def call_until(end, port, is_persistent, results):
     results.put((calls, lost))
 
 
-def row(master, program, seconds, clients, is_persistent=False, preload=""):
+def build(program, options):
+    """Compiles the server."""
+    flags = subprocess.check_output(["pkg-config", "--cflags", "--libs", "roscpp", "std_srvs"],
+                                    universal_newlines=True).split()
+    subprocess.run(["g++", "-std=c++17", "-O1", "-pthread", "-x", "c++", "-", "-o", program, "-x", "none",
+                    *options, *flags], input=SERVER, universal_newlines=True, check=True)
+
+
+def row(master, program, seconds, clients, is_persistent=False, preload="", note=""):
     environment = dict(os.environ, LD_PRELOAD=preload)
     server = subprocess.Popen([program], env=environment, stdout=subprocess.PIPE, universal_newlines=True)
     address = []
@@ -125,8 +139,8 @@ def row(master, program, seconds, clients, is_persistent=False, preload=""):
         worker.join()
     server.send_signal(signal.SIGINT)
     served = int(server.communicate()[0])
-    print("%d clients, %s connections%s: %d calls, %d lost, %d served" % (
-        clients, "persistent" if is_persistent else "single", ", without EPOLLRDHUP" if preload else "",
+    print("%d clients, %s connections%s%s: %d calls, %d lost, %d served" % (
+        clients, "persistent" if is_persistent else "single", ", slowed" if preload else "", note,
         sum(calls for calls, _ in counts), sum(lost for _, lost in counts), served), flush=True)
 
 
@@ -138,20 +152,21 @@ def main():
         port = free_port()
         os.environ.update(ROS_MASTER_URI="http://localhost:%d" % port, ROS_HOME=folder,
                           ROS_HOSTNAME="localhost")
-        program, library = folder + "/plain", folder + "/without_rdhup.so"
-        flags = subprocess.check_output(["pkg-config", "--cflags", "--libs", "roscpp", "std_srvs"],
-                                        universal_newlines=True).split()
-        subprocess.run(["g++", "-O1", "-x", "c++", "-", "-o", program, "-x", "none", *flags], input=SERVER,
-                       universal_newlines=True, check=True)
-        subprocess.run(["gcc", "-shared", "-fPIC", "-x", "c", "-", "-o", library, "-ldl"],
-                       input=WITHOUT_RDHUP, universal_newlines=True, check=True)
+        plain, pausing, slowing = folder + "/plain", folder + "/pausing", folder + "/slow_polling.so"
+        build(plain, [])
+        build(pausing, ["-DPAUSES", "-I" + str(ROOT / "src"), str(ROOT / "src/ros/poll_pause.cpp")])
+        subprocess.check_call(["gcc", "-shared", "-fPIC", str(ROOT / "test/ros/slow_polling.c"), "-o", slowing,
+                               "-ldl"])
         master = xmlrpc.client.ServerProxy(os.environ["ROS_MASTER_URI"])
         with running(["roscore", "-p", str(port)]):
             wait_until(lambda: master.getPid("/lost"), "the master")
-            row(master, program, options.seconds, 6)
-            row(master, program, options.seconds, 1)
-            row(master, program, options.seconds, 6, is_persistent=True)
-            row(master, program, options.seconds, 6, preload=library)
+            row(master, plain, options.seconds, 6)
+            row(master, plain, options.seconds, 1)
+            row(master, plain, options.seconds, 6, is_persistent=True)
+            row(master, plain, options.seconds, 6, preload=slowing)
+            row(master, pausing, options.seconds, 6, note=", paused")
+            row(master, pausing, options.seconds, 6, is_persistent=True, note=", paused")
+            row(master, pausing, options.seconds, 6, preload=slowing, note=", paused")
 
 
 if __name__ == "__main__":

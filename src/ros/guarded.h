@@ -1,5 +1,6 @@
 #pragma once
 
+#include <ros/advertise_service_options.h>
 #include <ros/console.h>
 #include <ros/node_handle.h>
 #include <ros/subscriber.h>
@@ -7,6 +8,7 @@
 
 #include <atomic>
 #include <boost/function.hpp>
+#include <boost/make_shared.hpp>
 #include <boost/shared_ptr.hpp>
 #include <cstdint>
 #include <functional>
@@ -14,6 +16,7 @@
 #include <string>
 #include <utility>
 
+#include "ros/poll_pause.h"
 #include "ros/received.h"
 #include "sim/errors.h"
 #include "sim/stepper.h"
@@ -92,16 +95,19 @@ ros::Subscriber guarded_subscribe(ros::NodeHandle& handle, const SharedGuard& gu
 
 /// Advertises a service; the only advertising function of src/ros. `serve` receives request and
 /// response, and returns whether the call succeeded. The call also fails where `serve` throws. A
-/// BoundedStream reads the request.
+/// BoundedStream reads the request, and a PollPause is held while the response is written.
 template <class Request, class Response, class Serve>
 ros::ServiceServer guarded_service(ros::NodeHandle& handle, const std::string& name, Serve serve) {
-  return handle.advertiseService(
-      name, boost::function<bool(Received<Request>&, Response&)>(
-                [guard = make_guard(name), serve](Received<Request>& received, Response& response) {
-                  bool is_served = false;
-                  return (*guard)([&] { is_served = serve(received.message, response); }) &&
-                         is_served;
-                }));
+  using Spec = ros::ServiceSpec<Received<Request>, Response>;
+  const typename Spec::CallbackType call = [guard = make_guard(name), serve](
+                                               Received<Request>& received, Response& response) {
+    bool is_served = false;
+    return (*guard)([&] { is_served = serve(received.message, response); }) && is_served;
+  };
+  ros::AdvertiseServiceOptions options;
+  options.initBySpecType<Spec>(name, call);
+  options.helper = boost::make_shared<PausingCalls<Spec>>(call);
+  return handle.advertiseService(options);
 }
 
 /// Advertises a service that a member function serves.

@@ -12,8 +12,7 @@ dropped. Exits with 1 where a call was lost, the node ended, or one of 1000 resp
 
     bench/ros/ten_clients.py --minutes 10
     bench/ros/ten_clients.py --minutes 60      a soak: memory over an hour
-    bench/ros/ten_clients.py --persistent      roscpp itself loses calls over single connections
-                                               (bench/ros/lost_calls.py), and none over persistent ones
+    bench/ros/ten_clients.py --persistent      one connection for all calls of a service
 """
 import argparse
 import contextlib

@@ -26,8 +26,8 @@ class PollPause {
   PollPause(const PollPause&) = delete;
   PollPause& operator=(const PollPause&) = delete;
 
-  /// Holds the poll thread from hold() to its own end, for the thread that made it. A callback of
-  /// a ServiceQueue runs within one.
+  /// Holds the poll thread from hold() to the end of the Answer. Belongs to the thread that makes
+  /// the Answer; each callback of a ServiceQueue runs within an Answer.
   class Answer {
    public:
     explicit Answer(PollPause* pause);

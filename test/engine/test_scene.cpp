@@ -521,11 +521,11 @@ INSTANTIATE_TEST_SUITE_P(
                     BadScene{with_contact("points: [{feature: 0, impulse: [0, 0, 1e300]}]"),
                              "s:5: contacts[0].points[0].impulse: must be at most 1e+20, got (0, "
                              "0, 1e+300)"},
-                    BadScene{with_contact("points: [{feature: 0, depth: 1e30}]"),
-                             "s:5: contacts[0].points[0].depth: must be at most 1e+20, got 1e+30"},
-                    BadScene{with_contact("points: [{feature: 0, position: [-1e30, 0, 0]}]"),
-                             "s:5: contacts[0].points[0].position: must be at most 1e+20, got "
-                             "(-1e+30, 0, 0)"}));
+                    BadScene{with_contact("points: [{feature: 0, depth: 1e90}]"),
+                             "s:5: contacts[0].points[0].depth: must be at most 1e+80, got 1e+90"},
+                    BadScene{with_contact("points: [{feature: 0, position: [-1e90, 0, 0]}]"),
+                             "s:5: contacts[0].points[0].position: must be at most 1e+80, got "
+                             "(-1e+90, 0, 0)"}));
 
 TEST(LoadScene, ColorsChangeNoHash) {
   const std::string plain = with_body("  - {name: a, mass: 1}\n");

@@ -211,7 +211,7 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
     element.attempt([&] {
       check_saved("position", point.position);
       check_saved("depth", point.depth);
-      check_saved("impulse", pair.impulses[k]);
+      check_finite("impulse", pair.impulses[k]);
     });
   }
   return pair;

@@ -24,8 +24,12 @@ constexpr double kInside = 1e-9;
 
 std::string of_joint(const std::string& joint) { return "joint '" + joint + "' "; }
 
+[[noreturn]] void refuse_joints(const std::string& why) {
+  throw TrajectoryError(TrajectoryError::Field::kJoints, "joint_names: " + why);
+}
+
 void check(const JointTrajectory& trajectory) {
-  if (trajectory.joints.empty()) refuse("joint_names", "there are none");
+  if (trajectory.joints.empty()) refuse_joints("there are none");
   double before = -1.0;
   for (std::size_t i = 0; i < trajectory.points.size(); ++i) {
     const JointTrajectory::Point& point = trajectory.points[i];
@@ -59,11 +63,11 @@ int order_of(const JointTrajectory& trajectory) {
 /// Returns the motor that follows the trajectory.
 const engine::CoordinateMotor& motor_of(const engine::Joint& joint) {
   if (engine::coordinates(joint.kind) == 0)
-    refuse("joint_names", of_joint(joint.name) + "has no coordinate");
+    refuse_joints(of_joint(joint.name) + "has no coordinate");
   if (!joint.coordinates[0].motor)
-    refuse("joint_names", of_joint(joint.name) + "has no motor to follow a trajectory with");
+    refuse_joints(of_joint(joint.name) + "has no motor to follow a trajectory with");
   const engine::CoordinateMotor& motor = *joint.coordinates[0].motor;
-  if (motor.force) refuse("joint_names", of_joint(joint.name) + "has a motor that goes by force");
+  if (motor.force) refuse_joints(of_joint(joint.name) + "has a motor that goes by force");
   return motor;
 }
 
@@ -104,9 +108,12 @@ Spline spline_of(const engine::World& world, engine::JointId id, const JointTraj
       points[0].velocity = point.velocity;
       points[0].acceleration = point.acceleration;
     } else if (&given == &trajectory.points.back()) {
-      refuse("points", of_joint(joint.name) + "is at " + std::to_string(points[0].position) +
-                           " and cannot be elsewhere at once, got " +
-                           std::to_string(point.position) + " at a time that is not later");
+      const std::string why = "points: " + of_joint(joint.name) + "is at " +
+                              std::to_string(points[0].position) +
+                              " and cannot be elsewhere at once, got " +
+                              std::to_string(point.position) + " at a time that is not later";
+      if (elapsed > 0.0) throw TrajectoryError(TrajectoryError::Field::kStamp, why);
+      throw std::invalid_argument(why);
     }
   }
   return {std::move(points), order_of(trajectory)};
@@ -200,12 +207,13 @@ void Trajectories::begin(const engine::World& world, const JointTrajectory& traj
   std::map<std::uint32_t, OnItsWay> next;
   for (std::size_t k = 0; k < trajectory.joints.size(); ++k) {
     const std::string& name = trajectory.joints[k];
-    if (!world.has_joint(name))
-      refuse("joint_names", "there is no constraint named '" + name + "'");
+    if (!world.has_joint(name)) refuse_joints("there is no constraint named '" + name + "'");
     const engine::JointId id = world.find_joint(name);
-    const OnItsWay way{name, spline_of(world, id, trajectory, k, std::max(0.0, -trajectory.delay)),
-                       world.time() + trajectory.delay, is_to_position(world.joint(id), id)};
-    if (!next.emplace(id.value, way).second) refuse("joint_names", "'" + name + "' is there twice");
+    const OnItsWay way{name,
+                       {spline_of(world, id, trajectory, k, std::max(0.0, -trajectory.delay)),
+                        world.time() + trajectory.delay},
+                       is_to_position(world.joint(id), id)};
+    if (!next.emplace(id.value, way).second) refuse_joints("'" + name + "' is there twice");
   }
   for (auto& [id, way] : next) on_their_way_.insert_or_assign(id, std::move(way));
 }
@@ -217,6 +225,12 @@ bool Trajectories::is_to_position(const engine::Joint& joint, engine::JointId id
   const auto found = on_their_way_.find(id.value);
   return found != on_their_way_.end() && found->second.joint == joint.name &&
          found->second.to_position;
+}
+
+std::optional<TimedSpline> Trajectories::course(engine::JointId joint) const {
+  const auto found = on_their_way_.find(joint.value);
+  if (found == on_their_way_.end()) return std::nullopt;
+  return found->second.course;
 }
 
 bool Trajectories::drop(engine::JointId joint) {
@@ -256,10 +270,10 @@ bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driv
       !world.joint(id).coordinates[0].motor)
     return false;
   const double h = world.options().time_step;
-  const double since = world.time() - way.start;
+  const double since = world.time() - way.course.start;
   if (since + h <= 0.0) return true;
-  const bool is_over = since >= way.spline.duration();
-  const double target = way.spline.at(since + h);
+  const bool is_over = since >= way.course.spline.duration();
+  const double target = way.course.spline.at(since + h);
   engine::CoordinateMotor motor = *world.joint(id).coordinates[0].motor;
   motor.timeout = motor.amplitude = motor.frequency = motor.phase = 0.0;
   if (motor.is_servo()) {
@@ -268,16 +282,16 @@ bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driv
     // The motor holds the end for a tick first, since a position sets out from the present rate.
     const bool holds = motor.position || motor.bias == 0.0;
     motor.bias = 0.0;
-    if (holds) motor.position = way.spline.end();
+    if (holds) motor.position = way.course.spline.end();
     driver->set_motor(id, motor);
     return !holds;
   } else {
     motor.position.reset();
     motor.bias = 0.0;
     if (!is_over)
-      set_rate(way.spline.rate(since + kInside * h),
+      set_rate(way.course.spline.rate(since + kInside * h),
                (target - world.joint_state(id).coordinates[0].held) / h,
-               way.spline.rate(since + (1.0 - kInside) * h), world.time(), h, &motor);
+               way.course.spline.rate(since + (1.0 - kInside) * h), world.time(), h, &motor);
   }
   driver->set_motor(id, motor);
   return !is_over;

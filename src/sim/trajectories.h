@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -34,6 +36,16 @@ class Spline {
   int order_;
 };
 
+/// A spline that begins at a simulated time [s].
+struct TimedSpline {
+  Spline spline;
+  double start;
+
+  double at(double time) const { return spline.at(time - start); }
+  double rate(double time) const { return spline.rate(time - start); }
+  double end_time() const { return start + spline.duration(); }
+};
+
 /// A trajectory of several joints as in a message: one value per joint and point.
 struct JointTrajectory {
   struct Point {
@@ -45,6 +57,21 @@ struct JointTrajectory {
   double delay = 0.0;         ///< time until the start [s]; < 0: it is late
 };
 
+/// An invalid trajectory, and the field that is wrong.
+class TrajectoryError : public std::invalid_argument {
+ public:
+  enum class Field {
+    kJoints,  ///< a joint is missing, twice there, or has no motor that can follow
+    kStamp    ///< the time of all points is over
+  };
+  TrajectoryError(Field field, const std::string& message)
+      : std::invalid_argument(message), field_(field) {}
+  Field field() const { return field_; }
+
+ private:
+  Field field_;
+};
+
 /// Follows splines with motors of joints. Motors without a spring reach the spline at the end of
 /// each tick, to rounding, by a rate that is continuous where that of the spline is: so a limited
 /// motor needs no more force than the motion. Servos get the spline as their target. At the end of
@@ -54,10 +81,13 @@ class Trajectories {
  public:
   /// Starts a trajectory at the joints' present positions, in place of their last one. Points whose
   /// time is over are dropped, as is a point at time 0 that is not at the present position. Throws
-  /// std::invalid_argument for invalid points and unsuitable joints; then all trajectories go on.
+  /// std::invalid_argument for invalid points, and TrajectoryError for unsuitable joints and a
+  /// trajectory that is over; then all trajectories go on.
   void begin(const engine::World& world, const JointTrajectory& trajectory);
   /// Returns whether a trajectory drives the joint, in place of what its motor had.
   bool drives(engine::JointId joint) const { return on_their_way_.count(joint.value) > 0; }
+  /// Returns the spline of a joint; none where no trajectory drives it.
+  std::optional<TimedSpline> course(engine::JointId joint) const;
   /// Ends the trajectory of a joint. Returns whether the joint's motor, which the trajectory drives
   /// by a rate, is one to a position.
   bool drop(engine::JointId joint);
@@ -75,8 +105,7 @@ class Trajectories {
  private:
   struct OnItsWay {
     std::string joint;
-    Spline spline;
-    double start;      // simulated time [s]
+    TimedSpline course;
     bool to_position;  // the motor is one to a position and no servo
   };
   bool is_to_position(const engine::Joint& joint, engine::JointId id) const;

@@ -117,6 +117,7 @@ if(TARGET constraint_sim_urdf)
   constraint_sim_add_gtest_program(urdf_tests ${urdf_tests})
   target_include_directories(urdf_tests PRIVATE bench test/engine)  # support.h
   target_link_libraries(urdf_tests PRIVATE constraint_sim_urdf constraint_sim_stepper)
+  add_dependencies(urdf_tests constraint_sim_run)
   constraint_sim_units(urdf_tests 2 ${urdf_tests})
   constraint_sim_add_gtests(urdf_tests urdf ${urdf_tests})
 endif()

@@ -13,6 +13,7 @@
 #include "engine/model/method_names.h"
 #include "engine/model/option_values.h"
 #include "engine/model/validate.h"
+#include "engine/support/files.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -29,24 +30,32 @@ std::string scene_folder() {
   return CONSTRAINT_SIM_SOURCE_SCENES;
 }
 
-/// Loads a scene or snapshot from a file, a scene by its name, or `-`: standard input.
-World load_scene_named(const std::string& scene) {
+/// Loads a scene, a snapshot or a URDF from a file, a scene by its name, or `-`: standard input.
+World load_scene_named(const std::string& scene, const RobotArguments& robot) {
+  const auto without_robot = [&](World world) {
+    if (robot.fixed || robot.z != 0.0 || !robot.extra.empty())
+      refuse("robot-fixed, robot-z, robot-extra",
+             "are for URDFs, and " + in_quotes(scene) + " is none");
+    return world;
+  };
   if (scene != "-") {
     const std::string path = file_of_scene(scene, scene_folder());
     std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error)) return load_scene_file(path);
+    if (!std::filesystem::is_regular_file(path, error)) return without_robot(load_scene_file(path));
     std::ifstream file(path, std::ios::binary);
-    std::string bytes(32, '\0');
+    std::string bytes(256, '\0');
     file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    if (!is_snapshot(bytes)) return load_scene_file(path);
+    if (is_xml(bytes)) return load_robot(read_file(path), path, robot);
+    if (!is_snapshot(bytes)) return without_robot(load_scene_file(path));
     file.clear();
     file.seekg(0);
-    return read_snapshot({std::istreambuf_iterator<char>(file), {}});
+    return without_robot(read_snapshot({std::istreambuf_iterator<char>(file), {}}));
   }
   std::string text(kMostSceneBytes + 1, '\0');
   std::cin.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(std::cin.gcount()));
-  return load_scene(text, "standard input");
+  if (is_xml(text)) return load_robot(text, "", robot);
+  return without_robot(load_scene(text, "standard input"));
 }
 
 /// A number, or `.inf` as in scenes.
@@ -127,6 +136,13 @@ std::optional<Arguments> parse(int argc, char** argv) {
   add("verify", po::bool_switch(&arguments.verify),
       "run again with half the time step, by another method and from a perturbed state, and "
       "compare the differences of each body with its error estimate");
+  po::options_description of_robot("A robot, where SCENE is a URDF");
+  auto add_of_robot = of_robot.add_options();
+  add_of_robot("robot-fixed", po::bool_switch(&arguments.robot.fixed), "the root does not move");
+  add_of_robot("robot-z", po::value(&arguments.robot.z)->value_name("METRES"),
+               "[m] height of the root");
+  add_of_robot("robot-extra", po::value(&arguments.robot.extra)->value_name("FILE"),
+               "YAML with motors and positions, in place of the one beside the URDF");
   po::options_description of_world("Options of the world, in place of the scene's");
   auto add_of_world = of_world.add_options();
   WorldOptions defaults;
@@ -138,7 +154,8 @@ std::optional<Arguments> parse(int argc, char** argv) {
                  (unit + range_and_meaning(info, value, range)).c_str());
   });
   po::options_description all;
-  all.add(visible).add(of_world).add_options()("scene", po::value(&arguments.scene)->required());
+  all.add(visible).add(of_robot).add(of_world).add_options()(
+      "scene", po::value(&arguments.scene)->required());
   po::positional_options_description positions;
   positions.add("scene", 1);
 
@@ -149,12 +166,14 @@ std::optional<Arguments> parse(int argc, char** argv) {
       values);
   if (values.count("help") > 0) {
     std::cout << "Usage: constraint_sim_run SCENE --duration SECONDS [options]\n\n"
-              << "SCENE is a file (a scene or a snapshot), `-` for standard input, or one of those "
+              << "SCENE is a file (a scene, a snapshot or a URDF), `-` for standard input, or one "
+                 "of those "
                  "that\ncome with this:\n";
     for (const std::string& name : scene_names(scene_folder())) std::cout << "  " << name << '\n';
     std::cout
         << '\n'
         << visible << '\n'
+        << of_robot << '\n'
         << of_world
         << "\nExit status: 0, 2 for bad input, 3 when the physics failed, 4 when it finished but\n"
            "an error was not closed, energy rose without a cause or --verify found a\n"
@@ -172,7 +191,7 @@ std::string file_of(const Arguments& arguments) {
 }
 
 World load(const Arguments& arguments) {
-  World world = load_scene_named(arguments.scene);
+  World world = load_scene_named(arguments.scene, arguments.robot);
   WorldOptions options = world.options();
   bool any = false;
   visit_arguments(&options, [&](const std::string& argument, const OptionInfo&, auto& value, auto,

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "constraint_sim/engine/world.h"
+#include "runner/robot.h"
 
 namespace constraint_sim::engine {
 
@@ -15,6 +16,7 @@ struct Arguments {
   boost::program_options::variables_map options;  ///< world options that replace those of the scene
   /// Paths of outputs; empty: no output.
   std::string csv, constraint_csv, report, save, snapshot;
+  RobotArguments robot;
   bool explain = false, verify = false;
 };
 

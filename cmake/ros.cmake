@@ -1,7 +1,7 @@
 # The ROS shell: messages, node, and where catkin wants things installed.
 
 find_package(catkin REQUIRED COMPONENTS
-  diagnostic_msgs geometry_msgs interactive_markers message_generation nav_msgs nodelet pluginlib rosbag_storage roscpp
+  actionlib actionlib_msgs diagnostic_msgs geometry_msgs interactive_markers message_generation nav_msgs nodelet pluginlib rosbag_storage roscpp
   rosgraph_msgs roslib sensor_msgs std_msgs std_srvs tf2_msgs tf2_ros trajectory_msgs visualization_msgs
 )
 
@@ -31,7 +31,35 @@ add_library(constraint_sim_ros STATIC ${ros_sources})
 constraint_sim_units(constraint_sim_ros 15 ${ros_sources})
 constraint_sim_shell_code(constraint_sim_ros)
 set_target_properties(constraint_sim_ros PROPERTIES POSITION_INDEPENDENT_CODE ON)
-add_dependencies(constraint_sim_ros ${PROJECT_NAME}_generate_messages_cpp)
+# Headers of control_msgs, which Debian does not have: types and their sums are those of the package.
+set(control_msgs ${CMAKE_CURRENT_BINARY_DIR}/control_msgs)
+set(control_msgs_headers)
+set(action_parts Action ActionGoal ActionResult ActionFeedback Goal Result Feedback)
+list(TRANSFORM action_parts PREPEND FollowJointTrajectory)
+list(TRANSFORM action_parts APPEND .msg OUTPUT_VARIABLE action_files)
+list(TRANSFORM action_files PREPEND ${control_msgs}/msg/)
+add_custom_command(OUTPUT ${action_files} ${control_msgs}/msg/JointTolerance.msg
+  COMMAND ${CMAKE_COMMAND} -E make_directory ${control_msgs}/msg
+  COMMAND ${CMAKE_COMMAND} -E copy ${CMAKE_CURRENT_SOURCE_DIR}/cmake/control_msgs/JointTolerance.msg ${control_msgs}/msg
+  COMMAND ${CATKIN_ENV} ${PYTHON_EXECUTABLE} ${GENACTION_BIN}
+    ${CMAKE_CURRENT_SOURCE_DIR}/cmake/control_msgs/FollowJointTrajectory.action -o ${control_msgs}/msg
+  DEPENDS cmake/control_msgs/JointTolerance.msg cmake/control_msgs/FollowJointTrajectory.action)
+set(message_paths -Icontrol_msgs:${control_msgs}/msg)
+foreach(package actionlib_msgs geometry_msgs std_msgs trajectory_msgs)
+  list(APPEND message_paths "-I${package}:${${package}_DIR}/../msg")
+endforeach()
+foreach(part JointTolerance ${action_parts})
+  set(header ${control_msgs}/include/control_msgs/${part}.h)
+  add_custom_command(OUTPUT ${header}
+    COMMAND ${CATKIN_ENV} ${PYTHON_EXECUTABLE} ${GENCPP_BIN} ${control_msgs}/msg/${part}.msg ${message_paths}
+      -p control_msgs -o ${control_msgs}/include/control_msgs -e ${GENCPP_TEMPLATE_DIR}
+    DEPENDS ${action_files} ${control_msgs}/msg/JointTolerance.msg)
+  list(APPEND control_msgs_headers ${header})
+endforeach()
+add_custom_target(constraint_sim_control_msgs DEPENDS ${control_msgs_headers})
+target_include_directories(constraint_sim_ros SYSTEM BEFORE PUBLIC ${control_msgs}/include)
+
+add_dependencies(constraint_sim_ros constraint_sim_control_msgs ${PROJECT_NAME}_generate_messages_cpp)
 # SYSTEM also takes the generated headers out of our own warnings
 target_include_directories(constraint_sim_ros SYSTEM PUBLIC
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})

@@ -27,16 +27,6 @@ double seconds_until(const ros::Time& stamp) {
   }
 }
 
-JointTrajectory trajectory_from_msg(const trajectory_msgs::JointTrajectory& message) {
-  JointTrajectory trajectory;
-  trajectory.joints = message.joint_names;
-  for (const trajectory_msgs::JointTrajectoryPoint& point : message.points)
-    trajectory.points.push_back(
-        {point.time_from_start.toSec(), point.positions, point.velocities, point.accelerations});
-  if (!message.header.stamp.isZero()) trajectory.delay = seconds_until(message.header.stamp);
-  return trajectory;
-}
-
 Vector3d finite_vector(const char* field, const geometry_msgs::Vector3& message) {
   const Vector3d vector = from_msg(message);
   engine::check_finite(field, vector);
@@ -74,6 +64,16 @@ double bounded(double value, double most) {
 
 }  // namespace
 
+JointTrajectory trajectory_from_msg(const trajectory_msgs::JointTrajectory& message) {
+  JointTrajectory trajectory;
+  trajectory.joints = message.joint_names;
+  for (const trajectory_msgs::JointTrajectoryPoint& point : message.points)
+    trajectory.points.push_back(
+        {point.time_from_start.toSec(), point.positions, point.velocities, point.accelerations});
+  if (!message.header.stamp.isZero()) trajectory.delay = seconds_until(message.header.stamp);
+  return trajectory;
+}
+
 CommandChanges::CommandChanges(const Parameters& parameters, const Robots& robots)
     : parameters_(parameters),
       robots_(robots),
@@ -104,6 +104,7 @@ void CommandChanges::end(const std::string& by) {
     return names;
   };
   tell_of("joint_trajectory", trajectories_.end());
+  goals_.end(by);
   tell_of("cmd_vel", names_of(&twists_));
   tell_of("wrench", names_of(&wrenches_));
 }
@@ -135,6 +136,7 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
   const engine::Joint& joint = world.joint(id);
   const bool was_driven = trajectories_.drives(id);
   const bool was_to_position = trajectories_.drop(id);
+  goals_.replace({constraint}, "a command");
   const JointBounds bounds = robots_.bounds(world, id);
   engine::CoordinateMotor motor;
   const double asked = value;
@@ -167,7 +169,16 @@ CommandChanges::Change CommandChanges::by_trajectory(
     const trajectory_msgs::JointTrajectory& message) {
   return [this, trajectory = trajectory_from_msg(message)](Driver* driver) {
     trajectories_.begin(driver->world(), trajectory);
+    goals_.replace(trajectory.joints, "a message of joint_trajectory");
   };
+}
+
+CommandChanges::Change CommandChanges::by_goal(TrajectoryGoals::Id id, const TrajectoryGoal& goal) {
+  return [this, id, goal](Driver* driver) { goals_.begin(driver->world(), id, goal); };
+}
+
+CommandChanges::Change CommandChanges::by_cancel(TrajectoryGoals::Id id) {
+  return [this, id](Driver* driver) { goals_.cancel(driver->world(), id); };
 }
 
 CommandChanges::Change CommandChanges::by_command(const std::string& constraint, double value) {

@@ -13,11 +13,15 @@
 #include "ros/robots.h"
 #include "sim/drive_changes.h"
 #include "sim/trajectories.h"
+#include "sim/trajectory_goals.h"
 
 namespace constraint_sim {
 
-/// Changes of a world by the messages that class Commands receives: trajectories, twists, wrenches
-/// and commands of motors.
+/// Throws std::invalid_argument for a stamp that is too far from now.
+JointTrajectory trajectory_from_msg(const trajectory_msgs::JointTrajectory& message);
+
+/// Changes of a world by the messages that class Commands receives: trajectories and goals of
+/// actions, twists, wrenches and commands of motors.
 class CommandChanges {
  public:
   using Change = std::function<void(Driver*)>;
@@ -27,6 +31,8 @@ class CommandChanges {
   // ---- any thread. Each function returns the change for the stepping thread to make. Both throw
   // std::invalid_argument for invalid messages.
   Change by_trajectory(const trajectory_msgs::JointTrajectory& message);
+  Change by_goal(TrajectoryGoals::Id id, const TrajectoryGoal& goal);
+  Change by_cancel(TrajectoryGoals::Id id);
   Change by_command(const std::string& constraint, double value);
   Change by_twist(const std::string& body, const geometry_msgs::Twist& message);
   Change by_wrench(const std::string& body, const geometry_msgs::WrenchStamped& message);
@@ -36,6 +42,7 @@ class CommandChanges {
   void before_step(Driver* driver);
   /// Ends all drives and logs their names; `by` names the cause.
   void end(const std::string& by);
+  TrajectoryGoals* goals() { return &goals_; }
 
  private:
   /// A twist or wrench that acts on a body until the next message, in the body's or the world's
@@ -54,6 +61,7 @@ class CommandChanges {
   const Robots& robots_;
   // accessed on the stepping thread only
   Trajectories trajectories_;
+  TrajectoryGoals goals_{&trajectories_};
   Drives twists_, wrenches_;
   Guard joint_trajectory_, cmd_vel_, wrench_;
 };

@@ -9,10 +9,17 @@
 #include "ros/topic_names.h"
 
 namespace constraint_sim {
+namespace {
+
+constexpr double kFeedbackPeriod = 0.05;  // of actions, as in ros_control [s]
+
+}  // namespace
 
 Commands::Commands(Stepper& stepper, EditLog& edit_log, const Parameters& parameters,
-                   const Robots& robots, ros::NodeHandle handle)
-    : stepper_(stepper), edit_log_(edit_log), changes_(parameters, robots) {
+                   const Robots& robots, TrajectoryActions& actions, ros::NodeHandle handle)
+    : stepper_(stepper), edit_log_(edit_log), actions_(actions), changes_(parameters, robots) {
+  actions_.start(
+      {[this](auto id, const auto& goal) { begin(id, goal); }, [this](auto id) { cancel(id); }});
   listen<trajectory_msgs::JointTrajectory>(handle, "joint_trajectory", 10,
                                            [this](const trajectory_msgs::JointTrajectory& message) {
                                              return changes_.by_trajectory(message);
@@ -32,6 +39,56 @@ Commands::Commands(Stepper& stepper, EditLog& edit_log, const Parameters& parame
                                          [this, name](const geometry_msgs::WrenchStamped& message) {
                                            return changes_.by_wrench(name, message);
                                          });
+}
+
+Commands::~Commands() { actions_.stop(); }
+
+// ---- stepping thread
+
+void Commands::stepped(const World& world, const ros::Time& stamp) {
+  TrajectoryGoals& goals = *changes_.goals();
+  goals.stepped(world);
+  finish_goals();
+  const double now = ros::SteadyTime::now().toSec();
+  if (now < next_feedback_ || !actions_.anybody_listens_to_feedback()) return;
+  next_feedback_ = now + kFeedbackPeriod;
+  for (const TrajectoryGoals::Progress& progress : goals.progress(world))
+    actions_.show(progress, stamp);
+}
+
+void Commands::edited(const World& world) {
+  changes_.goals()->edited(world);
+  finish_goals();
+}
+
+void Commands::end(const std::string& by) {
+  changes_.end(by);
+  finish_goals();
+}
+
+void Commands::finish_goals() {
+  for (const TrajectoryGoals::End& end : changes_.goals()->take_ended()) actions_.finish(end);
+}
+
+// ---- subscriber threads
+
+void Commands::begin(TrajectoryActions::Id id, const TrajectoryGoal& goal) {
+  stepper_.post([this, id, change = changes_.by_goal(id, goal)](World& world) {
+    edit_log_.record_driven(stepper_, &world, [&](Driver* driver) {
+      try {
+        change(driver);
+        actions_.accept(id);
+      } catch (...) {
+        actions_.reject(id);
+      }
+    });
+  });
+}
+
+void Commands::cancel(TrajectoryActions::Id id) {
+  stepper_.post([this, change = changes_.by_cancel(id)](World& world) {
+    edit_log_.record_driven(stepper_, &world, [&](Driver* driver) { change(driver); });
+  });
 }
 
 template <class Message, class ChangeBy>

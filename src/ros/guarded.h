@@ -3,6 +3,7 @@
 #include <ros/advertise_service_options.h>
 #include <ros/console.h>
 #include <ros/node_handle.h>
+#include <ros/steady_timer.h>
 #include <ros/subscriber.h>
 #include <ros/time.h>
 
@@ -108,6 +109,16 @@ ros::ServiceServer guarded_service(ros::NodeHandle& handle, const std::string& n
   options.initBySpecType<Spec>(name, call);
   options.helper = boost::make_shared<PausingCalls<Spec>>(call);
   return handle.advertiseService(options);
+}
+
+/// Calls `act` again and again; the only timer of src/ros. It goes by the steady clock, since
+/// simulated time may stand still.
+template <class Act>
+ros::SteadyTimer guarded_timer(ros::NodeHandle& handle, const SharedGuard& guard, double period,
+                               Act act) {
+  return handle.createSteadyTimer(
+      ros::WallDuration(period),
+      [guard, act](const ros::SteadyTimerEvent&) { (*guard)([&] { act(); }); });
 }
 
 /// Advertises a service that a member function serves.

@@ -85,6 +85,8 @@ void for_each(Do do_with) {
   do_with("cmd_vel", &Parameters::cmd_vel);
   do_with("wrench", &Parameters::wrench);
   do_with("odometry", &Parameters::odometry);
+  do_with("goal_tolerance", &Parameters::goal_tolerance);
+  do_with("goal_time_tolerance", &Parameters::goal_time_tolerance);
   do_with("plugins", &Parameters::plugins);
   do_with("follow", &Parameters::follow);
   do_with("follow_delay", &Parameters::follow_delay);
@@ -136,6 +138,10 @@ void check(const Parameters& p) {
                        "must not begin with a slash or have two in a row, got " + shown(prefix));
   if (p.publish_links != "all" && p.publish_links != "root" && p.publish_links != "none")
     refuse_parameter("publish_links", "must be all, root or none, got " + shown(p.publish_links));
+  for (const auto& [name, value] : {std::pair("goal_tolerance", p.goal_tolerance),
+                                    std::pair("goal_time_tolerance", p.goal_time_tolerance)})
+    if (!std::isfinite(value) || value < 0.0)
+      refuse_parameter(name, "must be a number >= 0, got " + shown(value));
   check_names("command", p.command);
   check_names("cmd_vel", p.cmd_vel);
   check_names("wrench", p.wrench);

@@ -38,13 +38,15 @@ struct Parameters {
   std::string publish_links = "all";  ///< all | root | none: frames of robots' links
   bool publish_com = false;           ///< publish frames of centres of mass, as children of links
   // Lists of names, separated by spaces.
-  std::string command;        ///< constraints with a topic command/<constraint>
-  std::string cmd_vel;        ///< kinematic bodies with a topic cmd_vel/<body>
-  std::string wrench;         ///< bodies with a topic wrench/<body>
-  std::string odometry;       ///< bodies and links with a topic odometry/<body>
-  std::string plugins;        ///< plugin classes of other packages, by their pluginlib names
-  std::string follow;         ///< BODY=FRAME: kinematic bodies that follow frames of tf
-  double follow_delay = 0.1;  ///< delay of the followed frames [s]
+  std::string command;               ///< constraints with a topic command/<constraint>
+  std::string cmd_vel;               ///< kinematic bodies with a topic cmd_vel/<body>
+  std::string wrench;                ///< bodies with a topic wrench/<body>
+  std::string odometry;              ///< bodies and links with a topic odometry/<body>
+  double goal_tolerance = 0.01;      ///< of follow_joint_trajectory [m or rad]; 0: none
+  double goal_time_tolerance = 1.0;  ///< of follow_joint_trajectory [s]
+  std::string plugins;               ///< plugin classes of other packages, by their pluginlib names
+  std::string follow;                ///< BODY=FRAME: kinematic bodies that follow frames of tf
+  double follow_delay = 0.1;         ///< delay of the followed frames [s]
 
   bool use_sim_time = false;  ///< the global parameter, read only
 

@@ -35,10 +35,11 @@ std::int64_t wall_now() { return static_cast<std::int64_t>(ros::WallTime::now().
 
 }  // namespace
 
-Publishers::Publishers(const Parameters& parameters, Robots& robots, ros::NodeHandle& handle,
-                       ros::NodeHandle& private_handle, Hands& hands)
+Publishers::Publishers(const Parameters& parameters, Robots& robots, TrajectoryActions& actions,
+                       ros::NodeHandle& handle, ros::NodeHandle& private_handle, Hands& hands)
     : parameters_(parameters),
       robots_(robots),
+      actions_(actions),
       hands_(hands),
       wrench_topics_(parameters, private_handle,
                      [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
@@ -241,7 +242,9 @@ void Publishers::publish(const Snapshot& snapshot) {
     publish_plan(snapshot);
     publish_static_transforms(snapshot);
     wrench_topics_.update(snapshot.world);
-    robot_topics_.update(robots_.descriptions(snapshot.world));
+    const std::vector<RobotDescription> robots = robots_.descriptions(snapshot.world);
+    robot_topics_.update(robots);
+    actions_.update(robots);
   }
   if (joint_states_topic_.getNumSubscribers() > 0 || robot_topics_.anybody_listens())
     publish_joint_states(snapshot);

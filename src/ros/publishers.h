@@ -21,6 +21,7 @@
 #include "ros/parameters.h"
 #include "ros/robot_topics.h"
 #include "ros/robots.h"
+#include "ros/trajectory_actions.h"
 #include "ros/wrench_topics.h"
 #include "sim/stamps.h"
 #include "sim/statistics.h"
@@ -32,8 +33,8 @@ namespace constraint_sim {
 /// subscribers; a separate thread builds and sends messages.
 class Publishers {
  public:
-  Publishers(const Parameters& parameters, Robots& robots, ros::NodeHandle& handle,
-             ros::NodeHandle& private_handle, Hands& hands);
+  Publishers(const Parameters& parameters, Robots& robots, TrajectoryActions& actions,
+             ros::NodeHandle& handle, ros::NodeHandle& private_handle, Hands& hands);
   ~Publishers();
   Publishers(const Publishers&) = delete;
   Publishers& operator=(const Publishers&) = delete;
@@ -91,6 +92,7 @@ class Publishers {
 
   Parameters parameters_;
   Robots& robots_;
+  TrajectoryActions& actions_;
   Hands& hands_;
   ros::Publisher transforms_topic_;
   ros::Publisher static_transforms_topic_;

@@ -31,6 +31,7 @@
 #include "ros/scenes.h"
 #include "ros/service_queue.h"
 #include "ros/services.h"
+#include "ros/trajectory_actions.h"
 #include "ros/urdf_loader.h"
 #include "ros/verify_service.h"
 #include "sim/stepper.h"
@@ -89,6 +90,7 @@ class SimulatorNode::Impl {
   EditLog edit_log_;
   Hands hands_;
   Robots robots_;
+  TrajectoryActions actions_;
   Publishers publishers_;
   EventTopic event_topic_;
   Diagnostics diagnostics_;
@@ -122,7 +124,8 @@ SimulatorNode::Impl::Impl(const ros::NodeHandle& handle, const ros::NodeHandle& 
       edit_log_(private_handle_),
       hands_(parameters_, private_handle_),
       robots_(parameters_),
-      publishers_(parameters_, robots_, handle_, private_handle_, hands_),
+      actions_(parameters_, edits_.serving(private_handle_)),
+      publishers_(parameters_, robots_, actions_, handle_, private_handle_, hands_),
       event_topic_(private_handle_, publishers_),
       diagnostics_(parameters_, handle_, private_handle_.getNamespace()),
       stepper_(first_world(), stepper_options(parameters_), clock(), events()),
@@ -133,7 +136,8 @@ SimulatorNode::Impl::Impl(const ros::NodeHandle& handle, const ros::NodeHandle& 
                    [this](SetOptionsRequest& request) { return services_.set_options(request); }),
 #endif
       urdf_loader_(stepper_, parameters_, robots_, edits_.serving(private_handle_)),
-      commands_(stepper_, edit_log_, parameters_, robots_, edits_.serving(private_handle_)),
+      commands_(stepper_, edit_log_, parameters_, robots_, actions_,
+                edits_.serving(private_handle_)),
       follower_(parameters_),
       stepping_thread_(&Stepper::run, &stepper_) {
   hands_.start(&stepper_);
@@ -238,6 +242,7 @@ StepperEvents SimulatorNode::Impl::events() {
     log_.stepped(world);
     edit_log_.stepped(world);
     plugins_.stepped(world);
+    if (commands_.has_goals()) commands_.stepped(world, publishers_.stamp(world));
     if (world.report().failed) commands_.end("a step that failed");
   };
   events.edited = [this](const World& world) {
@@ -247,6 +252,7 @@ StepperEvents SimulatorNode::Impl::events() {
     publishers_.edited(world);
     event_topic_.edited(world);
     hands_.edited(world);
+    commands_.edited(world);
     log_.edited(world);
     edit_log_.edited(stepper_, world);
   };

@@ -188,8 +188,13 @@ class Robots(support.ServiceCase):
                     self.good("remove_body", name=body)
             wait_until(lambda: not rospy.has_param(support.NODE + "/robots/left"), "no parameter")
             self.assertTrue(rospy.has_param(support.NODE + "/robots/right_/robot_description"))
+            # the action of a removed robot stays until its results are sent
+            wait_until(lambda: not any("/left/" in topic for topic, _ in rospy.get_published_topics(
+                support.NODE + "/robots")), "no topic of left")
             topics = {topic for topic, _ in rospy.get_published_topics(support.NODE + "/robots")}
-            self.assertEqual(topics, {support.NODE + "/robots/right_/joint_states"})
+            action = "follow_joint_trajectory/"
+            self.assertEqual(topics, {support.NODE + "/robots/right_/" + topic for topic in (
+                "joint_states", action + "status", action + "feedback", action + "result")})
         self.assertFalse(rospy.has_param(support.NODE + "/robots"))
 
     def test_joints_that_move_no_mass_are_named_and_stand_in_joint_states(self):

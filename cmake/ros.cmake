@@ -99,8 +99,14 @@ if(CONSTRAINT_SIM_EXTRAS)
   constraint_sim_shell_code(constraint_sim_nodelet)
   target_link_libraries(constraint_sim_nodelet PRIVATE constraint_sim_ros)
 
+  file(GLOB sensor_sources CONFIGURE_DEPENDS src/sensors/*.cpp)
+  add_library(constraint_sim_sensors SHARED ${sensor_sources})
+  constraint_sim_shell_code(constraint_sim_sensors)
+  target_include_directories(constraint_sim_sensors SYSTEM PRIVATE ${catkin_INCLUDE_DIRS})
+  target_link_libraries(constraint_sim_sensors PRIVATE constraint_sim_engine ${catkin_LIBRARIES})
+
   install(TARGETS client_example constraint_sim_replay RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-  install(TARGETS constraint_sim_nodelet LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+  install(TARGETS constraint_sim_nodelet constraint_sim_sensors LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 endif()
 
 include(cmake/panel.cmake)
@@ -120,7 +126,7 @@ export(EXPORT constraint_sim NAMESPACE constraint_sim::
   FILE ${CMAKE_CURRENT_BINARY_DIR}/constraint_sim_engine_targets.cmake)
 install(TARGETS constraint_sim_node constraint_sim_run constraint_sim_rviz_config constraint_sim_error_table
   RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-install(FILES nodelet_plugins.xml rviz_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(FILES nodelet_plugins.xml rviz_plugins.xml sensor_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY include/constraint_sim/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # not executable where they lie: rosrun would find them there as well as where they are installed

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "constraint_sim/engine/custom.h"
@@ -14,6 +15,9 @@ class PluginHost {
   /// Returns the node's private namespace. Parameters and topics of the plugin belong below it, in
   /// a namespace of its own.
   virtual std::string private_namespace() const = 0;
+  /// Returns the stamp of the node's messages about the last step [ns]: simulated time with
+  /// `publish_clock` or `use_sim_time`, else wall time. Call within Plugin::stepped().
+  virtual std::int64_t stamp() const = 0;
   /// Register a type, which scenes and services then use by name. A plugin calls these functions
   /// and not engine::register_custom_constraint() or engine::register_custom_force(), since its
   /// library has an engine of its own.
@@ -29,7 +33,8 @@ class PluginHost {
 class Plugin {
  public:
   virtual ~Plugin() = default;
-  /// Called once, before the first scene is loaded. An exception ends the node with a message.
+  /// Called once, before the first scene is loaded. The host lives as long as the plugin. An
+  /// exception ends the node with a message.
   virtual void start(PluginHost& host) = 0;
   /// Called after each step, on the stepping thread; must be short. An exception is logged with the
   /// plugin's name and ends the calls.

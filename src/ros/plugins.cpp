@@ -18,10 +18,14 @@ Loader& loader() {
   return *kLoader;
 }
 
-class Host : public PluginHost {
+}  // namespace
+
+class Plugins::Host : public PluginHost {
  public:
   explicit Host(std::string private_namespace) : namespace_(std::move(private_namespace)) {}
   std::string private_namespace() const override { return namespace_; }
+  std::int64_t stamp() const override { return stamp_; }
+  void set_stamp(std::int64_t stamp) { stamp_ = stamp; }
   void add_constraint_type(const std::string& type,
                            engine::CustomConstraintFactory factory) override {
     engine::register_custom_constraint(type, std::move(factory));
@@ -32,16 +36,15 @@ class Host : public PluginHost {
 
  private:
   std::string namespace_;
+  std::int64_t stamp_ = 0;  // [ns]
 };
 
-}  // namespace
-
-Plugins::Plugins(const Parameters& parameters, const ros::NodeHandle& private_handle) {
-  Host host(private_handle.getNamespace());
+Plugins::Plugins(const Parameters& parameters, const ros::NodeHandle& private_handle)
+    : host_(std::make_shared<Host>(private_handle.getNamespace())) {
   for (const std::string& name : names_in(parameters.plugins)) {
     try {
       plugins_.push_back({name, std::unique_ptr<Plugin>(loader().createUnmanagedInstance(name))});
-      plugins_.back().plugin->start(host);
+      plugins_.back().plugin->start(*host_);
     } catch (...) {
       throw ParameterError("plugins",
                            "parameter ~plugins: '" + name + "': " + message_of_exception());
@@ -50,7 +53,8 @@ Plugins::Plugins(const Parameters& parameters, const ros::NodeHandle& private_ha
   }
 }
 
-void Plugins::stepped(const engine::World& world) {
+void Plugins::stepped(const engine::World& world, const ros::Time& stamp) {
+  host_->set_stamp(static_cast<std::int64_t>(stamp.toNSec()));
   for (Loaded& loaded : plugins_) {
     if (loaded.has_failed) continue;
     try {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <ros/time.h>
+
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,14 +18,18 @@ class Plugins {
   /// Throws ParameterError for a class that is missing or does not start.
   Plugins(const Parameters& parameters, const ros::NodeHandle& private_handle);
 
-  void stepped(const engine::World& world);
+  /// `stamp`: of the node's messages about the world.
+  void stepped(const engine::World& world, const ros::Time& stamp);
+  bool empty() const { return plugins_.empty(); }
 
  private:
+  class Host;
   struct Loaded {
     std::string name;
     std::unique_ptr<Plugin> plugin;
     bool has_failed = false;
   };
+  std::shared_ptr<Host> host_;
   std::vector<Loaded> plugins_;
 };
 

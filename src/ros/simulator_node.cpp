@@ -241,7 +241,7 @@ StepperEvents SimulatorNode::Impl::events() {
     diagnostics_.stepped(world, seconds);
     log_.stepped(world);
     edit_log_.stepped(world);
-    plugins_.stepped(world);
+    if (!plugins_.empty()) plugins_.stepped(world, publishers_.stamp(world));
     if (commands_.has_goals()) commands_.stepped(world, publishers_.stamp(world));
     if (world.report().failed) commands_.end("a step that failed");
   };

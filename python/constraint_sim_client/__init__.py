@@ -8,6 +8,6 @@
 
 Units are SI, positions and twists are in the world frame.
 """
-from constraint_sim_client.simulator import Batch, Refused, Simulator
+from constraint_sim_client.simulator import Batch, Joint, Refused, Simulator
 
-__all__ = ['Batch', 'Refused', 'Simulator']
+__all__ = ['Batch', 'Joint', 'Refused', 'Simulator']

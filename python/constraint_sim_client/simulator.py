@@ -1,18 +1,27 @@
 """The services of one simulator as methods, and what belongs together as `with` blocks."""
+import collections
 import contextlib
 import os
 import re
+import threading
+import time
 
 import rospy
 import std_srvs.srv
 from constraint_sim import srv
 from geometry_msgs.msg import Point, Vector3, Wrench
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from constraint_sim_client import messages
 
 
 class Refused(RuntimeError):
     """The simulator's answer to what cannot be; its text names field and value."""
+
+
+# Position [m or rad], velocity, and effort of the actuator [N or N m] of a joint.
+Joint = collections.namedtuple('Joint', 'position velocity effort')
 
 
 class _Adding:
@@ -91,6 +100,7 @@ class Simulator(_Adding):
         self.node = rospy.names.resolve_name(node)
         self.timeout = timeout
         self._proxies = {}
+        self._publishers = {}
 
     def call(self, service, /, **fields):
         """Any service of the node by its name, with the fields of its request."""
@@ -158,6 +168,60 @@ class Simulator(_Adding):
         return self.call('set_motor_bias', constraint=constraint, bias=bias, max_force=max_force,
                          timeout=timeout)
 
+    def set_position(self, constraint, position):
+        """Sends a motor to a position [m or rad]: its target, as of `motor: {position: ...}`."""
+        return self.set_constraint(constraint, motor_position=position)
+
+    def set_force(self, constraint, force):
+        """Lets a motor act with a constant force [N or N m]."""
+        return self.set_constraint(constraint, motor_force=force)
+
+    def joints(self, robot=''):
+        """Position, velocity and effort by joint: of one robot, by its prefix or name, or of all joints."""
+        topic = 'robots/%s/joint_states' % robot.rstrip('/') if robot else 'joint_states'
+        states = self._next(topic, JointState)
+        return {name: Joint(*values) for name, *values in
+                zip(states.name, states.position, states.velocity, states.effort)}
+
+    def follow(self, joints, *points):
+        """Sends a trajectory of joints to the topic joint_trajectory. Each point is (time [s], positions), and may
+        have velocities and accelerations behind. A wrong one is a line in the log of the simulator. It takes effect
+        soon after the call, also while the world is paused."""
+        trajectory = JointTrajectory(joint_names=list(joints))
+        for time_from_start, *values in points:
+            trajectory.points.append(JointTrajectoryPoint(
+                time_from_start=rospy.Duration.from_sec(time_from_start),
+                **dict(zip(('positions', 'velocities', 'accelerations'), map(list, values)))))
+        self._publisher('joint_trajectory', JointTrajectory).publish(trajectory)
+
+    def _publisher(self, topic, kind):
+        publisher = self._publishers.get(topic)
+        if publisher is None:
+            publisher = self._publishers[topic] = rospy.Publisher(
+                rospy.names.ns_join(self.node, topic), kind, queue_size=10)
+        end = time.monotonic() + self.timeout
+        while publisher.get_num_connections() == 0:
+            if time.monotonic() > end:
+                raise rospy.ROSException('nobody listens to %s' % publisher.name)
+            time.sleep(0.01)
+        return publisher
+
+    def _next(self, topic, kind):
+        """The first message that the simulator publishes from now on; rospy.wait_for_message counts simulated time."""
+        done = threading.Event()
+        messages_ = []
+
+        def receive(message):
+            messages_.append(message)
+            done.set()
+        subscriber = rospy.Subscriber(rospy.names.ns_join(self.node, topic), kind, receive)
+        try:
+            if not done.wait(self.timeout):
+                raise rospy.ROSException('no message on %s' % subscriber.name)
+        finally:
+            subscriber.unregister()
+        return messages_[0]
+
     def push(self, body, force=(0, 0, 0), torque=(0, 0, 0), duration=-1.0, point=(0, 0, 0),
              frame=''):
         """A wrench for so many simulated seconds; below 0: for ever."""
@@ -184,8 +248,9 @@ class Simulator(_Adding):
         return self.call('set_options', keys=list(options),
                          values=[messages.option(value) for value in options.values()])
 
-    def load(self, scene='', text=''):
-        return self.call('load_scene', path=scene, text=text)
+    def load(self, scene='', text='', path=''):
+        """Loads a scene by the name of a shipped one, by a path (`scene` and `path` are one), or by its text."""
+        return self.call('load_scene', path=scene or path, text=text)
 
     def save(self, path=''):
         """The world as a scene."""
@@ -197,8 +262,17 @@ class Simulator(_Adding):
     def unpause(self):
         self.call('unpause_physics')
 
-    def step(self, steps=1):
-        """Only while paused; bodies and hash after the last one."""
+    def step(self, steps=1, rates=None, positions=None, forces=None):
+        """Only while paused; bodies and hash after the last step. Motors are set before, by their constraints'
+        names: `rates` of all at once or none, then `positions` and `forces`."""
+        if rates:
+            with self.batch() as batch:
+                for constraint, rate in rates.items():
+                    batch.set_motor(constraint, rate)
+        for constraint, position in (positions or {}).items():
+            self.set_position(constraint, position)
+        for constraint, force in (forces or {}).items():
+            self.set_force(constraint, force)
         return self.call('step', steps=steps)
 
     def reset(self):

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tempfile
 import unittest
 
 import rospkg
@@ -120,6 +121,48 @@ class Client(unittest.TestCase):
         with sim.paused():
             pass
         self.assertTrue(sim.properties().paused)
+
+    def test_joints_follow_and_are_read(self):
+        sim = self.sim
+        with sim.paused():
+            sim.load_urdf("arm", fixed=True)
+            joints = sim.joints()
+            self.assertAlmostEqual(joints["shoulder_lift"].position, -1.2, delta=1e-9)
+            self.assertEqual(set(joints), set(sim.joints("arm")))
+            # motors to a position arrive within the closing time of 0.5 s
+            sim.step(100, positions={"elbow": 1.4, "shoulder_pan": 0.1})
+            self.assertAlmostEqual(sim.state("forearm/com").twist.angular.z, 0.0, delta=1e-9)
+            support.wait_until(lambda: abs(sim.joints()["elbow"].position - 1.4) < 1e-9, "the elbow")
+            self.assertAlmostEqual(sim.joints("arm")["shoulder_pan"].position, 0.1, delta=1e-9)
+            self.assertGreater(abs(sim.joints()["shoulder_lift"].effort), 1.0)  # holds the arm
+            hash_before = sim.properties().state_hash
+            sim.follow(["elbow"], (1.0, [1.2], [0.0]))
+
+            def arrives():
+                sim.step(10)
+                return abs(sim.joints()["elbow"].position - 1.2) < 1e-9
+            support.wait_until(arrives, "the end of the trajectory")
+            self.assertNotEqual(sim.properties().state_hash, hash_before)
+            with self.assertRaisesRegex(Refused, "no constraint named 'knee'"):
+                sim.step(1, rates={"elbow": 0.1, "knee": 0.1})
+
+    def test_motors_are_set_with_the_steps(self):
+        sim = self.sim
+        sim.set_options(gravity=(0, 0, 0))
+        with sim.paused():
+            for name, y in (("a", 0.0), ("b", 2.0)):
+                sim.add_box(name, size=(0.1, 0.1, 0.1), mass=1.0, position=(0, y, 0))
+                sim.add_constraint("rail_" + name, "slider", anchor_a=(0, y, 0), axis_a=(1, 0, 0), body_b=name,
+                                   motor={"bias": 0.0})
+            sim.step(100, rates={"rail_a": 0.2})
+            self.assertAlmostEqual(sim.state("a").pose.position.x, 0.2, delta=1e-9)
+            sim.step(100, forces={"rail_b": 0.5})  # 0.5 N on 1 kg for 1 s
+            self.assertAlmostEqual(sim.state("b").pose.position.x, 0.25, delta=1e-9)
+            self.assertAlmostEqual(sim.state("a").pose.position.x, 0.4, delta=1e-9)
+            path = os.path.join(tempfile.mkdtemp(), "two.yaml")
+            sim.save(path)
+            sim.load(path=path)
+            self.assertEqual(sim.properties().bodies, ["a", "b"])
 
     def test_no_simulator_is_there(self):
         with self.assertRaises(rospy.ROSException):

@@ -51,7 +51,7 @@ class Parameters(unittest.TestCase):
                  "robot_prefix": "left/", "robot_fixed": True, "robot_x": 1.0, "robot_y": 2.0,
                  "robot_z": 3.0, "publish_links": "root", "publish_com": True, "command": "a b",
                  "cmd_vel": "c", "wrench": "d", "odometry": "e", "follow": "f=g",
-                 "follow_delay": 0.5}
+                 "follow_delay": 0.5, "goal_tolerance": 0.02, "goal_time_tolerance": 0.5}
         self.assertEqual(set(given) | {"plugins"}, set(self.documented))  # test_plugins tests it
         self.assertEqual(effective(**given), typed({**given, "plugins": ""}))
 

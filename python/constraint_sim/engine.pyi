@@ -2,7 +2,7 @@
 
 All quantities are in SI units, vectors in world axes, quaternions as x y z w. docs/python.md is
 the manual."""
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Set, Tuple, TypedDict, Union
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Set, Tuple, TypedDict, Union
 
 import numpy as np
 
@@ -65,7 +65,26 @@ class Cylinder:
         """[m]"""
 
 
-Shape = Union[Point, Sphere, Box, Plane, Cylinder]
+class Hull:
+    """Hull(vertices)
+
+    Convex hull of points [m], a list of (x, y, z), by Qhull; at most 100000 points and 512 vertices."""
+    def __init__(self, vertices: Iterable[Vector]) -> None: ...
+    @property
+    def vertices(self) -> List[Tuple3]:
+        """[m]"""
+    @property
+    def faces(self) -> List[List[int]]:
+        """numbers of the vertices of each face, counter-clockwise from outside"""
+    @property
+    def volume(self) -> float:
+        """[m^3]"""
+    @property
+    def centre(self) -> Tuple3:
+        """centre of the volume [m]"""
+
+
+Shape = Union[Point, Sphere, Box, Plane, Cylinder, Hull]
 
 
 class State(TypedDict):
@@ -467,7 +486,7 @@ class World:
         principal, zero: from the shape, position [m], orientation x y z w, linear_velocity
         [m/s], angular_velocity [rad/s] in world axes, friction=0, restitution=0,
         no_collision=False, shape_pose=None: a dict of position [m] and orientation (x, y, z, w)
-        of a sphere, box or cylinder in the body's frame)
+        of a sphere, box, cylinder or hull in the body's frame)
 
         Adds a body. Raises ValueError naming field and value."""
     def remove_body(self, name: str) -> List[str]:

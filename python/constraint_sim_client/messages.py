@@ -43,6 +43,11 @@ def cylinder(radius, length):
     return Shape(type=Shape.CYLINDER, dimensions=[radius, length])
 
 
+def hull(vertices):
+    """A convex hull of points, each three numbers."""
+    return Shape(type=Shape.HULL, vertices=[Point(*vertex) for vertex in vertices])
+
+
 def plane():
     return Shape(type=Shape.PLANE)
 

@@ -42,6 +42,10 @@ class _Adding:
         shape = messages.cylinder(radius, length)
         self.add_body(messages.body(name, shape, mass=mass, **settings))
 
+    def add_hull(self, name, vertices, mass=0.0, **settings):
+        """Adds a convex hull of points, each three numbers; settings as of add_sphere()."""
+        self.add_body(messages.body(name, messages.hull(vertices), mass=mass, **settings))
+
     def add_point(self, name, mass=0.0, **settings):
         """Adds a point mass, which touches nothing."""
         self.add_body(messages.body(name, messages.point(), mass=mass, **settings))

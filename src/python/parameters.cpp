@@ -130,8 +130,9 @@ engine::Shape shape_from(const py::object& value) {
   try {
     return value.cast<engine::Shape>();
   } catch (const py::cast_error&) {
-    throw std::invalid_argument("shape: must be a Point, Sphere, Box, Plane or Cylinder, got " +
-                                std::string(py::str(py::repr(value))));
+    throw std::invalid_argument(
+        "shape: must be a Point, Sphere, Box, Plane, Cylinder or Hull, got " +
+        std::string(py::str(py::repr(value))));
   }
 }
 

@@ -1,6 +1,7 @@
 #include <pybind11/pybind11.h>
 
 #include <string>
+#include <vector>
 
 #include "constraint_sim/engine/shape.h"
 #include "python/definitions.h"
@@ -58,7 +59,52 @@ void define_shapes(py::module* module) {
         return "Cylinder(" + std::string(py::str(py::float_(cylinder.radius))) + ", " +
                std::string(py::str(py::float_(cylinder.length))) + ")";
       });
-  for (const char* name : {"Point", "Sphere", "Box", "Plane", "Cylinder"})
+  py::class_<engine::Hull>(
+      *module, "Hull",
+      "Hull(vertices)\n\nConvex hull of points [m], a list of (x, y, z), by Qhull; at most 100000 "
+      "points and 512 vertices.")
+      .def(py::init([](const py::iterable& vertices) {
+             std::vector<Eigen::Vector3d> points;
+             for (const py::handle vertex : vertices) {
+               py::dict dict;
+               dict["vertices"] = vertex;
+               Keywords("Hull", dict).read("vertices", &points.emplace_back());
+             }
+             return engine::Hull(points);
+           }),
+           py::arg("vertices"))
+      .def_property_readonly(
+          "vertices",
+          [](const engine::Hull& hull) {
+            py::list list;
+            for (const Eigen::Vector3d& vertex : hull.surface->vertices())
+              list.append(tuple_of(vertex));
+            return list;
+          },
+          "[m]")
+      .def_property_readonly(
+          "faces",
+          [](const engine::Hull& hull) {
+            py::list list;
+            for (const engine::ConvexHull::Face& face : hull.surface->faces()) {
+              py::list corners;
+              for (int k = 0; k < face.count; ++k)
+                corners.append(
+                    hull.surface->corners()[static_cast<std::size_t>(face.first + k)].vertex);
+              list.append(corners);
+            }
+            return list;
+          },
+          "numbers of the vertices of each face, counter-clockwise from outside")
+      .def_property_readonly(
+          "volume", [](const engine::Hull& hull) { return hull.surface->volume(); }, "[m^3]")
+      .def_property_readonly(
+          "centre", [](const engine::Hull& hull) { return tuple_of(hull.surface->centre()); },
+          "centre of the volume [m]")
+      .def("__repr__", [](const engine::Hull& hull) {
+        return "Hull(" + std::to_string(hull.surface->vertices().size()) + " vertices)";
+      });
+  for (const char* name : {"Point", "Sphere", "Box", "Plane", "Cylinder", "Hull"})
     make_by_call_alone(py::object(module->attr(name)));
 }
 

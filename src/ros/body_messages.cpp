@@ -6,6 +6,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "ros/conversions.h"
 #include "sim/errors.h"
@@ -19,7 +20,21 @@ void check_dimensions(const Shape& shape, const char* meaning, std::size_t count
                              std::to_string(shape.dimensions.size()) + " numbers");
 }
 
-/// Rejects a surface: no existing type has one.
+engine::Shape hull_from(const Shape& shape) {
+  if (!shape.triangles.empty())
+    refuse("triangles",
+           "a hull has none, got " + std::to_string(shape.triangles.size()) + " numbers");
+  if (!shape.mesh_resource.empty())
+    refuse("mesh_resource",
+           "files are not read yet, give vertices, got '" + shape.mesh_resource + "'");
+  if (from_msg(shape.mesh_scale) != Eigen::Vector3d::Zero())
+    refuse("mesh_scale", "only a mesh_resource has one");
+  std::vector<Eigen::Vector3d> vertices;
+  for (const geometry_msgs::Point& vertex : shape.vertices) vertices.push_back(from_msg(vertex));
+  return engine::Hull(vertices);
+}
+
+/// Rejects a surface of a shape that has none.
 void check_no_surface(const Shape& shape) {
   const char* const why = "only a hull or a mesh has this field, got ";
   if (!shape.vertices.empty())
@@ -91,7 +106,8 @@ engine::Shape from_msg(const Shape& shape) {
     case Shape::CAPSULE:
       refuse("type", "capsules do not exist yet, got CAPSULE=3");
     case Shape::HULL:
-      refuse("type", "hulls do not exist yet, got HULL=6");
+      check_dimensions(shape, "hull has no dimensions", 0);
+      return hull_from(shape);
     case Shape::MESH:
       refuse("type", "meshes do not exist yet, got MESH=7");
     default:
@@ -114,7 +130,7 @@ engine::Shape from_msg(const Shape& shape) {
       check_dimensions(shape, "cylinder has two: radius, length", 2);
       return engine::Cylinder{size[0], size[1]};
     default:
-      refuse("type", "must be POINT=0, SPHERE=1, BOX=2, PLANE=4 or CYLINDER=5, got " +
+      refuse("type", "must be POINT=0, SPHERE=1, BOX=2, PLANE=4, CYLINDER=5 or HULL=6, got " +
                          std::to_string(shape.type));
   }
 }

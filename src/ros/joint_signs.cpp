@@ -42,6 +42,7 @@ double length_of_axis_through(const engine::Shape& shape) {
   if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return 3.0 * sphere->radius;
   if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
     return std::max(3.0 * cylinder->radius, cylinder->length);
+  if (const auto* hull = std::get_if<engine::Hull>(&shape)) return 2.0 * hull->surface->radius();
   return 0.0;
 }
 

@@ -27,6 +27,20 @@ void set_size(Marker* marker, std::int32_t type, const Eigen::Vector3d& size) {
   marker->scale = to_vector(size);
 }
 
+/// Shows each face of a hull as a fan of triangles.
+void set_surface(Marker* marker, const engine::ConvexHull& surface) {
+  set_size(marker, Marker::TRIANGLE_LIST, Eigen::Vector3d::Ones());
+  marker->points.clear();
+  for (const engine::ConvexHull::Face& face : surface.faces()) {
+    const auto corner = [&](int k) {
+      const int vertex = surface.corners()[static_cast<std::size_t>(face.first + k)].vertex;
+      return to_point(surface.vertices()[static_cast<std::size_t>(vertex)]);
+    };
+    for (int k = 1; k + 1 < face.count; ++k)
+      for (const int at : {0, k, k + 1}) marker->points.push_back(corner(at));
+  }
+}
+
 }  // namespace
 
 double radius_of(const engine::Shape& shape) {
@@ -34,6 +48,7 @@ double radius_of(const engine::Shape& shape) {
   if (const auto* box = std::get_if<engine::Box>(&shape)) return 0.5 * box->size.norm();
   if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
     return std::hypot(cylinder->radius, 0.5 * cylinder->length);
+  if (const auto* hull = std::get_if<engine::Hull>(&shape)) return hull->surface->radius();
   return 0.0;
 }
 
@@ -44,6 +59,10 @@ double half_width(const engine::Shape& shape, const Eigen::Vector3d& along) {
   if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
     return cylinder->radius * std::hypot(along.x(), along.y()) +
            0.5 * cylinder->length * std::abs(along.z());
+  if (const auto* hull = std::get_if<engine::Hull>(&shape)) {
+    const auto& vertices = hull->surface->vertices();
+    return along.dot(vertices[static_cast<std::size_t>(hull->surface->farthest(along))]);
+  }
   return 0.0;
 }
 
@@ -154,6 +173,8 @@ void set_shape(Marker* marker, const engine::Shape& shape) {
   } else if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape)) {
     const double diameter = 2.0 * cylinder->radius;
     set_size(marker, Marker::CYLINDER, {diameter, diameter, cylinder->length});
+  } else if (const auto* hull = std::get_if<engine::Hull>(&shape)) {
+    set_surface(marker, *hull->surface);
   } else if (std::holds_alternative<engine::Plane>(shape)) {
     // Planes have almost no thickness, so that bodies on them are not cut, and are brighter than
     // bodies, since they are transparent.

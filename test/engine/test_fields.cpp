@@ -36,6 +36,8 @@ TEST(Fields, AreAllListed) {
   expect_listed<Box>(1);
   [[maybe_unused]] const auto& [y1, y2] = Cylinder{};
   expect_listed<Cylinder>(2);
+  [[maybe_unused]] const auto& [h1] = Hull{};
+  expect_listed<Hull>(1);
   static_assert(std::is_empty_v<Point> && std::is_empty_v<Plane>, "list the new field");
   [[maybe_unused]] const auto& [p1, p2] = ShapePose{};
   expect_listed<ShapePose>(2);

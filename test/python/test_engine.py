@@ -527,7 +527,7 @@ def test_bad_input_names_field_and_value():
     assert rejected('add_body', 'x', mass=1.0, shape_pose=3) == \
         'shape_pose: must be a dict of position and orientation, got 3'
     assert rejected('add_body', 'x', mass=1.0, shape_pose={}) == \
-        'shape_pose: only a sphere, a box or a cylinder has one'
+        'shape_pose: only a sphere, a box, a cylinder or a hull has one'
     assert rejected('add_joint', 'j', type='cog').startswith("type: there is no 'cog'")
     assert "'nobody'" in rejected('add_joint', 'j', body_b='nobody')
     assert rejected('add_joint', 'j', body_b='bob', motor=3) == 'motor: must be a dict, got 3'

@@ -1,7 +1,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <variant>
+#include <vector>
+
+#include "constraint_sim/engine/convex_hull.h"
 
 namespace constraint_sim::engine {
 
@@ -28,7 +32,19 @@ struct Cylinder {
   double length = 0.0;  ///< from end to end [m] > 0
 };
 
-using Shape = std::variant<Point, Sphere, Box, Plane, Cylinder>;
+/// A convex hull of points. A body has the hull with its centre in 0 and its principal axes along
+/// the axes; World::add_body() moves other hulls there, and sets the shape_pose that keeps their
+/// place in the body. Copies share the surface.
+struct Hull {
+  Hull() = default;
+  /// Throws std::invalid_argument as ConvexHull() does.
+  explicit Hull(const std::vector<Eigen::Vector3d>& vertices)
+      : surface(std::make_shared<const ConvexHull>(vertices)) {}
+
+  std::shared_ptr<const ConvexHull> surface;  ///< none in a hull without vertices, which is invalid
+};
+
+using Shape = std::variant<Point, Sphere, Box, Plane, Cylinder, Hull>;
 
 /// Principal moments of inertia of a homogeneous solid of unit mass [m²]; zero for Point and Plane.
 Eigen::Vector3d unit_inertia(const Shape& shape);

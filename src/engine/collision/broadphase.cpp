@@ -26,6 +26,14 @@ struct HalfExtent {
            0.5 * cylinder.length * R.col(2).cwiseAbs();
   }
   Eigen::Vector3d operator()(const Plane&) const { return Eigen::Vector3d::Constant(kInfinity); }
+  // Half extents are equal on both sides of the centre, which the farther side decides.
+  Eigen::Vector3d operator()(const Hull& hull) const {
+    const Eigen::Matrix3d R = state.orientation.toRotationMatrix();
+    Eigen::Vector3d most = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& vertex : hull.surface->vertices())
+      most = most.cwiseMax((R * vertex).cwiseAbs());
+    return most;
+  }
 };
 
 bool is_bounded(const Aabb& box) { return box.min.allFinite() && box.max.allFinite(); }

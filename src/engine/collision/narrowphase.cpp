@@ -52,6 +52,22 @@ struct Collide {
   Manifold operator()(const Cylinder& cylinder_a, const Cylinder& cylinder_b) const {
     return collide_cylinder_cylinder(cylinder_a, a, cylinder_b, b, margin);
   }
+  Manifold operator()(const Hull& hull, const Plane&) const {
+    const Vector3d N = normal(b);
+    return collide_hull_plane(hull, a, N, offset(N, b), margin);
+  }
+  Manifold operator()(const Hull& hull, const Sphere& sphere) const {
+    return collide_hull_sphere(hull, a, b.position, sphere.radius, margin);
+  }
+  Manifold operator()(const Box& box, const Hull& hull) const {
+    return collide_box_hull(box.size, a, hull, b, margin);
+  }
+  Manifold operator()(const Hull& hull, const Cylinder& cylinder) const {
+    return collide_hull_cylinder(hull, a, cylinder, b, margin);
+  }
+  Manifold operator()(const Hull& hull_a, const Hull& hull_b) const {
+    return collide_hull_hull(hull_a, a, hull_b, b, margin);
+  }
 };
 
 /// The separation of each pair of shapes whose contacts do not have the smallest gap.
@@ -71,6 +87,19 @@ struct Separate {
   Separation operator()(const Cylinder& cylinder, const Plane&) const {
     const Vector3d N = normal(b);
     return separation_of_cylinder_and_plane(cylinder, a, N, offset(N, b));
+  }
+  Separation operator()(const Hull& hull_a, const Hull& hull_b) const {
+    return separation_of_hulls(hull_a, a, hull_b, b);
+  }
+  Separation operator()(const Box& box, const Hull& hull) const {
+    return separation_of_box_and_hull(box.size, a, hull, b);
+  }
+  Separation operator()(const Hull& hull, const Cylinder& cylinder) const {
+    return separation_of_hull_and_cylinder(hull, a, cylinder, b);
+  }
+  Separation operator()(const Hull& hull, const Plane&) const {
+    const Vector3d N = normal(b);
+    return separation_of_hull_and_plane(hull, a, N, offset(N, b));
   }
 };
 

@@ -85,6 +85,30 @@ Manifold collide_cylinder_cylinder(const Cylinder& cylinder_a, const BodyState& 
                                    const Cylinder& cylinder_b, const BodyState& b,
                                    double margin = 0.0);
 
+/// Returns the vertices below the plane; of more than eight the deepest one and the outermost of
+/// the others. The solid half-space is N·x ≤ d, N a unit vector.
+Manifold collide_hull_plane(const Hull& hull_a, const BodyState& a, const Eigen::Vector3d& N,
+                            double d, double margin = 0.0);
+
+/// Returns up to one point. A centre inside the hull leaves through the nearest face, the first on
+/// ties.
+Manifold collide_hull_sphere(const Hull& hull_a, const BodyState& a, const Eigen::Vector3d& p_b,
+                             double radius_b, double margin = 0.0);
+
+/// Returns the overlap of two faces with up to eight points, the crossing of two edges, or the
+/// nearest points. The normal is the axis of least depth, the direction of the nearest points, or a
+/// face normal within 2.56° of it. Features number edges of both shapes, whichever face is clipped.
+Manifold collide_hull_hull(const Hull& hull_a, const BodyState& a, const Hull& hull_b,
+                           const BodyState& b, double margin = 0.0);
+
+/// Returns the contact of a box and a hull like collide_hull_hull().
+Manifold collide_box_hull(const Eigen::Vector3d& size_a, const BodyState& a, const Hull& hull_b,
+                          const BodyState& b, double margin = 0.0);
+
+/// Returns the contact of a hull and a cylinder like collide_box_cylinder().
+Manifold collide_hull_cylinder(const Hull& hull_a, const BodyState& a, const Cylinder& cylinder_b,
+                               const BodyState& b, double margin = 0.0);
+
 /// Returns the contact of two shapes in any order; points, and two planes, never touch. The normal
 /// of a plane is the z axis of its body.
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
@@ -111,6 +135,17 @@ Separation separation_of_cylinders(const Cylinder& cylinder_a, const BodyState& 
                                    const Cylinder& cylinder_b, const BodyState& b);
 Separation separation_of_cylinder_and_plane(const Cylinder& cylinder_a, const BodyState& a,
                                             const Eigen::Vector3d& N, double d);
+
+/// Return the separation of a hull and another shape, along the direction of the nearest points or
+/// the axis of least depth.
+Separation separation_of_hulls(const Hull& hull_a, const BodyState& a, const Hull& hull_b,
+                               const BodyState& b);
+Separation separation_of_box_and_hull(const Eigen::Vector3d& size_a, const BodyState& a,
+                                      const Hull& hull_b, const BodyState& b);
+Separation separation_of_hull_and_cylinder(const Hull& hull_a, const BodyState& a,
+                                           const Cylinder& cylinder_b, const BodyState& b);
+Separation separation_of_hull_and_plane(const Hull& hull_a, const BodyState& a,
+                                        const Eigen::Vector3d& N, double d);
 
 /// Returns the separation of two shapes, except points and two planes; the gap is 0 where they
 /// touch.

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <variant>
+#include <vector>
 
 #include "engine/constraints/joint.h"
 #include "engine/edits/find_named.h"
@@ -20,16 +22,38 @@ MassProperties mass_properties(const Body& body) {
   return mass;
 }
 
+/// Moves the vertices of a hull to its centre and along its principal axes, where shapes are. Its
+/// place in the body stays; without a shape_pose and an inertia a dynamic body has its own centre
+/// there.
+void centre_hull(Body* body) {
+  const auto* const hull = std::get_if<Hull>(&body->shape);
+  if (hull == nullptr || hull->surface->is_centred()) return;
+  const ConvexHull& surface = *hull->surface;
+  const ShapePose moved{surface.centre(), Eigen::Quaterniond(surface.axes())};
+  std::vector<Eigen::Vector3d> vertices;
+  for (const Eigen::Vector3d& vertex : surface.vertices())
+    vertices.emplace_back(surface.axes().transpose() * (vertex - surface.centre()));
+  body->shape = Hull(vertices);
+  const bool is_homogeneous = body->type == BodyType::kDynamic && body->inertia.isZero(0.0);
+  if (is_homogeneous) return;
+  const ShapePose pose = body->shape_pose.value_or(ShapePose{});
+  body->shape_pose = ShapePose{pose.position + pose.orientation * moved.position,
+                               (pose.orientation * moved.orientation).normalized()};
+}
+
 }  // namespace
 
-BodyId World::add_body(const Body& body) {
-  validate(body);
-  if (has_body(body.name)) refuse("name", "there is already a body named " + in_quotes(body.name));
+BodyId World::add_body(const Body& given) {
+  validate(given);
+  if (has_body(given.name))
+    refuse("name", "there is already a body named " + in_quotes(given.name));
+  Body body = given;
+  if (auto& pose = body.shape_pose) make_unit(&pose->orientation);
+  centre_hull(&body);
 
   const BodyId id = issue(&impl_->next_body_id);
   impl_->bodies.push_back(body);
   make_unit(&impl_->bodies.back().state.orientation);
-  if (auto& pose = impl_->bodies.back().shape_pose) make_unit(&pose->orientation);
   impl_->states.push_back(impl_->bodies.back().state);
   impl_->masses.push_back(mass_properties(body));
   impl_->body_ids.push_back(id);

@@ -18,6 +18,7 @@ struct Thickness {
   double operator()(const Cylinder& cylinder) const {
     return std::min(2.0 * cylinder.radius, cylinder.length);
   }
+  double operator()(const Hull& hull) const { return hull.surface->thickness(); }
 };
 
 /// Distance from its centre within which rotation moves a shape [m].
@@ -30,6 +31,7 @@ struct Reach {
   double operator()(const Cylinder& cylinder) const {
     return math::hypot(cylinder.radius, 0.5 * cylinder.length);
   }
+  double operator()(const Hull& hull) const { return hull.surface->radius(); }
 };
 
 }  // namespace

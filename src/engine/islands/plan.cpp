@@ -24,8 +24,8 @@ constexpr double kTold = 1e-6;  // error of a joint below which it is not report
 /// Numbers of bodies, joints and islands of a world, by kind.
 struct Counts {
   int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
-  int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, colliding_cylinders = 0, rough = 0,
-      turning = 0;
+  int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, colliding_cylinders = 0,
+      colliding_hulls = 0, rough = 0, turning = 0;
   int rods = 0, limited = 0, springs = 0, motors = 0, broken = 0, disabled = 0;
   std::array<int, kShapeNames.size()> shapes{};  // by kind
   int rubbing = 0;                               // coordinates with friction
@@ -52,6 +52,7 @@ void count_body(const Body& body, Counts* counts) {
   counts->colliding_dynamic += is_dynamic;
   counts->colliding_boxes += std::holds_alternative<Box>(body.shape);
   counts->colliding_cylinders += std::holds_alternative<Cylinder>(body.shape);
+  counts->colliding_hulls += std::holds_alternative<Hull>(body.shape);
   counts->rough += body.friction > 0.0;
 }
 
@@ -185,6 +186,9 @@ std::vector<std::string> left_out(const World& world) {
   leave_out(
       follows_contacts(world.options()) && counts.collides() && counts.colliding_cylinders > 0,
       "events of cylinders: sequential_impulses carries what touches one");
+  leave_out(follows_contacts(world.options()) && counts.collides() && counts.colliding_hulls > 0,
+            "events of hulls: " + std::string(name(impulses_of(world.options()))) +
+                " carries what touches one");
   const std::string asleep = std::to_string(counts.asleep);
   leave_out(counts.asleep > 0, "islands: " + asleep + " at rest, until something touches them");
   return lines;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <tuple>
 #include <type_traits>
@@ -53,6 +54,9 @@ inline constexpr auto kFields<Cylinder> = std::tuple{
     Field{"radius", &Cylinder::radius, Positive{}},
     Field{"length", &Cylinder::length, Positive{}},
 };
+
+template <>
+inline constexpr auto kFields<Hull> = std::tuple{Field{"vertices", &Hull::surface, AnyValue{}}};
 
 template <>
 inline constexpr auto kFields<ShapePose> = std::tuple{
@@ -163,6 +167,10 @@ void visit_fields(Struct& object, Visit visit) {
 }
 
 /// Whether values are equal, field by field and number by number; 0 and −0 are.
+inline bool are_same(const std::shared_ptr<const ConvexHull>& a,
+                     const std::shared_ptr<const ConvexHull>& b) {
+  return a == b || (a && b && a->vertices() == b->vertices());
+}
 template <class Value>
 bool are_same(const std::optional<Value>& a, const std::optional<Value>& b);
 template <class Value>

@@ -20,6 +20,7 @@ struct UnitInertia {
     const double across = radius_squared / 4.0 + cylinder.length * cylinder.length / 12.0;
     return {across, across, radius_squared / 2.0};
   }
+  Eigen::Vector3d operator()(const Hull& hull) const { return hull.surface->unit_inertia(); }
 };
 
 }  // namespace

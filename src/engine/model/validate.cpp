@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <memory>
 #include <stdexcept>
 
 #include "constraint_sim/engine/body.h"
@@ -166,6 +167,10 @@ void check(const char* field, const std::string& name, AnyValue) { check_name(fi
 void check(const char*, BodyType, AnyValue) {}
 void check(const char*, const Shape& shape, AnyValue) { validate(shape); }
 void check(const char*, const ShapePose& pose, AnyValue) { validate(pose); }
+// The numbers of a surface are checked where it is made.
+void check(const std::string& field, const std::shared_ptr<const ConvexHull>& surface, AnyValue) {
+  if (!surface) refuse(field, "must be given");
+}
 void check(const char* field, const Eigen::Quaterniond& q, AnyValue) {
   if (!(std::abs(q.norm() - 1.0) <= 0.01))
     refuse(field, "must be a unit quaternion (x, y, z, w), got (" + shortest(q.x()) + ", " +
@@ -199,7 +204,7 @@ void validate(const BodyState& state) { visit_fields(state, kCheck); }
 void validate(const ShapePose& pose) { visit_fields(pose, kCheck); }
 
 void validate(const Shape& shape) {
-  const auto check_size = [](const char* key, const auto& size, Positive range) {
+  const auto check_size = [](const char* key, const auto& size, auto range) {
     check(std::string("shape.") + key, size, range);
   };
   std::visit([&](const auto& of_kind) { visit_fields(of_kind, check_size); }, shape);
@@ -210,7 +215,7 @@ namespace {
 void check_shape_pose(const Body& body) {
   if (!body.shape_pose) return;
   if (std::holds_alternative<Point>(body.shape) || std::holds_alternative<Plane>(body.shape))
-    refuse("shape_pose", "only a sphere, a box or a cylinder has one");
+    refuse("shape_pose", "only a sphere, a box, a cylinder or a hull has one");
   if (body.type == BodyType::kDynamic && body.inertia.isZero(0.0))
     refuse("inertia", "must be given for a shape that is beside the centre of mass");
 }

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
 #include <utility>
+#include <vector>
 
 #include "engine/edits/saved_state.h"
 #include "engine/math/elementary.h"
@@ -71,6 +73,19 @@ std::pair<std::string, YamlElement> kind_of_shape(const YamlElement& item) {
   return {kinds[0], item.at(kinds[0])};
 }
 
+// Read a dimension of a shape; its key must exist.
+template <class Value>
+void read_dimension(const YamlElement& dimensions, const char* key, Value* value) {
+  dimensions.at(key).read(value);
+}
+void read_dimension(const YamlElement& dimensions, const char* key,
+                    std::shared_ptr<const ConvexHull>* surface) {
+  std::vector<Eigen::Vector3d> vertices;
+  for (const YamlElement& vertex : dimensions.at(key).items())
+    vertices.emplace_back(vertex.numbers(3));
+  *surface = dimensions.attempt([&] { return std::make_shared<const ConvexHull>(vertices); });
+}
+
 Shape read_shape(const YamlElement& item) {
   const auto [kind, dimensions] = kind_of_shape(item);
   const auto* const name = std::find(kShapeNames.begin(), kShapeNames.end(), kind);
@@ -82,8 +97,7 @@ Shape read_shape(const YamlElement& item) {
         const bool is_plane = std::is_same_v<Kind, Plane>;
         dimensions.expect_keys(is_plane ? YamlElement::Words{"normal", "offset"} : keys_of<Kind>());
         visit_fields(of_kind, [&](const char* key, auto& size, auto) {
-          dimensions.at(key);
-          dimensions.read(key, &size);
+          read_dimension(dimensions, key, &size);
         });
       },
       shape);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <type_traits>
 
 #include "constraint_sim/engine/scene.h"
@@ -44,6 +45,16 @@ void write(YAML::Emitter* out, const char* key, Whole value) {
 void write(YAML::Emitter* out, const char* key, const Eigen::Ref<const Eigen::VectorXd>& values) {
   *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginSeq;
   for (Eigen::Index i = 0; i < values.size(); ++i) *out << shortest(values[i]);
+  *out << YAML::EndSeq;
+}
+
+void write(YAML::Emitter* out, const char* key, const std::shared_ptr<const ConvexHull>& surface) {
+  *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginSeq;
+  for (const Eigen::Vector3d& vertex : surface->vertices()) {
+    *out << YAML::Flow << YAML::BeginSeq;
+    for (const double x : vertex) *out << shortest(x);
+    *out << YAML::EndSeq;
+  }
   *out << YAML::EndSeq;
 }
 

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <variant>
@@ -167,6 +169,19 @@ class Visitor {
       shape = shape_of_kind(index);
     }
     std::visit([this](auto& of_kind) { (*this)(of_kind); }, shape);
+  }
+  void visit(Value<std::shared_ptr<const ConvexHull>>& surface) {
+    std::vector<Eigen::Vector3d> vertices;
+    if constexpr (!kReads) vertices = surface->vertices();
+    (*this)(vertices);
+    if constexpr (kReads) {
+      try {
+        surface = std::make_shared<const ConvexHull>(vertices);
+      } catch (const std::invalid_argument&) {
+        fail_damaged("a hull");
+      }
+      if (surface->vertices() != vertices) fail_damaged("a hull");
+    }
   }
   template <class Scalar, int kRows, int kColumns, int kOptions>
   void visit(Eigen::Matrix<Scalar, kRows, kColumns, kOptions>& matrix) {

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cstring>
+#include <memory>
 #include <type_traits>
 
 #include "engine/constraints/joint_kinds.h"
@@ -28,6 +29,10 @@ class Fnv1a {
     add(text.data(), text.size());
   }
   void add(const Eigen::Vector3d& v) { add(v.data(), 3 * sizeof(double)); }
+  void add(const std::shared_ptr<const ConvexHull>& surface) {
+    add(std::uint64_t{surface->vertices().size()});
+    for (const Eigen::Vector3d& vertex : surface->vertices()) add(vertex);
+  }
   void add(const Eigen::Quaterniond& q) { add(q.coeffs().data(), 4 * sizeof(double)); }
 
   std::uint64_t value() const { return hash_; }

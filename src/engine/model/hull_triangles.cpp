@@ -1,0 +1,77 @@
+// The only file that includes Qhull. The reentrant library is a part of Qhull since 2015.
+
+#include "engine/model/hull_triangles.h"
+
+#include <cstdio>
+#include <memory>
+#include <utility>
+
+extern "C" {
+#include <libqhull_r/libqhull_r.h>
+}
+
+#include "engine/model/validate.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+/// Memory of a run of Qhull.
+class QhullRun {
+ public:
+  QhullRun() { qh_zero(&qh_, nullptr); }
+  ~QhullRun() {
+    qh_freeqhull(&qh_, !qh_ALL);
+    int blocks = 0, bytes = 0;
+    qh_memfreeshort(&qh_, &blocks, &bytes);
+  }
+  QhullRun(const QhullRun&) = delete;
+  QhullRun& operator=(const QhullRun&) = delete;
+
+  qhT* get() { return &qh_; }
+
+ private:
+  qhT qh_;
+};
+
+}  // namespace
+
+std::vector<std::array<int, 3>> hull_triangles(const std::vector<Eigen::Vector3d>& points) {
+  // Tolerances of Qhull are shares of the greatest coordinate, so points are moved and scaled.
+  Eigen::Vector3d low = points[0], high = points[0];
+  for (const Eigen::Vector3d& p : points) low = low.cwiseMin(p), high = high.cwiseMax(p);
+  const Eigen::Vector3d middle = 0.5 * low + 0.5 * high;
+  const double size = (high - low).maxCoeff();
+  if (!(size > 0.0)) refuse("vertices", "all points are equal");
+  std::vector<coordT> coordinates;
+  coordinates.reserve(3 * points.size());
+  for (const Eigen::Vector3d& p : points)
+    for (int i = 0; i < 3; ++i) coordinates.push_back((p[i] - middle[i]) / size);
+
+  // Messages of Qhull go nowhere: its number of the error decides.
+  const std::unique_ptr<FILE, int (*)(FILE*)> nowhere(std::fopen("/dev/null", "w"), &std::fclose);
+  QhullRun run;
+  qhT* const qh = run.get();
+  char options[] = "qhull Qt Pp";
+  const int error = qh_new_qhull(qh, 3, static_cast<int>(points.size()), coordinates.data(), False,
+                                 options, nowhere.get(), nowhere.get());
+  if (error != qh_ERRnone) refuse("vertices", "the points lie in a plane, and have no hull");
+
+  std::vector<std::array<int, 3>> triangles;
+  facetT* facet;
+  FORALLfacets {
+    std::array<int, 3> triangle{};
+    std::size_t count = 0;
+    vertexT *vertex, **vertexp;
+    FOREACHsetelement_(vertexT, facet->vertices, vertex) {
+      if (count < 3) triangle[count] = qh_pointid(qh, vertex->point);
+      ++count;
+    }
+    if (count != 3) refuse("vertices", "the points lie too close to a plane, and have no hull");
+    // Vertices of a simplicial facet are ordered by their age; Qhull states the orientation.
+    if (facet->toporient != qh_ORIENTclock) std::swap(triangle[1], triangle[2]);
+    triangles.push_back(triangle);
+  }
+  return triangles;
+}
+
+}  // namespace constraint_sim::engine

@@ -37,19 +37,24 @@ bool is_file(const std::string& path) {
 /// Finds meshes as rviz does. Folders are cached: looking up a package takes milliseconds.
 class Meshes {
  public:
-  bool exists(const std::string& name) {
-    const std::string package = "package://", file = "file://";
-    if (name.compare(0, file.size(), file) == 0) return is_file(path_of_file_uri(name));
-    if (name.compare(0, package.size(), package) != 0) return false;
-    const std::string rest = name.substr(package.size());
-    const std::size_t slash = rest.find('/');
-    if (slash == std::string::npos) return false;
-    const auto [found, is_new] = folders_.emplace(rest.substr(0, slash), "");
-    if (is_new) found->second = ros::package::getPath(found->first);
-    return !found->second.empty() && is_file(found->second + rest.substr(slash));
+  /// Returns the path of the file of a URI; empty where there is none.
+  std::string path(const std::string& name) {
+    const std::string found = named(name);
+    return is_file(found) ? found : "";
   }
 
  private:
+  std::string named(const std::string& name) {
+    const std::string package = "package://";
+    if (name.compare(0, package.size(), package) != 0) return path_of_file(name);
+    const std::string rest = name.substr(package.size());
+    const std::size_t slash = rest.find('/');
+    if (slash == std::string::npos) return "";
+    const auto [found, is_new] = folders_.emplace(rest.substr(0, slash), "");
+    if (is_new) found->second = ros::package::getPath(found->first);
+    return found->second.empty() ? "" : found->second + rest.substr(slash);
+  }
+
   std::map<std::string, std::string> folders_;  // by package
 };
 
@@ -151,7 +156,8 @@ BuiltRobot build_described(const Description& description, RobotOptions options)
   options.folder = description.folder();
   options.how_to_expand = how_to_expand(description.path);
   Meshes meshes;
-  options.mesh_exists = [&](const std::string& name) { return meshes.exists(name); };
+  options.mesh_path = [&](const std::string& name) { return meshes.path(name); };
+  options.mesh_exists = [&](const std::string& name) { return !meshes.path(name).empty(); };
   return build_robot(description.urdf, options);
 }
 

@@ -44,8 +44,16 @@ void add_inertial(const urdf::Link& link, const Isometry3d& in_lump, Lump* lump)
       R * inertia * R.transpose() + inertial.mass * point_inertia(at.translation());
 }
 
-std::optional<engine::Shape> shape_of(const std::string& link, const urdf::Geometry& geometry,
-                                      std::vector<std::string>* warnings) {
+/// Returns the shape of a mesh in the frame of its link, and reports how it collides.
+std::optional<LumpShape> shape_of_mesh(const urdf::Link& link, const urdf::Collision& collision,
+                                       MeshHulls* meshes, std::vector<std::string>* warnings) {
+  const MeshHull& found = meshes->of(static_cast<const urdf::Mesh&>(*collision.geometry));
+  warnings->push_back("link '" + link.name + "': " + found.sentence);
+  if (!found.hull.surface) return std::nullopt;
+  return LumpShape{found.hull, to_isometry(collision.origin) * found.in_mesh, link.name};
+}
+
+std::optional<engine::Shape> shape_of(const urdf::Geometry& geometry) {
   switch (geometry.type) {
     case urdf::Geometry::SPHERE:
       return engine::Sphere{static_cast<const urdf::Sphere&>(geometry).radius};
@@ -56,18 +64,21 @@ std::optional<engine::Shape> shape_of(const std::string& link, const urdf::Geome
       return engine::Cylinder{cylinder.radius, cylinder.length};
     }
     default:
-      warnings->push_back("link '" + link + "': the mesh '" +
-                          shortened(static_cast<const urdf::Mesh&>(geometry).filename, 200) +
-                          "' does not collide");
       return std::nullopt;
   }
 }
 
 /// Returns the shapes of the collisions with a supported geometry.
-std::vector<LumpShape> shapes_of(const urdf::Link& link, std::vector<std::string>* warnings) {
+std::vector<LumpShape> shapes_of(const urdf::Link& link, MeshHulls* meshes,
+                                 std::vector<std::string>* warnings) {
   std::vector<LumpShape> shapes;
   for (const auto& collision : link.collision_array) {
-    const auto shape = shape_of(link.name, *collision->geometry, warnings);
+    if (collision->geometry->type == urdf::Geometry::MESH) {
+      if (auto shape = shape_of_mesh(link, *collision, meshes, warnings))
+        shapes.push_back(std::move(*shape));
+      continue;
+    }
+    const auto shape = shape_of(*collision->geometry);
     if (!shape) continue;
     try {
       engine::validate(*shape);
@@ -82,7 +93,9 @@ std::vector<LumpShape> shapes_of(const urdf::Link& link, std::vector<std::string
 /// Walks the tree of links from the root.
 class Walk {
  public:
-  explicit Walk(const urdf::ModelInterface& model) { begin(*model.getRoot(), nullptr, 0); }
+  Walk(const urdf::ModelInterface& model, MeshHulls* meshes) : meshes_(meshes) {
+    begin(*model.getRoot(), nullptr, 0);
+  }
 
   Lumps take() { return std::move(lumps_); }
 
@@ -94,7 +107,7 @@ class Walk {
     lumps_.list[lump].link = link.name;
     lumps_.list[lump].joint = joint;
     lumps_.list[lump].group = group;
-    add(link, {lump, Isometry3d::Identity()}, shapes_of(link, &lumps_.warnings));
+    add(link, {lump, Isometry3d::Identity()}, shapes_of(link, meshes_, &lumps_.warnings));
   }
 
   void add(const urdf::Link& link, const LinkPlace& place, const std::vector<LumpShape>& shapes) {
@@ -123,13 +136,14 @@ class Walk {
         lumps_.list[parent.lump].shape && has_mass(child) && !child.collision_array.empty();
     if (would_lose_shape) {
       std::vector<std::string> warnings;  // dropped here; reported when the link is added
-      if (!shapes_of(child, &warnings).empty())
+      if (!shapes_of(child, meshes_, &warnings).empty())
         return begin(child, joint, lumps_.list[parent.lump].group);
     }
     add(child, {parent.lump, parent.in_lump * to_isometry(joint->parent_to_joint_origin_transform)},
-        shapes_of(child, &lumps_.warnings));
+        shapes_of(child, meshes_, &lumps_.warnings));
   }
 
+  MeshHulls* meshes_;
   Lumps lumps_;
 };
 
@@ -137,7 +151,9 @@ class Walk {
 
 Matrix3d Lump::inertia() const { return second_moment - mass * point_inertia(centre_of_mass()); }
 
-Lumps lump_links(const urdf::ModelInterface& model) { return Walk(model).take(); }
+Lumps lump_links(const urdf::ModelInterface& model, MeshHulls* meshes) {
+  return Walk(model, meshes).take();
+}
 
 void split_shapes(Lumps* lumps) {
   const std::size_t count = lumps->list.size();

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/body.h"
+#include "urdf/mesh_hulls.h"
 
 namespace constraint_sim {
 
@@ -53,7 +54,7 @@ struct Lumps {
 /// Lumps links connected by fixed joints. A body has one shape; so a link with a mass and a shape,
 /// below a parent that has a shape, becomes a separate welded body. Throws std::invalid_argument
 /// for invalid masses and dimensions.
-Lumps lump_links(const urdf::ModelInterface& model);
+Lumps lump_links(const urdf::ModelInterface& model, MeshHulls* meshes);
 
 /// Most bodies of a robot that carry further shapes; each costs a weld in each step.
 constexpr std::size_t kMostParts = 100;

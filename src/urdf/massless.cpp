@@ -68,8 +68,12 @@ std::set<std::string> names_in(const std::vector<engine::YamlElement>& constrain
 /// Bodies of a robot as a tree of movable joints.
 class MassTree {
  public:
-  MassTree(const urdf::ModelInterface& model, const RobotExtra& extra, bool is_fixed)
-      : lumps_(lump_links(model)), is_fixed_(is_fixed), children_(size()), kept_(size(), 0) {
+  MassTree(const urdf::ModelInterface& model, const RobotExtra& extra, bool is_fixed,
+           MeshHulls* meshes)
+      : lumps_(lump_links(model, meshes)),
+        is_fixed_(is_fixed),
+        children_(size()),
+        kept_(size(), 0) {
     const std::set<std::string> named = names_in(extra.constraints);
     for (std::size_t i = 0; i < size(); ++i) {
       const Lump& lump = lumps_.list[i];
@@ -124,8 +128,8 @@ class MassTree {
 /// Finds the joints that move no mass, and makes them fixed.
 class MasslessJoints {
  public:
-  MasslessJoints(bool is_fixed, urdf::ModelInterface* model, RobotExtra* extra)
-      : tree_(*model, *extra, is_fixed), model_(*model), extra_(*extra) {}
+  MasslessJoints(bool is_fixed, urdf::ModelInterface* model, RobotExtra* extra, MeshHulls* meshes)
+      : tree_(*model, *extra, is_fixed, meshes), model_(*model), extra_(*extra) {}
 
   MasslessLinks fix() {
     check_any_mass();
@@ -220,8 +224,11 @@ class MasslessJoints {
 class SubstituteMasses {
  public:
   SubstituteMasses(bool is_fixed, urdf::ModelInterface* model, const RobotExtra& extra,
-                   std::vector<std::string>* warnings)
-      : tree_(*model, extra, is_fixed), model_(*model), extra_(extra), warnings_(*warnings) {}
+                   MeshHulls* meshes, std::vector<std::string>* warnings)
+      : tree_(*model, extra, is_fixed, meshes),
+        model_(*model),
+        extra_(extra),
+        warnings_(*warnings) {}
 
   void add() {
     std::string list;
@@ -437,9 +444,10 @@ class SubstituteMasses {
 
 }  // namespace
 
-MasslessLinks treat_massless_links(bool is_fixed, urdf::ModelInterface* model, RobotExtra* extra) {
-  MasslessLinks result = MasslessJoints(is_fixed, model, extra).fix();
-  SubstituteMasses(is_fixed || result.is_root_fixed, model, *extra, &result.warnings).add();
+MasslessLinks treat_massless_links(bool is_fixed, urdf::ModelInterface* model, MeshHulls* meshes,
+                                   RobotExtra* extra) {
+  MasslessLinks result = MasslessJoints(is_fixed, model, extra, meshes).fix();
+  SubstituteMasses(is_fixed || result.is_root_fixed, model, *extra, meshes, &result.warnings).add();
   return result;
 }
 

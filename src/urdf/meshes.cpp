@@ -69,6 +69,10 @@ std::string path_of_file_uri(const std::string& uri) {
   return path;
 }
 
+std::string path_of_file(const std::string& uri) {
+  return begins_with(uri, kFile) ? path_of_file_uri(uri) : "";
+}
+
 std::vector<std::string> name_meshes(const std::string& folder, const MeshExists& exists,
                                      urdf::ModelInterface* model) {
   std::vector<std::string> sentences;

@@ -17,6 +17,13 @@ std::string mesh_uri(const std::string& name, const std::string& folder);
 /// Returns the path of a `file://` URI, with its escapes decoded.
 std::string path_of_file_uri(const std::string& uri);
 
+/// Returns the path of a `file://` URI, and nothing for other names.
+std::string path_of_file(const std::string& uri);
+
+/// Returns the path of the file of a URI; empty where there is none. An empty function: as
+/// path_of_file().
+using MeshPath = std::function<std::string(const std::string& uri)>;
+
 /// Returns whether there is the file of a URI. An empty function: not checked.
 using MeshExists = std::function<bool(const std::string& uri)>;
 

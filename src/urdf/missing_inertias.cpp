@@ -63,9 +63,10 @@ double fill_in_by_sphere(urdf::Inertial* inertial) {
 
 }  // namespace
 
-std::vector<std::string> fill_in_inertias(bool is_root_fixed, urdf::ModelInterface* model) {
+std::vector<std::string> fill_in_inertias(bool is_root_fixed, MeshHulls* meshes,
+                                          urdf::ModelInterface* model) {
   std::vector<std::string> sentences;
-  const Lumps lumps = lump_links(*model);
+  const Lumps lumps = lump_links(*model, meshes);
   for (std::size_t i = 0; i < lumps.list.size(); ++i) {
     const Lump& lump = lumps.list[i];
     if ((i == 0 && is_root_fixed) || !(lump.mass > 0.0) || !has_no_moment(lump)) continue;

@@ -114,12 +114,12 @@ bool fill_in_thin_rod(Vector3d* moments) {
 class Builder {
  public:
   Builder(const urdf::ModelInterface& model, const RobotOptions& options, RobotExtra extra,
-          bool is_root_fixed)
+          bool is_root_fixed, MeshHulls* meshes)
       : model_(model),
         options_(options),
         extra_(std::move(extra)),
         is_root_fixed_(is_root_fixed),
-        lumps_(lump_links(model)) {
+        lumps_(lump_links(model, meshes)) {
     split_shapes(&lumps_);
     for (const Lump& lump : lumps_.list)
       if (lump.shape) links_with_shapes_.insert(lump.shape->link);
@@ -559,10 +559,12 @@ BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   RobotExtra extra = read_extra(options.extra);
   check_extra(extra, *model);
   const bool is_fixed = options.fixed || model->getRoot()->name == "world";
-  const std::vector<std::string> inertias = fill_in_inertias(is_fixed, model.get());
-  const MasslessLinks massless = treat_massless_links(is_fixed, model.get(), &extra);
+  MeshHulls meshes(options.mesh_path);
+  const std::vector<std::string> inertias = fill_in_inertias(is_fixed, &meshes, model.get());
+  const MasslessLinks massless = treat_massless_links(is_fixed, model.get(), &meshes, &extra);
   BuiltRobot built =
-      Builder(*model, options, std::move(extra), is_fixed || massless.is_root_fixed).build();
+      Builder(*model, options, std::move(extra), is_fixed || massless.is_root_fixed, &meshes)
+          .build();
   built.robot.fixed_joints = massless.fixed_joints;
   for (const std::string& sentence : inertias) built.robot.warnings.push_back(sentence);
   for (const std::string& sentence : massless.warnings) built.robot.warnings.push_back(sentence);

@@ -55,6 +55,7 @@ struct RobotOptions {
   std::string srdf;        ///< SRDF whose `disable_collisions` are read; may be empty
   std::string folder;  ///< absolute path where relative names of meshes start; empty: there is none
   MeshExists mesh_exists;
+  MeshPath mesh_path;         ///< finds the files of collision meshes
   std::string how_to_expand;  ///< command that expands xacro, for error messages; may be empty
 };
 

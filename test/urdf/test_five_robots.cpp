@@ -172,11 +172,13 @@ TEST(FiveRobots, SayWhatDeviates) {
   EXPECT_EQ(warnings["arm6"],
             (std::vector<std::string>{
                 "elements that are not read: <transmission> (line 26), <gazebo> (line 27)"}));
-  EXPECT_EQ(warnings["gantry"],
-            (std::vector<std::string>{
-                "link 'bridge': the mesh '" + mesh + "bridge.stl' does not collide",
-                "link 'carriage': the mesh '" + mesh + "carriage.dae' does not collide",
-                "link 'hook': the mesh '" + mesh + "hook.stl' does not collide"}));
+  EXPECT_EQ(warnings["gantry"], (std::vector<std::string>{
+                                    "link 'bridge': the mesh '" + mesh +
+                                        "bridge.stl' collides as its convex hull with 8 vertices",
+                                    "link 'carriage': the mesh '" + mesh +
+                                        "carriage.dae' collides as its convex hull with 4 vertices",
+                                    "link 'hook': the mesh '" + mesh +
+                                        "hook.stl' collides as its convex hull with 8 vertices"}));
   EXPECT_EQ(warnings["fivebar"], std::vector<std::string>{});
   ASSERT_EQ(warnings["quad12"].size(), 4u);
   EXPECT_EQ(warnings["quad12"][0],

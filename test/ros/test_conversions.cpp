@@ -162,7 +162,6 @@ TEST(Conversions, UnknownTypesAreNamed) {
   EXPECT_EQ(error_of([&] { from_msg(body); }).rfind("type: ", 0), 0u);
   Shape shape;
   for (const auto& [type, name] : {std::pair<int, const char*>{Shape::CAPSULE, "capsules"},
-                                   {Shape::HULL, "hulls"},
                                    {Shape::MESH, "meshes"},
                                    {8, "got 8"}}) {
     shape.type = static_cast<std::uint8_t>(type);
@@ -170,6 +169,17 @@ TEST(Conversions, UnknownTypesAreNamed) {
     EXPECT_EQ(error.rfind("type: ", 0), 0u) << error;
     EXPECT_NE(error.find(name), std::string::npos) << error;
   }
+}
+
+TEST(Conversions, HullsHaveVertices) {
+  Shape shape;
+  shape.type = Shape::HULL;
+  EXPECT_EQ(error_of([&] { from_msg(shape); }), "vertices: must be at least 4, got 0");
+  shape.vertices.resize(4);
+  shape.vertices[1].x = shape.vertices[2].y = shape.vertices[3].z = 1.0;
+  EXPECT_EQ(std::get<engine::Hull>(from_msg(shape)).surface->vertices().size(), 4u);
+  shape.mesh_resource = "x.stl";
+  EXPECT_EQ(error_of([&] { from_msg(shape); }).rfind("mesh_resource: ", 0), 0u);
 }
 
 TEST(Conversions, OnlyHullsAndMeshesHaveASurface) {

@@ -86,7 +86,7 @@ class Services(support.ServiceCase):
         self.bad(["shapes[0].dimensions", "0"], "add_body",
                  body=sphere("b", shapes=[Shape(type=Shape.BOX)]))
         self.bad(["shapes[0].type", "9"], "add_body", body=sphere("b", shapes=[Shape(type=9)]))
-        for kind, named in ((Shape.CAPSULE, "capsule"), (Shape.HULL, "hull"), (Shape.MESH, "mesh")):
+        for kind, named in ((Shape.CAPSULE, "capsule"), (Shape.MESH, "mesh")):
             self.bad(["shapes[0].type", named], "add_body", body=sphere("b", shapes=[Shape(type=kind)]))
         self.bad(["shapes[0].vertices", "4"], "add_body",
                  body=sphere("b", shapes=[Shape(type=Shape.SPHERE, dimensions=[1], vertices=[Point()] * 4)]))

@@ -1,13 +1,9 @@
 // Contact geometry of convex hulls. Oracles: all face normals and crossed edges for overlaps, all
-// pairs of vertices, edges and faces for distances, boxes, and FCL where it is installed.
+// pairs of vertices, edges and faces for distances, and boxes.
 
 #include "constraint_sim/engine/convex_hull.h"
 #include "engine/collision/narrowphase.h"
 #include "support.h"
-
-#if __has_include(<fcl/narrowphase/distance.h>)
-#define CONSTRAINT_SIM_HAS_FCL
-#endif
 
 namespace constraint_sim::engine {
 namespace {
@@ -351,9 +347,6 @@ TEST(HullContacts, LieOnPlanesWithTheirVertices) {
   EXPECT_LT(low.x() + low.y(), -1.9);
   EXPECT_GT(high.x() + high.y(), 1.9);
 }
-
-#ifdef CONSTRAINT_SIM_HAS_FCL
-#endif
 
 }  // namespace
 }  // namespace constraint_sim::engine

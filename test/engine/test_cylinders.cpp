@@ -256,7 +256,7 @@ TEST(Cylinders, AreLeftToImpulsesByEvents) {
   EXPECT_EQ(world.islands()[0].method, Method::kSequentialImpulses);
   EXPECT_NE(explain(world).find("events of cylinders: sequential_impulses carries"),
             std::string::npos);
-  EXPECT_NE(explain(world).find("cylinder: 1}"), std::string::npos);
+  EXPECT_NE(explain(world).find("cylinder: 1,"), std::string::npos);
 }
 
 }  // namespace

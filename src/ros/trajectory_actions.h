@@ -26,8 +26,8 @@ struct GoalDefaults {
 };
 
 /// The action servers robots/<robot>/follow_joint_trajectory (control_msgs/FollowJointTrajectory),
-/// by which MoveIt moves robots. A goal has an Id from its arrival until its result. Several goals
-/// of a robot are active at a time if they have no joint in common.
+/// by which MoveIt moves robots. A goal has an Id from its arrival until its result. A robot has
+/// several active goals if they have no joint in common.
 class TrajectoryActions {
  public:
   using Id = TrajectoryGoals::Id;

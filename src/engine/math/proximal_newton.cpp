@@ -16,8 +16,8 @@ constexpr double kGrowth = 4.0, kCarefulGrowth = 2.0;
 // Iterations of Newton's method in a proximal step, and the most of an easy one.
 constexpr int kMostInner = 8, kMostOfEasy = 3;
 // A proximal step ends where M v − Jᵀ D x is at most this multiple of (x − x_k)/σ, both as norms of
-// √energy, or at the rounding of its first value. Of 0.01 to 1000 the value that solved most piles
-// of balls in 100 steps, as the next step mends what this one leaves.
+// √energy, or at the rounding of its first value. The value is the one between 0.01 and 1000 by
+// which most piles of balls were solved in 100 steps: the next step mends an error of the last.
 constexpr double kInnerTolerance = 30.0, kInnerRounding = 1e-12;
 // Line search: halvings, and the decrease of the square asked for, per share of the change and in
 // all.

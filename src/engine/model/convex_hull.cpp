@@ -21,8 +21,8 @@ using Eigen::Vector3d;
 using VertexTriple = std::array<int, 3>;
 using VertexLoop = std::vector<int>;
 
-// Share of the size within which points lie in one plane, and below which a hull is flat. Vertices
-// of files have single precision.
+// Share of the size within which points lie in one plane, and below which a hull is flat. Files of
+// meshes have single precision.
 constexpr double kFlat = 1e-6;
 // Share of the size to which a hull is centred; moving a hull there leaves some 1e-15.
 constexpr double kCentred = 1e-12;

@@ -26,6 +26,9 @@ using VertexLoop = std::vector<int>;
 constexpr double kFlat = 1e-6;
 // Share of the size to which a hull is centred; moving a hull there leaves some 1e-15.
 constexpr double kCentred = 1e-12;
+// Number of vertices at which Qhull gives up. Hulls of some of the points may have vertices that
+// are inside at the end.
+constexpr std::size_t kMostGrowing = 2048;
 
 const Vector3d& at(const std::vector<Vector3d>& list, int i) {
   return list[static_cast<std::size_t>(i)];
@@ -172,7 +175,7 @@ void check_points(const std::vector<Vector3d>& points) {
 
 ConvexHull::ConvexHull(const std::vector<Vector3d>& points) {
   check_points(points);
-  vertices_ = points;
+  vertices_ = points.size() > kMostGrowing ? hull_vertices(points, kMostGrowing) : points;
   std::vector<VertexTriple> triangles;
   // A hull of the vertices alone may drop a vertex that lies in a face to rounding.
   for (std::size_t before = 0; before != vertices_.size();) {

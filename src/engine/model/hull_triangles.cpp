@@ -4,21 +4,41 @@
 
 #include <cstdio>
 #include <memory>
+#include <string>
 #include <utility>
 
 extern "C" {
 #include <libqhull_r/libqhull_r.h>
 }
 
+#include "constraint_sim/engine/convex_hull.h"
 #include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-/// Memory of a run of Qhull.
+/// A run of Qhull, and its memory.
 class QhullRun {
  public:
-  QhullRun() { qh_zero(&qh_, nullptr); }
+  /// Throws std::invalid_argument if the points have no hull.
+  QhullRun(const std::vector<Eigen::Vector3d>& points, std::string options) {
+    // Tolerances of Qhull are shares of the greatest coordinate, so points are moved and scaled.
+    Eigen::Vector3d low = points[0], high = points[0];
+    for (const Eigen::Vector3d& p : points) low = low.cwiseMin(p), high = high.cwiseMax(p);
+    const Eigen::Vector3d middle = 0.5 * low + 0.5 * high;
+    const double size = (high - low).maxCoeff();
+    if (!(size > 0.0)) refuse("vertices", "all points are equal");
+    coordinates_.reserve(3 * points.size());
+    for (const Eigen::Vector3d& p : points)
+      for (int i = 0; i < 3; ++i) coordinates_.push_back((p[i] - middle[i]) / size);
+
+    // Messages of Qhull go nowhere: its number of the error decides.
+    const std::unique_ptr<FILE, int (*)(FILE*)> nowhere(std::fopen("/dev/null", "w"), &std::fclose);
+    qh_zero(&qh_, nullptr);
+    const int error = qh_new_qhull(&qh_, 3, static_cast<int>(points.size()), coordinates_.data(),
+                                   False, options.data(), nowhere.get(), nowhere.get());
+    if (error != qh_ERRnone) refuse("vertices", "the points lie in a plane, and have no hull");
+  }
   ~QhullRun() {
     qh_freeqhull(&qh_, !qh_ALL);
     int blocks = 0, bytes = 0;
@@ -31,31 +51,32 @@ class QhullRun {
 
  private:
   qhT qh_;
+  std::vector<coordT> coordinates_;
 };
 
 }  // namespace
 
-std::vector<std::array<int, 3>> hull_triangles(const std::vector<Eigen::Vector3d>& points) {
-  // Tolerances of Qhull are shares of the greatest coordinate, so points are moved and scaled.
-  Eigen::Vector3d low = points[0], high = points[0];
-  for (const Eigen::Vector3d& p : points) low = low.cwiseMin(p), high = high.cwiseMax(p);
-  const Eigen::Vector3d middle = 0.5 * low + 0.5 * high;
-  const double size = (high - low).maxCoeff();
-  if (!(size > 0.0)) refuse("vertices", "all points are equal");
-  std::vector<coordT> coordinates;
-  coordinates.reserve(3 * points.size());
-  for (const Eigen::Vector3d& p : points)
-    for (int i = 0; i < 3; ++i) coordinates.push_back((p[i] - middle[i]) / size);
-
-  // Messages of Qhull go nowhere: its number of the error decides.
-  const std::unique_ptr<FILE, int (*)(FILE*)> nowhere(std::fopen("/dev/null", "w"), &std::fclose);
-  QhullRun run;
+std::vector<Eigen::Vector3d> hull_vertices(const std::vector<Eigen::Vector3d>& points,
+                                           std::size_t most) {
+  // Qhull stops at 4 vertices more than the number after TA.
+  QhullRun run(points, "qhull Pp TA" + std::to_string(most - 3));
   qhT* const qh = run.get();
-  char options[] = "qhull Qt Pp";
-  const int error = qh_new_qhull(qh, 3, static_cast<int>(points.size()), coordinates.data(), False,
-                                 options, nowhere.get(), nowhere.get());
-  if (error != qh_ERRnone) refuse("vertices", "the points lie in a plane, and have no hull");
+  if (static_cast<std::size_t>(qh->num_vertices) > most)
+    refuse("vertices", "the hull of the points has more than " + std::to_string(most) +
+                           " vertices; at most " + std::to_string(kMostHullVertices) +
+                           " are allowed");
+  std::vector<bool> is_vertex(points.size(), false);
+  vertexT* vertex;
+  FORALLvertices is_vertex[static_cast<std::size_t>(qh_pointid(qh, vertex->point))] = true;
+  std::vector<Eigen::Vector3d> vertices;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (is_vertex[i]) vertices.push_back(points[i]);
+  return vertices;
+}
 
+std::vector<std::array<int, 3>> hull_triangles(const std::vector<Eigen::Vector3d>& points) {
+  QhullRun run(points, "qhull Qt Pp");
+  qhT* const qh = run.get();
   std::vector<std::array<int, 3>> triangles;
   facetT* facet;
   FORALLfacets {

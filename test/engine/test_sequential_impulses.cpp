@@ -307,7 +307,7 @@ TEST(Friction, NeverLeavesTheDisk) {
 // Errors of the hinge beside it close in the first steps.
 TEST(FreePoint, FallsBesideAJoint) {
   Random random;
-  for (int scene = 0; scene < 100; ++scene) {
+  for (int scene = 0; scene < 400; ++scene) {
     World world(options(0.01));
     Body box = make_body("box", Box{{0.4, 0.3, 0.5}}, std::pow(10.0, random()), random.vector());
     box.state = random.state();

@@ -30,6 +30,16 @@ std::string scene_folder() {
   return CONSTRAINT_SIM_SOURCE_SCENES;
 }
 
+/// Returns the first bytes of a file; empty where it is no regular file.
+std::string start_of(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return "";
+  std::ifstream file(path, std::ios::binary);
+  std::string bytes(256, '\0');
+  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  return bytes;
+}
+
 /// Loads a scene, a snapshot or a URDF from a file, a scene by its name, or `-`: standard input.
 World load_scene_named(const std::string& scene, const RobotArguments& robot) {
   const auto without_robot = [&](World world) {
@@ -40,15 +50,10 @@ World load_scene_named(const std::string& scene, const RobotArguments& robot) {
   };
   if (scene != "-") {
     const std::string path = file_of_scene(scene, scene_folder());
-    std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error)) return without_robot(load_scene_file(path));
+    const std::string start = start_of(path);
+    if (is_xml(start)) return load_robot(read_file(path), path, robot);
+    if (!is_snapshot(start)) return without_robot(load_scene_file(path));
     std::ifstream file(path, std::ios::binary);
-    std::string bytes(256, '\0');
-    file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    if (is_xml(bytes)) return load_robot(read_file(path), path, robot);
-    if (!is_snapshot(bytes)) return without_robot(load_scene_file(path));
-    file.clear();
-    file.seekg(0);
     return without_robot(read_snapshot({std::istreambuf_iterator<char>(file), {}}));
   }
   std::string text(kMostSceneBytes + 1, '\0');
@@ -186,8 +191,16 @@ std::optional<Arguments> parse(int argc, char** argv) {
   return arguments;
 }
 
-std::string file_of(const Arguments& arguments) {
-  return arguments.scene == "-" ? "" : file_of_scene(arguments.scene, scene_folder());
+std::vector<std::pair<std::string, std::string>> files_read(const Arguments& arguments) {
+  const RobotArguments& robot = arguments.robot;
+  if (arguments.scene == "-") return {{"--robot-extra", robot.extra}};
+  const std::string path = file_of_scene(arguments.scene, scene_folder());
+  std::vector<std::pair<std::string, std::string>> files{{"the scene", path},
+                                                         {"--robot-extra", robot.extra}};
+  if (is_xml(start_of(path)))
+    for (const std::string& beside : files_beside(path, robot))
+      files.emplace_back("the robot", beside);
+  return files;
 }
 
 World load(const Arguments& arguments) {

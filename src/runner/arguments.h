@@ -3,6 +3,8 @@
 #include <boost/program_options.hpp>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "constraint_sim/engine/world.h"
 #include "runner/robot.h"
@@ -23,9 +25,9 @@ struct Arguments {
 /// Parses the command line; none where only help was requested.
 std::optional<Arguments> parse(int argc, char** argv);
 
-/// Returns the file of the scene; empty for standard input. Throws SceneError where there is no
-/// such file.
-std::string file_of(const Arguments& arguments);
+/// Returns what load() reads, with its path: the scene, and files of a robot. Standard input has no
+/// path. Throws SceneError where there is no such scene.
+std::vector<std::pair<std::string, std::string>> files_read(const Arguments& arguments);
 
 /// Loads the scene, and replaces its options by those of the command line.
 World load(const Arguments& arguments);

@@ -104,27 +104,25 @@ class OutputFile {
   std::ofstream device_;
 };
 
-/// Throws std::invalid_argument where two outputs are one file, or an output is the scene's file.
+/// Throws std::invalid_argument where two outputs are one file, or an output is a file that is
+/// read.
 void check_outputs(const Arguments& arguments) {
   namespace fs = std::filesystem;
-  std::vector<std::pair<std::string, std::string>> names{{"the scene", file_of(arguments)},
-                                                         {"--csv", arguments.csv},
-                                                         {"--report", arguments.report},
-                                                         {"--save", arguments.save},
-                                                         {"--snapshot", arguments.snapshot}};
-  const auto is_unused = [](const auto& entry) {
-    return entry.second.empty() || !OutputFile::is_replaced(entry.second);
-  };
-  names.erase(std::remove_if(names.begin(), names.end(), is_unused), names.end());
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    for (std::size_t j = 0; j < i; ++j) {
+  std::vector<std::pair<std::string, std::string>> earlier = files_read(arguments);
+  for (const auto& [name, path] :
+       {std::pair("csv", arguments.csv), std::pair("constraint-csv", arguments.constraint_csv),
+        std::pair("report", arguments.report), std::pair("save", arguments.save),
+        std::pair("snapshot", arguments.snapshot)}) {
+    if (path.empty() || !OutputFile::is_replaced(path)) continue;
+    for (const auto& [owner, taken] : earlier) {
+      if (taken.empty()) continue;
       std::error_code none, error;
-      const fs::path first = fs::weakly_canonical(fs::absolute(names[j].second), none);
-      const fs::path second = fs::weakly_canonical(fs::absolute(names[i].second), none);
+      const fs::path first = fs::weakly_canonical(fs::absolute(taken), none);
+      const fs::path second = fs::weakly_canonical(fs::absolute(path), none);
       if (first == second || fs::equivalent(first, second, error))
-        refuse(names[i].first.substr(2),
-               "is the file of " + names[j].first + ", " + engine::in_quotes(names[i].second));
+        refuse(name, "is the file of " + owner + ", " + engine::in_quotes(path));
     }
+    earlier.emplace_back("--" + std::string(name), path);
   }
 }
 

@@ -1,8 +1,8 @@
 #include "runner/robot.h"
 
+#include <filesystem>
 #ifdef CONSTRAINT_SIM_URDF
 #include <cstdio>
-#include <filesystem>
 
 #include "engine/support/files.h"
 #include "urdf/robot.h"
@@ -12,12 +12,18 @@
 namespace constraint_sim::engine {
 namespace {
 
-#ifdef CONSTRAINT_SIM_URDF
-std::string text_beside(const std::filesystem::path& urdf, const char* ending) {
+/// Returns the path of the file beside a URDF; empty where there is none.
+std::string path_beside(const std::filesystem::path& urdf, const char* ending) {
   std::filesystem::path beside = urdf;
   beside.replace_extension(ending);
   std::error_code error;
-  return std::filesystem::is_regular_file(beside, error) ? read_file(beside.string()) : "";
+  return std::filesystem::is_regular_file(beside, error) ? beside.string() : "";
+}
+
+#ifdef CONSTRAINT_SIM_URDF
+std::string text_beside(const std::filesystem::path& urdf, const char* ending) {
+  const std::string path = path_beside(urdf, ending);
+  return path.empty() ? "" : read_file(path);
 }
 #endif
 
@@ -27,6 +33,12 @@ bool is_xml(const std::string& text) {
   const std::size_t start = text.find_first_not_of(" \t\r\n");
   return start != std::string::npos && text[start] == '<' &&
          text.compare(start, 2, "<<") != 0;  // a merge key of YAML
+}
+
+std::vector<std::string> files_beside(const std::string& urdf, const RobotArguments& arguments) {
+  std::vector<std::string> files{path_beside(urdf, ".srdf")};
+  if (arguments.extra.empty()) files.push_back(path_beside(urdf, ".yaml"));
+  return files;
 }
 
 #ifdef CONSTRAINT_SIM_URDF

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "constraint_sim/engine/world.h"
 
@@ -15,6 +16,9 @@ struct RobotArguments {
 
 /// Returns whether a text begins as XML, as a URDF does and a scene does not.
 bool is_xml(const std::string& text);
+
+/// Returns the files beside a URDF that load_robot() reads as well.
+std::vector<std::string> files_beside(const std::string& urdf, const RobotArguments& arguments);
 
 /// Returns a world with the robot of a URDF alone, and prints what deviates from the URDF to
 /// standard error. `path` is empty where the text is from standard input. Throws

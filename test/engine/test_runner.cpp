@@ -289,7 +289,8 @@ TEST_F(Runner, RefusesToWriteOneFileTwiceOrTheScene) {
           ("cd '" + in_folder("") + "' && ln -s scene.yaml link && ln scene.yaml hard").c_str()),
       0);
   for (const char* arguments : {"--csv a --report a", "--save a --snapshot ./a", "--csv scene.yaml",
-                                "--save ./scene.yaml", "--report link", "--snapshot hard"}) {
+                                "--save ./scene.yaml", "--report link", "--snapshot hard",
+                                "--constraint-csv scene.yaml", "--csv a --constraint-csv a"}) {
     EXPECT_EQ(run("scene.yaml --duration 0.1 " + std::string(arguments)), 2) << arguments;
     EXPECT_NE(err().find("is the file of "), std::string::npos) << err();
     EXPECT_EQ(read(in_folder("scene.yaml")), scene) << arguments;

@@ -37,6 +37,21 @@ TEST_F(RunRobot, TheArmHoldsItsPose) {
   EXPECT_NEAR(position_of(world, "elbow"), 1.5, 1e-3);
 }
 
+TEST_F(RunRobot, NoOutputReplacesAFileOfTheRobot) {
+  ASSERT_EQ(std::system(("cp '" + arm_ + "' '" + file("arm.urdf") + "'").c_str()), 0);
+  std::ofstream(file("arm.srdf")) << "";
+  for (const char* name : {"arm.yaml", "extra.yaml"}) std::ofstream(file(name)) << "hold: true\n";
+  for (const char* arguments : {"--csv arm.urdf", "--save ./arm.yaml", "--snapshot arm.srdf",
+                                "--robot-extra extra.yaml --save extra.yaml"}) {
+    EXPECT_EQ(run("arm.urdf --duration 0 " + std::string(arguments)), 2) << arguments;
+    EXPECT_NE(read_text(file("err.txt")).find("is the file of "), std::string::npos) << arguments;
+  }
+  for (const char* name : {"arm.yaml", "extra.yaml"})
+    EXPECT_EQ(read_text(file(name)), "hold: true\n");
+  EXPECT_EQ(run("arm.urdf --duration 0 --robot-extra extra.yaml --save arm.yaml"), 0)
+      << read_text(file("err.txt"));  // read in no such run
+}
+
 // The file of the option replaces the YAML beside the URDF, the root is where it is asked to be,
 // and a URDF on standard input has no file beside it.
 TEST_F(RunRobot, HasTheArgumentsOfTheNode) {

@@ -4,6 +4,7 @@
 #include <ctime>
 
 #include "constraint_sim/engine/convex_hull.h"
+#include "constraint_sim/engine/scene.h"
 #include "engine/collision/narrowphase.h"
 #include "sanitized.h"
 #include "support.h"
@@ -177,6 +178,24 @@ TEST(HullSurfaces, AreMovedToTheirCentreInABody) {
   }
 }
 
+// A needle is centred to 1e-12 of its length by the second move. A saved scene moves no hull again.
+TEST(HullSurfaces, OfNeedlesAreSavedAsTheyAre) {
+  Random random;
+  for (int i = 0; i < 100; ++i) {
+    const double width = std::pow(10.0, -2.5 + 1.5 * random());
+    const Eigen::Quaterniond turn = random.orientation();
+    Points points;
+    for (int k = 0; k < 12; ++k)
+      points.emplace_back(turn * random.vector().cwiseProduct(Vector3d(1.0, width, width)));
+    World world;
+    Body body = make_body("needle", Hull(points), 1.0, Vector3d::Zero());
+    body.type = BodyType::kStatic;
+    world.add_body(body);
+    const std::string text = save_scene(world);
+    EXPECT_EQ(save_scene(load_scene(text)), text);
+  }
+}
+
 TEST(HullSurfaces, DegeneratePointsAreRejected) {
   const auto error_of = [](const Points& points) -> std::string {
     try {
@@ -197,6 +216,18 @@ TEST(HullSurfaces, DegeneratePointsAreRejected) {
   EXPECT_NE(error_of({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1e-8}}), "");
   EXPECT_NE(error_of({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, nan}}).find("finite"),
             std::string::npos);
+  // Volumes and moments of smaller hulls would be 0, and their inverses not finite.
+  EXPECT_EQ(error_of({{0, 0, 0}, {4e-20, 0, 0}, {0, 4e-20, 0}, {0, 0, 4e-20}}), "");
+  EXPECT_NE(error_of({{0, 0, 0}, {1e-60, 0, 0}, {0, 1e-60, 0}, {0, 0, 1e-60}})
+                .find("thickness of the hull: must be from 1e-20 to 1e+20, got"),
+            std::string::npos);
+  // Needle of 1000 km, 2 m thick: triangles up to a metre apart are one face.
+  EXPECT_EQ(error_of({{1.0431340379477041, -0.16926108197760253, -250000.51785730786},
+                      {0.0, 0.0, 749999.98214325856},
+                      {-0.99357766330835628, 0.14980471321649319, -249999.0178564864},
+                      {-0.62978013593412829, 1.6885219478375058, -249999.51785711737},
+                      {0.36620917015679944, 1.7779863182390858, -250001.01785759357}}),
+            "vertices: the points lie too close to a line");
   EXPECT_NE(error_of(Points(kMostHullPoints + 1, Vector3d::Zero())).find("at most 100000"),
             std::string::npos);
   Random random;

@@ -198,7 +198,10 @@ ConvexHull::ConvexHull(const std::vector<Vector3d>& points) {
   if (!(thickness_ > kFlat * size))
     refuse("vertices", "the points lie in a plane: the hull is " + shortest(thickness_) +
                            " m thick and " + shortest(size) + " m wide");
+  check_positive("vertices: thickness of the hull", thickness_);  // volume and moments are above 0
   integrate();
+  // Faces that are flat to a share of a needle's length may enclose no solid.
+  if (!(unit_inertia_.minCoeff() > 0.0)) refuse("vertices", "the points lie too close to a line");
 }
 
 void ConvexHull::build_faces(std::vector<VertexLoop> polygons) {

@@ -481,12 +481,14 @@ class World:
                  inertia: Vector = ..., position: Vector = ..., orientation: Vector = ...,
                  linear_velocity: Vector = ..., angular_velocity: Vector = ...,
                  friction: float = ..., restitution: float = ..., no_collision: bool = ...,
+                 gravity_compensation: float = ...,
                  shape_pose: Optional[Mapping[str, Vector]] = ...) -> None:
         """add_body(name, *, type='dynamic', shape=Point(), mass [kg], inertia=(0, 0, 0) [kg m^2]
         principal, zero: from the shape, position [m], orientation x y z w, linear_velocity
         [m/s], angular_velocity [rad/s] in world axes, friction=0, restitution=0,
-        no_collision=False, shape_pose=None: a dict of position [m] and orientation (x, y, z, w)
-        of a sphere, box, cylinder or hull in the body's frame)
+        no_collision=False, gravity_compensation=0, share of the weight that nothing has to
+        carry, shape_pose=None: a dict of position [m] and orientation (x, y, z, w) of a sphere,
+        box, cylinder or hull in the body's frame)
 
         Adds a body. Raises ValueError naming field and value."""
     def remove_body(self, name: str) -> List[str]:

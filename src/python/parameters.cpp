@@ -23,6 +23,7 @@ void visit_body(Body& body, Visit visit) {
   visit("friction", body.friction);
   visit("restitution", body.restitution);
   visit("no_collision", body.no_collision);
+  visit("gravity_compensation", body.gravity_compensation);
 }
 
 template <class Joint, class Visit>

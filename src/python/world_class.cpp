@@ -81,6 +81,7 @@ void define_bodies(Class* world) {
       "add_body(name, *, type='dynamic', shape=Point(), mass [kg], inertia=(0, 0, 0) [kg m^2] "
       "principal, zero: from the shape, position [m], orientation x y z w, linear_velocity [m/s], "
       "angular_velocity [rad/s] in world axes, friction=0, restitution=0, no_collision=False,\n"
+      "gravity_compensation=0, share of the weight that nothing has to carry,\n"
       "shape_pose=None: a dict of position [m] and orientation (x, y, z, w) of a sphere, box,\n"
       "cylinder or hull in the body's frame)\n\n"
       "Adds a body. Raises ValueError naming field and value.");

@@ -146,6 +146,7 @@ engine::Body from_msg(const Body& msg) {
   body.friction = msg.friction;
   body.restitution = msg.restitution;
   body.no_collision = msg.no_collision;
+  body.gravity_compensation = msg.gravity_compensation;
   check_no_groups(msg);
   body.color = colour_of(msg.color);
   return body;

@@ -75,12 +75,14 @@ void for_each(const World& world, const char* field, const std::vector<Element>&
 
 // Sets a property of a body by its key; returns false for an unknown key.
 bool set_property(const std::string& key, double value, engine::Body* body) {
-  const std::map<std::string, double*> numbers{{"mass", &body->mass},
-                                               {"inertia_x", &body->inertia.x()},
-                                               {"inertia_y", &body->inertia.y()},
-                                               {"inertia_z", &body->inertia.z()},
-                                               {"friction", &body->friction},
-                                               {"restitution", &body->restitution}};
+  const std::map<std::string, double*> numbers{
+      {"mass", &body->mass},
+      {"inertia_x", &body->inertia.x()},
+      {"inertia_y", &body->inertia.y()},
+      {"inertia_z", &body->inertia.z()},
+      {"friction", &body->friction},
+      {"restitution", &body->restitution},
+      {"gravity_compensation", &body->gravity_compensation}};
   const auto found = numbers.find(key);
   if (found != numbers.end()) {
     *found->second = value;
@@ -235,7 +237,7 @@ void change(World& world, const SetBodyPropertiesRequest& request, SetBodyProper
       throw std::invalid_argument(
           "keys: there is no '" + shortened(request.keys[i]) +
           "' of a body; there are mass, inertia_x, inertia_y, inertia_z, friction, restitution, "
-          "no_collision");
+          "no_collision, gravity_compensation");
   world.set_body(id, body);
 }
 

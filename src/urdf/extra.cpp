@@ -60,7 +60,8 @@ RobotExtra read_extra(const std::string& text) {
   RobotExtra extra;
   if (text.empty()) return extra;
   const YamlElement document = YamlElement::parse(text, "extra");
-  document.expect_keys({"positions", "motors", "hold", "links", "constraints", "no_contact"});
+  document.expect_keys({"positions", "motors", "hold", "gravity_compensation", "links",
+                        "constraints", "no_contact"});
   for_each(document, "positions", [&](const std::string& joint, const YamlElement& value) {
     extra.positions[joint] = value.number();
   });
@@ -68,6 +69,9 @@ RobotExtra read_extra(const std::string& text) {
     extra.motors.emplace(joint, motor);
   });
   document.read("hold", &extra.hold);
+  document.read("gravity_compensation", &extra.gravity_compensation);
+  document.attempt(
+      [&] { engine::check_share("gravity_compensation", extra.gravity_compensation); });
   for_each(document, "links", [&](const std::string& link, const YamlElement& properties) {
     extra.links[link] = read_link(properties);
   });

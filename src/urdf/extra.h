@@ -23,6 +23,7 @@ struct LinkProperties {
 struct RobotExtra {
   std::map<std::string, double> positions;            ///< initial positions of joints [m or rad]
   std::map<std::string, engine::YamlElement> motors;  ///< by joint
+  double gravity_compensation = 0.0;                  ///< of all links, as of engine::Body
   bool hold = false;  ///< joints with an effort, and without a motor, hold their positions
   std::map<std::string, LinkProperties> links;
   std::vector<engine::YamlElement> constraints;  ///< constraints between links, as in scenes

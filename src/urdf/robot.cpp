@@ -185,6 +185,7 @@ class Builder {
       in_lump = set_mass(lump, &body);
     set_shape(lump, in_lump, &body);
     set_properties(lump, &body);
+    body.gravity_compensation = extra_.gravity_compensation;
     body.state = to_state(lump_poses_[i] * in_lump);
     bodies_.push_back(world_.add_body(body));
     given_bodies_.push_back(body);

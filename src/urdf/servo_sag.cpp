@@ -25,7 +25,7 @@ std::string rounded(double value) {
 
 bool is_slider(const engine::Joint& joint) { return joint.kind == engine::JointKind::kSlider; }
 
-/// The joints of a robot as a tree, with the mass behind each.
+/// The joints of a robot as a tree, with the mass behind each on which gravity acts.
 class Tree {
  public:
   Tree(const Robot& robot, const World& world) : world_(world) {
@@ -81,7 +81,8 @@ class Tree {
   void sum(JointId id) {
     const engine::Joint& joint = world_.joint(id);
     Load& load = loads_[joint.body_b.value];
-    const double mass = world_.body(joint.body_b).mass;
+    const engine::Body& body = world_.body(joint.body_b);
+    const double mass = (1.0 - body.gravity_compensation) * body.mass;
     load.mass += mass;
     load.moment += mass * world_.state(joint.body_b).position;
     if (load.is_shared) shared_.insert(id.value);

@@ -85,6 +85,7 @@ TEST(BadInput, Bodies) {
       {"mass", kNotPositive, [](Body& b, double v) { b.mass = v; }},
       {"friction", kNegative, [](Body& b, double v) { b.friction = v; }},
       {"restitution", kNoShare, [](Body& b, double v) { b.restitution = v; }},
+      {"gravity_compensation", kNoShare, [](Body& b, double v) { b.gravity_compensation = v; }},
       {"shape.radius", kNotPositive, [](Body& b, double v) { b.shape = Sphere{v}; }},
       {"shape.size.x", kNotPositive,
        [](Body& b, double v) {

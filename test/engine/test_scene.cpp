@@ -84,6 +84,7 @@ bodies:
     angular_velocity: [14, 15, 16]
     friction: 0.5
     restitution: 0.25
+    gravity_compensation: 0.125
     no_collision: true
     color: [0.1, 0.2, 0.3, 0.4]
   - {name: b, type: kinematic, shape: {sphere: {radius: 0.5}}}
@@ -126,6 +127,7 @@ wrenches:
   EXPECT_EQ(a.inertia, Vector3d(5, 6, 7));
   EXPECT_EQ(a.friction, 0.5);
   EXPECT_EQ(a.restitution, 0.25);
+  EXPECT_EQ(a.gravity_compensation, 0.125);
   EXPECT_TRUE(a.no_collision);
   ASSERT_TRUE(a.color);
   EXPECT_EQ(*a.color, (std::array<double, 4>{0.1, 0.2, 0.3, 0.4}));
@@ -605,6 +607,7 @@ Body random_body(Dice* dice, int number) {
   if (body.type != BodyType::kStatic) body.state.angular_velocity = dice->vector();
   body.friction = dice->size();
   body.restitution = dice->between(0, 1);
+  body.gravity_compensation = body.friction > 1.0 ? body.restitution : 0.0;
   body.no_collision = dice->flag();
   if (dice->flag())
     body.color = {dice->between(0, 1), dice->between(0, 1), dice->between(0, 1), 1.0};
@@ -699,6 +702,7 @@ void expect_same_body(const World& a, BodyId id_a, const World& b) {
   expect_all_within_4_ulp(body_a.inertia, body_b.inertia, "inertia");
   expect_within_4_ulp(body_a.friction, body_b.friction, "friction");
   expect_within_4_ulp(body_a.restitution, body_b.restitution, "restitution");
+  expect_within_4_ulp(body_a.gravity_compensation, body_b.gravity_compensation, "compensation");
   EXPECT_EQ(body_a.no_collision, body_b.no_collision);
   ASSERT_EQ(body_a.color.has_value(), body_b.color.has_value());
   for (std::size_t i = 0; body_a.color && i < 4; ++i)

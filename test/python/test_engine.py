@@ -152,7 +152,7 @@ def test_bodies_joints_and_options_go_round():
     world = engine.World(method='energy_momentum', gravity=(0.0, 0.0, -1.62), threads=2)
     world.add_body('floor', type='static', shape=engine.Plane(), friction=0.3)
     world.add_body('box', shape=engine.Box((1.0, 2.0, 3.0)), mass=2.0, position=(0.0, 0.0, 5.0),
-                   orientation=(0.0, 0.0, 0.6, 0.8), restitution=0.5)
+                   orientation=(0.0, 0.0, 0.6, 0.8), restitution=0.5, gravity_compensation=0.25)
     world.add_body('point', mass=1.0, position=(2.0, 0.0, 5.0), inertia=(0.1, 0.1, 0.1))
     world.add_body('can', shape=engine.Cylinder(0.2, 0.5), mass=6.0, position=(0.0, 9.0, 5.0))
     can = world.body('can')
@@ -164,6 +164,7 @@ def test_bodies_joints_and_options_go_round():
                    shape_pose={'position': (0.0, 0.0, 0.2), 'orientation': (0.6, 0.0, 0.0, 0.8)})
     assert world.body('hammer')['shape_pose']['position'] == (0.0, 0.0, 0.2)
     assert world.body('box')['shape_pose'] is None
+    assert world.body('box')['gravity_compensation'] == 0.25
     world.add_joint('spring', body_a='box', body_b='point', frequency=2.0, damping_ratio=0.1)
     world.add_joint('hook', type='ball', body_b='box', anchor_a=(0.0, 0.0, 6.5),
                     anchor_b=(0.0, 0.0, 1.5), break_force=1e6)

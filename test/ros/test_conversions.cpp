@@ -94,6 +94,7 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   msg.twist.angular.z = 9.0;
   msg.friction = 0.1;
   msg.restitution = 0.2;
+  msg.gravity_compensation = 0.7;
   msg.no_collision = true;
   const engine::Body body = from_msg(msg);
   EXPECT_EQ(body.name, "crate");
@@ -105,6 +106,7 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   EXPECT_EQ(body.state.angular_velocity, Eigen::Vector3d(0.0, 0.0, 9.0));
   EXPECT_EQ(body.friction, 0.1);
   EXPECT_EQ(body.restitution, 0.2);
+  EXPECT_EQ(body.gravity_compensation, 0.7);
   EXPECT_TRUE(body.no_collision);
 }
 

@@ -106,10 +106,20 @@ class Options(support.ServiceCase):
         call("step", steps=100)
         self.assertAlmostEqual(state_of("ball").twist.linear.x, 6.0 + 2.0, delta=1e-12)
 
+    def test_the_share_of_weight_that_nothing_carries(self):
+        """0.25 of the weight is taken off in the message, and all of it in flight: v = 0.75 g, then constant."""
+        self.good("set_options", keys=["gravity"], values=["[0, 0, -10]"])
+        self.good("add_body", body=sphere("ball", gravity_compensation=0.25))
+        call("step", steps=100)
+        self.good("set_body_properties", name="ball", keys=["gravity_compensation"], values=[1.0])
+        call("step", steps=100)
+        self.assertAlmostEqual(state_of("ball").twist.linear.z, -7.5, delta=1e-12)
+
     def test_settings_of_bodies_that_cannot_be(self):
         self.good("add_body", body=sphere("ball"))
         for key, value in (("mass", 0.0), ("mass", math.nan), ("inertia_x", 1.0),
-                           ("friction", -1.0), ("restitution", 2.0), ("no_collision", 0.5)):
+                           ("friction", -1.0), ("restitution", 2.0), ("no_collision", 0.5),
+                           ("gravity_compensation", 1.5)):
             self.bad([key.split("_x")[0]], "set_body_properties", name="ball", keys=[key],
                      values=[value])
         self.bad(["colour"], "set_body_properties", name="ball", keys=["colour"], values=[1.0])

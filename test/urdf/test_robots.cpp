@@ -300,6 +300,31 @@ TEST(Robots, ServosThatGravityMovesAreReported) {
   EXPECT_EQ(warnings("motors: {a: {position: 0, servo_frequency: 0.1}}").size(), 1u);
 }
 
+// Without motors, friction and weight an arm stays where it is put, and gravity moves no servo.
+// 1e-12 m: rounding of the rows in 500 steps.
+TEST(Robots, AnArmWithoutWeightStaysWhereItIsPut) {
+  World world;
+  const Robot arm =
+      add_robot(shipped_urdf("arm"),
+                with_extra(std::string(kPose) + "\ngravity_compensation: 1", true), &world);
+  const World first = world;
+  for (int i = 0; i < 500; ++i) ASSERT_FALSE(world.step().failed);
+  for (const engine::BodyId id : world.body_ids())
+    EXPECT_LT((world.state(id).position - first.state(id).position).norm(), 1e-12);
+  EXPECT_LT(std::abs(world.energy() - first.energy()), 1e-12);
+  World with_servos;
+  EXPECT_TRUE(add_robot(shipped_urdf("arm"),
+                        with_extra("gravity_compensation: 1\nmotors: {shoulder_lift: {position: 0, "
+                                   "servo_stiffness: 1}}",
+                                   true),
+                        &with_servos)
+                  .warnings.empty());
+  EXPECT_NE(engine::refusal([&] {
+              add_robot(shipped_urdf("arm"), with_extra("gravity_compensation: 2", true), &world);
+            }).find("gravity_compensation"),
+            std::string::npos);
+}
+
 // A lift of 2 kg on a servo: 2 * 9.81 N / 1000 N/m = 0.0196 m.
 TEST(Robots, ServosOfSlidersThatGravityMovesAreReported) {
   World world;

@@ -48,6 +48,9 @@ struct Body {
   double friction = 0.0;     ///< Coulomb's coefficient ≥ 0; a pair has the geometric mean
   double restitution = 0.0;  ///< Newton's coefficient in [0, 1]; a pair has the larger
   bool no_collision = false;
+  /// Share of the weight, in [0, 1], that is carried without a joint or contact: the body falls
+  /// with (1 − share) g, and its potential energy has that factor.
+  double gravity_compensation = 0.0;
   /// Red, green, blue and opacity for viewers, each in [0, 1]; left out: by the type. Colour
   /// affects neither motion nor hashes.
   std::optional<std::array<double, 4>> color;

@@ -71,10 +71,11 @@ class World {
   const Body& body(BodyId id) const;
   /// Present pose [m] and twist [m/s, rad/s] of the body, world frame.
   const BodyState& state(BodyId id) const;
-  /// Replaces mass, inertia, friction, restitution and `no_collision` of the body; its pose and
-  /// velocity stay. Springs given by a frequency keep their stiffness. Throws for settings out of
-  /// range, for the world itself, for another name or type, and for an inertia given to a point
-  /// mass or taken from one that has it. Ignores shape and state of `body`.
+  /// Replaces mass, inertia, friction, restitution, `no_collision` and `gravity_compensation` of
+  /// the body; its pose and velocity stay. Springs given by a frequency keep their stiffness.
+  /// Throws for settings out of range, for the world itself, for another name or type, and for an
+  /// inertia given to a point mass or taken from one that has it. Ignores shape and state of
+  /// `body`.
   void set_body(BodyId id, const Body& body);
   /// Sets pose and twist of the body (world frame); its joints then close their new errors. Where a
   /// static or kinematic body keeps its pose, joints continue with their present closing. Throws

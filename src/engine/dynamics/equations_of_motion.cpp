@@ -38,7 +38,7 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
                                      const List<CoupledTerms>& couplings, const List<int>& idle,
                                      const List<char>& open)
     : IslandModel(std::move(joints), all_joints, ends, masses, couplings, idle, open),
-      inputs_(*this),
+      inputs_(*this, masses),
       kinematics_(*this),
       coordinates_(*this),
       redundant_(*this),

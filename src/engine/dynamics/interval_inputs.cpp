@@ -13,8 +13,12 @@ using Eigen::Vector3d;
 
 }  // namespace
 
-IntervalInputs::IntervalInputs(const IslandModel& island)
+IntervalInputs::IntervalInputs(const IslandModel& island, const List<MassProperties>& masses)
     : bodies_(island.bodies().size()), first_general_(island.first().general) {
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const double share = masses[island.bodies()[i]].weight_share;
+    if (share != 1.0) compensated_.emplace_back(i, share);
+  }
   acceleration_.assign(island.points(), Vector3d::Zero());
   torque_.assign(island.rotating(), Vector3d::Zero());
   length_.resize(island.links().size());
@@ -35,6 +39,7 @@ bool IntervalInputs::begin(const IslandModel& island, double t, const List<BodyS
                            const Vector3d& gravity, const List<AppliedWrench>& loads,
                            const List<PrescribedMotion>& motions, double since_tick) {
   std::fill_n(acceleration_.begin(), bodies_, gravity);
+  for (const auto& [body, share] : compensated_) acceleration_[body] = share * gravity;
   for (Vector3d& torque : torque_) torque.setZero();
   for (const AppliedWrench& load : loads) {
     const auto found = std::find(island.bodies().begin(), island.bodies().end(), load.body);
@@ -71,7 +76,6 @@ bool IntervalInputs::begin(const IslandModel& island, double t, const List<BodyS
     if (island.rotates(link.b)) scale_ = std::max(scale_, link.anchor_b.norm());
   }
   has_jumped_ = has_jumped_ || others_change;
-  is_time_dependent_ = !motions_.empty() || fixed_points_move_;
   return others_change;
 }
 

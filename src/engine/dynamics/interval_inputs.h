@@ -28,7 +28,7 @@ struct AppliedWrench {
 /// derivatives.
 class IntervalInputs {
  public:
-  explicit IntervalInputs(const IslandModel& island);
+  IntervalInputs(const IslandModel& island, const List<MassProperties>& masses);
 
   /// Sets loads and prescribed motions from time t [s] on; `motions` has one entry per joint of the
   /// world. `since_tick`: time since the start of the tick [s], at which `states` holds the
@@ -51,7 +51,7 @@ class IntervalInputs {
   /// Whether fixed points change during the interval.
   bool fixed_points_move() const { return fixed_points_move_; }
   /// Whether lengths, targets or fixed points change during the interval.
-  bool is_time_dependent() const { return is_time_dependent_; }
+  bool is_time_dependent() const { return !motions_.empty() || fixed_points_move_; }
   /// Whether the last begin() found a prescribed motion that ended, started or changed its rate.
   bool has_jumped() const { return has_jumped_; }
   /// Whether the frame of any general joint moves.
@@ -122,11 +122,11 @@ class IntervalInputs {
   void update_coupling(const IslandModel& island, std::size_t l, const PrescribedMotion& motion,
                        double t);
 
-  std::size_t bodies_, first_general_;                            // as in the island
-  double tick_start_ = 0.0;                                       // [s]
+  std::size_t bodies_, first_general_;                // as in the island
+  List<std::pair<std::size_t, double>> compensated_;  // bodies and their shares of gravity below 1
+  double tick_start_ = 0.0;                           // [s]
   double updated_at_ = std::numeric_limits<double>::quiet_NaN();  // time of update() [s]
   bool fixed_points_move_ = false;
-  bool is_time_dependent_ = false;
   bool has_jumped_ = false;
   double scale_ = 0.0;                                      // [m]
   List<Eigen::Vector3d> acceleration_;                      // per point

@@ -16,6 +16,7 @@ MassProperties mass_properties(const Body& body) {
   MassProperties mass;
   if (body.type != BodyType::kDynamic) return mass;
   mass.inverse_mass = 1.0 / body.mass;
+  mass.weight_share = 1.0 - body.gravity_compensation;
   mass.inertia = body.inertia;
   if (mass.inertia.isZero(0.0)) mass.inertia = body.mass * unit_inertia(body.shape);
   if (!mass.inertia.isZero(0.0)) mass.inverse_inertia = mass.inertia.cwiseInverse();
@@ -97,6 +98,7 @@ void World::set_body(BodyId id, const Body& body) {
   changed.friction = body.friction;
   changed.restitution = body.restitution;
   changed.no_collision = body.no_collision;
+  changed.gravity_compensation = body.gravity_compensation;
   validate(changed);
   const MassProperties mass = mass_properties(changed);
   if (mass.can_turn() != impl_->masses[i].can_turn())

@@ -128,6 +128,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
     const int body = members.bodies.front();
     const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == model.body_ids[body]; };
     if (std::any_of(state.wrenches.begin(), state.wrenches.end(), is_on_it)) return false;
+    if (model.masses[body].weight_share != 1.0) return false;  // all spheres have to fall alike
     spheres.push_back({body, 1.0 / model.masses[body].inverse_mass,
                        std::get<Sphere>(model.bodies[body].shape).radius});
     smallest = std::min(smallest, spheres.back().radius);

@@ -419,7 +419,7 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
   if (parts.motion >= 0) return integrate_joints(in, i, span);
 
   const int body = parts.members.bodies.front();
-  Vector3d acceleration = model.options.gravity;
+  Vector3d acceleration = model.gravity_on(to_index(body));
   for (const AppliedWrench& load : loads_)
     if (load.body == body) acceleration += model.masses[body].inverse_mass * load.force;
   integrate_ballistic(span.h, acceleration, &state->states[body]);

@@ -78,8 +78,8 @@ std::optional<double> time_of_hit(const StepContext& step, const State& state,
   const std::size_t i = to_index(pair.first);
   const std::size_t j = to_index(pair.second);
   const Vector3d none = Vector3d::Zero();
-  const Vector3d g_i = model.is_movable(i) ? model.options.gravity : none;
-  const Vector3d g_j = model.is_movable(j) ? model.options.gravity : none;
+  const Vector3d g_i = model.is_movable(i) ? model.gravity_on(i) : none;
+  const Vector3d g_j = model.is_movable(j) ? model.gravity_on(j) : none;
   const Vector3d v = state.states[i].linear_velocity - state.states[j].linear_velocity;
   const double far = (state.states[i].position - state.states[j].position).norm() +
                      max_point_displacement(step, state.states[i], pair.first, duration) +

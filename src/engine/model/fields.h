@@ -84,6 +84,7 @@ inline constexpr auto kFields<Body> = std::tuple{
     Field{"friction", &Body::friction, NotNegative{}},
     Field{"restitution", &Body::restitution, Share{}},
     Field{"no_collision", &Body::no_collision, AnyValue{}},
+    Field{"gravity_compensation", &Body::gravity_compensation, Share{}},
     Field{"color", &Body::color, Share{}},
 };
 

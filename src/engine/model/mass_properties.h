@@ -14,6 +14,7 @@ struct MassProperties {
   Eigen::Vector3d inertia = Eigen::Vector3d::Zero();  ///< principal moments [kg m²]
   /// Principal inverse moments [1/(kg m²)].
   Eigen::Vector3d inverse_inertia = Eigen::Vector3d::Zero();
+  double weight_share = 1.0;  ///< share of gravity that acts on the body
 
   bool is_movable() const { return inverse_mass > 0.0; }
   bool can_turn() const { return !inverse_inertia.isZero(0.0); }

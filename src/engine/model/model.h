@@ -64,6 +64,10 @@ struct Model {
   std::unordered_map<std::string, JointId> joint_by_name;
 
   bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
+  /// Returns the acceleration by which a movable body falls freely [m/s²].
+  Eigen::Vector3d gravity_on(std::size_t body) const {
+    return masses[body].weight_share * options.gravity;
+  }
   /// Returns the index of a body or joint; -1 for an id that never existed or was removed.
   int find(BodyId id) const { return place_of(id, body_ids); }
   int find(JointId id) const { return place_of(id, joint_ids); }

@@ -26,7 +26,8 @@ void check_order(const std::vector<Id>& ids, Id next, const char* what) {
 bool is_finite(const MassProperties& mass) {
   return std::isfinite(mass.inverse_mass) && mass.inverse_mass >= 0.0 && mass.inertia.allFinite() &&
          (mass.inertia.array() >= 0.0).all() && mass.inverse_inertia.allFinite() &&
-         (mass.inverse_inertia.array() >= 0.0).all();
+         (mass.inverse_inertia.array() >= 0.0).all() && mass.weight_share >= 0.0 &&
+         mass.weight_share <= 1.0;
 }
 
 void check_bodies(const Model& model) {

@@ -27,7 +27,7 @@ struct Of {};
     return std::tie(__VA_ARGS__);          \
   }
 
-CONSTRAINT_SIM_FIELDS(MassProperties, a, b, c)
+CONSTRAINT_SIM_FIELDS(MassProperties, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(Coupling, a, b, c, d, e)
 CONSTRAINT_SIM_FIELDS(Joint, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t)
 CONSTRAINT_SIM_FIELDS(CustomParameter, a, b)

@@ -30,7 +30,8 @@ Energy energy_of(const Model& model, const State& state, const List<int>& of_bod
       w -= state.corrections[i].tail<3>();
     }
     energy.kinetic += 0.5 * mass * v.squaredNorm();
-    energy.potential -= mass * model.options.gravity.dot(state.states[i].position);
+    energy.potential -=
+        model.masses[i].weight_share * mass * model.options.gravity.dot(state.states[i].position);
     if (w.isZero(0.0) || !model.masses[i].can_turn()) continue;
     w = state.states[i].orientation.conjugate() * w;
     energy.kinetic += 0.5 * w.dot(model.masses[i].inertia.cwiseProduct(w));

@@ -100,6 +100,7 @@ void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodySt
   hash.add(body.friction);
   hash.add(body.restitution);
   hash.add(std::uint64_t{body.no_collision});
+  if (body.gravity_compensation != 0.0) hash.add(body.gravity_compensation);
   visit_fields(state, add_field);
 }
 

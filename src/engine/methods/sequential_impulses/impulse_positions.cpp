@@ -111,7 +111,7 @@ double RowSolver::update_positions(const List<int>& moved, const Masses& masses,
     if (any_corrections_) {
       const Vector3d w = corrections_[i].head<3>();
       body.position += h * w;
-      work -= h * w.dot(gravity) / masses[i].inverse_mass;
+      work -= h * masses[i].weight_share * w.dot(gravity) / masses[i].inverse_mass;
       if (masses[i].can_turn()) {
         const Vector3d w_angular = corrections_[i].tail<3>();
         L_correction = apply_inertia(masses[i].inertia, body.orientation, w_angular);

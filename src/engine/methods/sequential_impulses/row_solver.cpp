@@ -47,7 +47,7 @@ void RowSolver::update_velocities(const List<int>& moved, const Bodies& bodies,
                                   List<Row>& rows) {
   h_ = h;
   prepare_bodies(moved, bodies, masses, rows);
-  for (const int i : moved) velocities_[i].head<3>() += h * gravity;
+  for (const int i : moved) velocities_[i].head<3>() += h * masses[i].weight_share * gravity;
   if (rows.empty()) return;
   connect(rows);
   respond(rows);

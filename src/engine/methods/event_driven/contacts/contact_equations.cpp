@@ -244,7 +244,8 @@ Vector3d ContactEquations::slip_acceleration(const ContactMotion& motion, const 
 double ContactEquations::potential_energy() const {
   double energy = 0.0;
   for (std::size_t i = 0; i < bodies_.movable(); ++i)
-    energy -= bodies_.state(i).position.dot(bodies_.gravity() / bodies_[i].mass.inverse_mass +
+    energy -= bodies_.state(i).position.dot(bodies_[i].mass.weight_share * bodies_.gravity() /
+                                                bodies_[i].mass.inverse_mass +
                                             bodies_[i].force);
   for (const GroupCoordinate& of : joints_.coordinates()) {
     const SoftLaw& soft = of.law.soft;

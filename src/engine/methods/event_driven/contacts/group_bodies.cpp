@@ -140,7 +140,8 @@ void GroupBodies::find_free_accelerations(const double* y, GroupMotions* acceler
   for (std::size_t i = 0; i < movable_; ++i) {
     const Vector3d& w = states_[i].angular_velocity;
     const Vector3d L = ConstVector(y + kNumbers * i + kL);
-    accelerations->linear[i] = gravity_ + list_[i].mass.inverse_mass * list_[i].force;
+    accelerations->linear[i] =
+        list_[i].mass.weight_share * gravity_ + list_[i].mass.inverse_mass * list_[i].force;
     accelerations->angular[i] = inverse_inertia_[i] * (list_[i].torque - w.cross(L));
   }
 }

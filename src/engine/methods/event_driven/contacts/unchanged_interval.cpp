@@ -23,8 +23,8 @@ bool are_same(const std::optional<ShapePose>& l, const std::optional<ShapePose>&
 bool are_same(const GroupBody& l, const GroupBody& r) {
   return l.index == r.index && l.mass.inverse_mass == r.mass.inverse_mass &&
          l.mass.inertia == r.mass.inertia && l.mass.inverse_inertia == r.mass.inverse_inertia &&
-         have_same_bits(l.force, r.force) && have_same_bits(l.torque, r.torque) &&
-         are_same(l.shape_pose, r.shape_pose);
+         l.mass.weight_share == r.mass.weight_share && have_same_bits(l.force, r.force) &&
+         have_same_bits(l.torque, r.torque) && are_same(l.shape_pose, r.shape_pose);
 }
 
 bool are_same(const Shape& l, const Shape& r) {

@@ -4,7 +4,7 @@
 
 #include <pluginlib/class_list_macros.hpp>
 
-#include "sensors/settings.h"
+#include "sensors/sensors.h"
 
 namespace constraint_sim::sensors {
 namespace {
@@ -13,6 +13,8 @@ namespace {
 /// its axes. With a `partner` the contacts with this other body alone count.
 class ContactSensor {
  public:
+  static constexpr const char* kFolder = "contact";
+
   ContactSensor(const ros::NodeHandle& contact, const std::string& name)
       : name_(name),
         mount_(mount_of(ros::NodeHandle(contact, name))),
@@ -58,21 +60,7 @@ class ContactSensor {
   ros::Publisher topic_;
 };
 
-class Contact : public Plugin {
- public:
-  void start(PluginHost& host) override {
-    host_ = &host;
-    const ros::NodeHandle handle(host.private_namespace() + "/contact");
-    for (const std::string& name : sensor_names(handle)) sensors_.emplace_back(handle, name);
-  }
-  void stepped(const engine::World& world) override {
-    for (const ContactSensor& sensor : sensors_) sensor.stepped(world, *host_);
-  }
-
- private:
-  PluginHost* host_ = nullptr;
-  std::vector<ContactSensor> sensors_;
-};
+using Contact = Sensors<ContactSensor>;
 
 }  // namespace
 }  // namespace constraint_sim::sensors

@@ -7,7 +7,7 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "sensors/noise.h"
-#include "sensors/settings.h"
+#include "sensors/sensors.h"
 
 namespace constraint_sim::sensors {
 namespace {
@@ -20,6 +20,8 @@ struct Triad {
 
 class ImuSensor {
  public:
+  static constexpr const char* kFolder = "imu";
+
   ImuSensor(const ros::NodeHandle& imu, const std::string& name)
       : handle_(imu, name),
         name_(name),
@@ -100,21 +102,7 @@ class ImuSensor {
   std::uint64_t last_step_ = 0;
 };
 
-class Imu : public Plugin {
- public:
-  void start(PluginHost& host) override {
-    host_ = &host;
-    const ros::NodeHandle handle(host.private_namespace() + "/imu");
-    for (const std::string& name : sensor_names(handle)) sensors_.emplace_back(handle, name);
-  }
-  void stepped(const engine::World& world) override {
-    for (ImuSensor& sensor : sensors_) sensor.stepped(world, *host_);
-  }
-
- private:
-  PluginHost* host_ = nullptr;
-  std::vector<ImuSensor> sensors_;
-};
+using Imu = Sensors<ImuSensor>;
 
 }  // namespace
 }  // namespace constraint_sim::sensors

@@ -1,5 +1,5 @@
 # The tests, each of them one of CTest: `ctest -L engine`, `ctest -R contact_events` in the build folder.
-# Labels: engine, sim, urdf, report (gtest programs), ros, rviz (rostest), python (pytest).
+# Labels: engine, sim, urdf, report, fcl (gtest programs), ros, rviz (rostest), python (pytest).
 # The target `tests` builds what they run; with catkin_make `run_tests` runs them all.
 
 enable_testing()
@@ -127,6 +127,17 @@ target_include_directories(report_tests PRIVATE bench test/engine)  # temporary_
 target_link_libraries(report_tests PRIVATE constraint_sim_report_common constraint_sim_engine)
 add_dependencies(report_tests constraint_sim_report_engine)
 constraint_sim_add_gtests(report_tests report test/report/test_report.cpp)
+
+# Shapes against another library, whose interface changed with 0.6 (Ubuntu 20.04 has 0.5).
+find_package(fcl 0.6 QUIET)
+if(fcl_FOUND)
+  constraint_sim_add_gtest_program(fcl_tests test/fcl/test_fcl.cpp)
+  target_include_directories(fcl_tests PRIVATE bench test/engine)  # draw.h, sanitized.h
+  target_link_libraries(fcl_tests PRIVATE constraint_sim_engine fcl)
+  constraint_sim_add_gtests(fcl_tests fcl test/fcl/test_fcl.cpp)
+else()
+  message(STATUS "shapes are not compared with FCL: FCL 0.6 or later is not installed")
+endif()
 
 # ---- rostest
 

@@ -43,7 +43,7 @@ ContactAxis contact_axis(const Polytope& a, const Polytope& b, double margin) {
     return found;
   }
   if (found.nearest.distance > kNear * (a.radius + b.radius)) {
-    found.axis.normal = (found.nearest.on_a - found.nearest.on_b) / found.nearest.distance;
+    found.axis.normal = (found.nearest.on_a - found.nearest.on_b).normalized();
     found.axis.depth = -found.nearest.distance;
   } else {
     found.nearest.distance = 0.0;

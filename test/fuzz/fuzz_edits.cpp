@@ -119,8 +119,21 @@ class Editor {
     if (choice == 0 || ids.empty()) return JointId{data_.ConsumeIntegral<std::uint32_t>()};
     return ids[static_cast<std::size_t>(choice) % ids.size()];
   }
+  /// Returns the hull of up to eight points, or one without a surface where they have none.
+  Hull hull() {
+    std::vector<Eigen::Vector3d> points(static_cast<std::size_t>(below(9)));
+    for (Eigen::Vector3d& point : points) point = vector();
+    try {
+      return Hull(points);
+    } catch (const std::invalid_argument& rejected) {
+      fuzz::require(std::string(rejected.what()).size() < 1000, "an answer is long");
+      return Hull();
+    }
+  }
   Shape shape() {
-    switch (below(5)) {
+    const auto byte = data_.ConsumeIntegral<std::uint8_t>();
+    if (byte >= 200) return hull();
+    switch (byte % 5) {
       case 0:
         return Point{};
       case 1:

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Examples of the documentation have their documented effect, and are complete."""
 import contextlib
+import functools
 import io
 import os
 import re
@@ -165,6 +166,25 @@ class Docs(unittest.TestCase):
         with running(node_command()):
             answer = call("load_urdf", path="arm", extra=blocks[0])
             self.assertTrue(answer.success, answer.status_message)
+
+    def test_the_examples_of_sensors(self):
+        """The robot stands after a moment: its trunk feels gravity, and a foot carries a part of its weight."""
+        rospy.set_param("/use_sim_time", False)
+        start = examples("docs/sensors.md", RUN_NODE)[0]
+        imu, foot = examples("docs/sensors.md", "rostopic")
+        with tempfile.TemporaryDirectory() as folder, running(node_command() + shlex.split(start)[3:], cwd=folder):
+            properties()
+            for line in examples("docs/sensors.md", "rosservice call"):
+                self.check(line, folder)
+            upwards = lambda line, *keys: functools.reduce(dict.get, keys, self.shown(line, folder))["z"]
+            support.wait_until(lambda: abs(upwards(imu, "linear_acceleration") - 9.81) < 0.1, imu)
+            support.wait_until(lambda: 5 < upwards(foot, "wrench", "force") < 100, foot)
+
+    def shown(self, line, folder):
+        """Returns the message that a `rostopic echo` of the documentation shows."""
+        status, output = run(line, folder)
+        self.assertEqual(status, 0, output)
+        return next(yaml.safe_load_all(output))
 
     def test_each_service_and_topic_has_an_example_and_a_row_and_exists(self):
         calls = "\n".join(examples("docs/ros.md", "rosservice call", "rostopic"))

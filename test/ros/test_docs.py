@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import subprocess
+import sys
 import tempfile
 import unittest
 import unittest.mock
@@ -17,12 +18,17 @@ import rospy
 import rosservice
 import rostest
 import yaml
+from actionlib_msgs.msg import GoalStatus
+from sensor_msgs.msg import JointState
 from visualization_msgs.msg import InteractiveMarkerUpdate
 
+import control_messages  # noqa: F401  (before control_msgs)
 import support
+from control_msgs.msg import FollowJointTrajectoryActionResult
 from support import NODE, call, node_command, properties, running
 
 PACKAGE = rospkg.RosPack().get_path("constraint_sim")
+OWN_ROBOT = "docs/tutorials/8_own_robot.md"
 RUN_NODE = "rosrun constraint_sim constraint_sim_node "
 
 
@@ -151,10 +157,50 @@ class Docs(unittest.TestCase):
         for name in sorted(os.listdir(folder)):
             document = os.path.join("docs/tutorials", name)
             start = examples(document, RUN_NODE)
-            if start:
+            if start and document != OWN_ROBOT:
                 self.check_examples(document, node_command() + shlex.split(start[0])[3:], least=1)
                 checked += 1
         self.assertEqual(checked, 6)
+
+    def test_the_tutorial_of_an_own_robot(self):
+        """From the URDF to the grasp: each line, and what it shows."""
+        rospy.set_param("/use_sim_time", False)
+        hold, start, *lines = examples(OWN_ROBOT, "rosrun", "rosservice", "rostopic")
+        with tempfile.TemporaryDirectory() as folder:
+            os.symlink(os.path.join(PACKAGE, "examples"), os.path.join(folder, "examples"))
+            status, output = run(hold, folder)
+            self.assertEqual((status, output.count(" holds ")), (0, 4), output)
+            with running(node_command() + shlex.split(start)[3:], cwd=folder), unittest.mock.patch.dict(
+                    os.environ, PYTHONPATH=":".join(sys.path)):  # control_msgs may be a copy of the tests
+                properties()
+                self.type_tutorial(lines, folder)
+
+    def type_tutorial(self, lines, folder):
+        """Types the lines for a running node, each motion until its end, and checks what they show."""
+        goal = NODE + "/robots/picker/follow_joint_trajectory/"
+        results = support.Listener(goal + "result", FollowJointTrajectoryActionResult).messages
+        joints = support.Listener(NODE + "/robots/picker/joint_states", JointState).messages
+        position = lambda joint: joints[-1].position[joints[-1].name.index(joint)]
+        is_near = lambda place, *of_exact: max(abs(place[k] - x) for k, x in zip("xyz", of_exact)) < 2e-3
+        arrivals = iter([lambda: results and results[0].status.status == GoalStatus.SUCCEEDED,
+                         lambda: abs(position("left_finger") - 0.035) < 1e-3,  # the box is in the way
+                         lambda: abs(position("lift") - 0.25) + abs(position("turn") - 1.2) < 1e-4])
+        expected = {"status": lambda shown: shown["status_list"][0]["status"] == GoalStatus.SUCCEEDED,
+                    "joint_states": lambda shown: abs(shown["position"][shown["name"].index("lift")]) < 1e-4,
+                    "contact_forces": lambda shown: {c["body_b"] for c in shown["contacts"]} >= {"left/com", "right/com"},
+                    "get_body_state": lambda shown: is_near(shown["state"]["pose"]["position"], 0.1631, 0.4194, 0.28),
+                    "verify": lambda shown: shown["verdicts"][shown["bodies"].index("box")] == "holds",
+                    "statistics": lambda shown: shown["max_constraint_error"] < 1e-3}
+        for line in lines:
+            if line.startswith("rostopic pub"):
+                self.check(line, folder)
+            else:
+                shown = self.shown(line, folder)
+                is_as_told = expected.pop(re.search(r"/(\w+)(?: '|$)", line)[1], lambda answer: answer["success"])
+                self.assertTrue(is_as_told(shown), line + "\n" + str(shown))
+            if line.startswith("rostopic pub") or "set_motor_bias" in line:
+                support.wait_until(next(arrivals), line)
+        self.assertEqual((expected, list(arrivals)), ({}, []))
 
     def test_the_examples_of_robots(self):
         rospy.set_param("/use_sim_time", False)

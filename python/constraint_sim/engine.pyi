@@ -84,7 +84,20 @@ class Hull:
         """centre of the volume [m]"""
 
 
-Shape = Union[Point, Sphere, Box, Plane, Cylinder, Hull]
+class Capsule:
+    """Capsule(radius, length)
+
+    Centred on the body, along its z axis: a cylinder with half spheres as ends; radius and length of the cylinder [m] > 0."""
+    def __init__(self, radius: float, length: float) -> None: ...
+    @property
+    def radius(self) -> float:
+        """[m]"""
+    @property
+    def length(self) -> float:
+        """between the centres of the half spheres [m]"""
+
+
+Shape = Union[Point, Sphere, Box, Plane, Cylinder, Hull, Capsule]
 
 
 class State(TypedDict):
@@ -488,7 +501,7 @@ class World:
         [m/s], angular_velocity [rad/s] in world axes, friction=0, restitution=0,
         no_collision=False, gravity_compensation=0, share of the weight that nothing has to
         carry, shape_pose=None: a dict of position [m] and orientation (x, y, z, w) of a sphere,
-        box, cylinder or hull in the body's frame)
+        box, cylinder, capsule or hull in the body's frame)
 
         Adds a body. Raises ValueError naming field and value."""
     def remove_body(self, name: str) -> List[str]:

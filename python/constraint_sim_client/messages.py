@@ -43,6 +43,11 @@ def cylinder(radius, length):
     return Shape(type=Shape.CYLINDER, dimensions=[radius, length])
 
 
+def capsule(radius, length):
+    """A capsule; length is that of the straight part, between the centres of the round ends."""
+    return Shape(type=Shape.CAPSULE, dimensions=[radius, length])
+
+
 def hull(vertices):
     """A convex hull of points, each three numbers."""
     return Shape(type=Shape.HULL, vertices=[Point(*vertex) for vertex in vertices])

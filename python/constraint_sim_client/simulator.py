@@ -42,6 +42,11 @@ class _Adding:
         shape = messages.cylinder(radius, length)
         self.add_body(messages.body(name, shape, mass=mass, **settings))
 
+    def add_capsule(self, name, radius, length, mass=0.0, **settings):
+        """Adds a capsule along its z axis, with this length of the straight part; settings as of add_sphere()."""
+        shape = messages.capsule(radius, length)
+        self.add_body(messages.body(name, shape, mass=mass, **settings))
+
     def add_hull(self, name, vertices, mass=0.0, **settings):
         """Adds a convex hull of points, each three numbers; settings as of add_sphere()."""
         self.add_body(messages.body(name, messages.hull(vertices), mass=mass, **settings))

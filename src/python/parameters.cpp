@@ -132,7 +132,7 @@ engine::Shape shape_from(const py::object& value) {
     return value.cast<engine::Shape>();
   } catch (const py::cast_error&) {
     throw std::invalid_argument(
-        "shape: must be a Point, Sphere, Box, Plane, Cylinder or Hull, got " +
+        "shape: must be a Point, Sphere, Box, Plane, Cylinder, Hull or Capsule, got " +
         std::string(py::str(py::repr(value))));
   }
 }

@@ -59,6 +59,21 @@ void define_shapes(py::module* module) {
         return "Cylinder(" + std::string(py::str(py::float_(cylinder.radius))) + ", " +
                std::string(py::str(py::float_(cylinder.length))) + ")";
       });
+  py::class_<engine::Capsule>(
+      *module, "Capsule",
+      "Capsule(radius, length)\n\nCentred on the body, along its z axis: a cylinder with half "
+      "spheres as ends; radius and length of the cylinder [m] > 0.")
+      .def(py::init([](const py::object& radius, const py::object& length) {
+             return engine::Capsule{number("radius", radius), number("length", length)};
+           }),
+           py::arg("radius"), py::arg("length"))
+      .def_readonly("radius", &engine::Capsule::radius, "[m]")
+      .def_readonly("length", &engine::Capsule::length,
+                    "between the centres of the half spheres [m]")
+      .def("__repr__", [](const engine::Capsule& capsule) {
+        return "Capsule(" + std::string(py::str(py::float_(capsule.radius))) + ", " +
+               std::string(py::str(py::float_(capsule.length))) + ")";
+      });
   py::class_<engine::Hull>(
       *module, "Hull",
       "Hull(vertices)\n\nConvex hull of points [m], a list of (x, y, z), by Qhull; at most 100000 "
@@ -104,7 +119,7 @@ void define_shapes(py::module* module) {
       .def("__repr__", [](const engine::Hull& hull) {
         return "Hull(" + std::to_string(hull.surface->vertices().size()) + " vertices)";
       });
-  for (const char* name : {"Point", "Sphere", "Box", "Plane", "Cylinder", "Hull"})
+  for (const char* name : {"Point", "Sphere", "Box", "Plane", "Cylinder", "Hull", "Capsule"})
     make_by_call_alone(py::object(module->attr(name)));
 }
 

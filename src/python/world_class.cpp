@@ -83,7 +83,7 @@ void define_bodies(Class* world) {
       "angular_velocity [rad/s] in world axes, friction=0, restitution=0, no_collision=False,\n"
       "gravity_compensation=0, share of the weight that nothing has to carry,\n"
       "shape_pose=None: a dict of position [m] and orientation (x, y, z, w) of a sphere, box,\n"
-      "cylinder or hull in the body's frame)\n\n"
+      "cylinder, capsule or hull in the body's frame)\n\n"
       "Adds a body. Raises ValueError naming field and value.");
   world->def(
       "remove_body",

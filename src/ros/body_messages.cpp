@@ -103,8 +103,6 @@ engine::BodyType body_type(std::uint8_t type) {
 engine::Shape from_msg(const Shape& shape) {
   const auto& size = shape.dimensions;
   switch (shape.type) {
-    case Shape::CAPSULE:
-      refuse("type", "capsules do not exist yet, got CAPSULE=3");
     case Shape::HULL:
       check_dimensions(shape, "hull has no dimensions", 0);
       return hull_from(shape);
@@ -129,9 +127,13 @@ engine::Shape from_msg(const Shape& shape) {
     case Shape::CYLINDER:
       check_dimensions(shape, "cylinder has two: radius, length", 2);
       return engine::Cylinder{size[0], size[1]};
+    case Shape::CAPSULE:
+      check_dimensions(shape, "capsule has two: radius, length of the straight part", 2);
+      return engine::Capsule{size[0], size[1]};
     default:
-      refuse("type", "must be POINT=0, SPHERE=1, BOX=2, PLANE=4, CYLINDER=5 or HULL=6, got " +
-                         std::to_string(shape.type));
+      refuse("type",
+             "must be POINT=0, SPHERE=1, BOX=2, CAPSULE=3, PLANE=4, CYLINDER=5 or HULL=6, got " +
+                 std::to_string(shape.type));
   }
 }
 

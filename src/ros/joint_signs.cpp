@@ -43,6 +43,8 @@ double length_of_axis_through(const engine::Shape& shape) {
   if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
     return std::max(3.0 * cylinder->radius, cylinder->length);
   if (const auto* hull = std::get_if<engine::Hull>(&shape)) return 2.0 * hull->surface->radius();
+  if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
+    return capsule->length + 3.0 * capsule->radius;
   return 0.0;
 }
 

@@ -182,6 +182,8 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
       place.z() += std::max(cylinder->radius, 0.5 * cylinder->length);
     if (const auto* hull = std::get_if<engine::Hull>(&world.body(id).shape))
       place.z() += hull->surface->radius();
+    if (const auto* capsule = std::get_if<engine::Capsule>(&world.body(id).shape))
+      place.z() += capsule->radius + 0.5 * capsule->length;
     place.z() += height_;
     add_text("body_names", marker_id(id), place, colour(0.9, 0.9, 0.9), world.body(id).name);
   }

@@ -5,6 +5,7 @@
 #include <limits>
 #include <variant>
 
+#include "engine/math/numbers.h"
 #include "ros/conversions.h"
 #include "sim/grip.h"
 
@@ -41,6 +42,33 @@ void set_surface(Marker* marker, const engine::ConvexHull& surface) {
   }
 }
 
+/// Shows a capsule as circles from pole to pole, joined by triangles.
+void set_capsule(Marker* marker, const engine::Capsule& capsule) {
+  constexpr int kSides = 12, kCirclesOfEnd = 3;
+  set_size(marker, Marker::TRIANGLE_LIST, Eigen::Vector3d::Ones());
+  marker->points.clear();
+  // Circles 0 to kCirclesOfEnd are of the lower end, and the others of the upper end.
+  const auto corner = [&](int circle, int side) {
+    const bool is_upper = circle > kCirclesOfEnd;
+    const double latitude =
+        0.5 * engine::kPi * (circle - kCirclesOfEnd - (is_upper ? 1 : 0)) / kCirclesOfEnd;
+    const double longitude = 2.0 * engine::kPi * side / kSides;
+    const double across = capsule.radius * std::cos(latitude);
+    return to_point(
+        {across * std::cos(longitude), across * std::sin(longitude),
+         capsule.radius * std::sin(latitude) + (is_upper ? 0.5 : -0.5) * capsule.length});
+  };
+  constexpr int kLast = 2 * kCirclesOfEnd + 1;
+  for (int circle = 0; circle < kLast; ++circle)
+    for (int side = 0; side < kSides; ++side) {
+      const auto add = [&](int up, int on) {
+        marker->points.push_back(corner(circle + up, (side + on) % kSides));
+      };
+      if (circle > 0) add(0, 0), add(0, 1), add(1, 1);
+      if (circle + 1 < kLast) add(0, 0), add(1, 1), add(1, 0);
+    }
+}
+
 }  // namespace
 
 double radius_of(const engine::Shape& shape) {
@@ -49,6 +77,8 @@ double radius_of(const engine::Shape& shape) {
   if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
     return std::hypot(cylinder->radius, 0.5 * cylinder->length);
   if (const auto* hull = std::get_if<engine::Hull>(&shape)) return hull->surface->radius();
+  if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
+    return capsule->radius + 0.5 * capsule->length;
   return 0.0;
 }
 
@@ -63,6 +93,8 @@ double half_width(const engine::Shape& shape, const Eigen::Vector3d& along) {
     const auto& vertices = hull->surface->vertices();
     return along.dot(vertices[static_cast<std::size_t>(hull->surface->farthest(along))]);
   }
+  if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
+    return capsule->radius + 0.5 * capsule->length * std::abs(along.z());
   return 0.0;
 }
 
@@ -175,6 +207,8 @@ void set_shape(Marker* marker, const engine::Shape& shape) {
     set_size(marker, Marker::CYLINDER, {diameter, diameter, cylinder->length});
   } else if (const auto* hull = std::get_if<engine::Hull>(&shape)) {
     set_surface(marker, *hull->surface);
+  } else if (const auto* capsule = std::get_if<engine::Capsule>(&shape)) {
+    set_capsule(marker, *capsule);
   } else if (std::holds_alternative<engine::Plane>(shape)) {
     // Planes have almost no thickness, so that bodies on them are not cut, and are brighter than
     // bodies, since they are transparent.

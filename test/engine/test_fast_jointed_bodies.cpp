@@ -81,7 +81,8 @@ TEST(FastJointedBodies, EventsMeetAPlateAtItsPlace) {
 // Impulses, requested or as the fallback for contacts: e = 0 leaves the bob on the plate.
 TEST(FastJointedBodies, ABobStaysOnAPlateWhoeverCarriesIt) {
   const Shape shapes[] = {Sphere{kBobRadius}, Box{Vector3d::Constant(2.0 * kBobRadius)},
-                          Cylinder{kBobRadius, 2.0 * kBobRadius}};
+                          Cylinder{kBobRadius, 2.0 * kBobRadius},
+                          Capsule{kBobRadius, 2.0 * kBobRadius}};
   for (const Shape& shape : shapes) {
     for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kSequentialImpulses}) {
       for (const double tick : {1.0 / 60, 1.0 / 240, 1.0 / 1000}) {

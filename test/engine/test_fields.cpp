@@ -36,6 +36,8 @@ TEST(Fields, AreAllListed) {
   expect_listed<Box>(1);
   [[maybe_unused]] const auto& [y1, y2] = Cylinder{};
   expect_listed<Cylinder>(2);
+  [[maybe_unused]] const auto& [z1, z2] = Capsule{};
+  expect_listed<Capsule>(2);
   [[maybe_unused]] const auto& [h1] = Hull{};
   expect_listed<Hull>(1);
   static_assert(std::is_empty_v<Point> && std::is_empty_v<Plane>, "list the new field");

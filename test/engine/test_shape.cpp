@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -52,10 +54,18 @@ TEST(UnitInertia, IsTheIntegralOverTheSolid) {
   const Eigen::Vector3d of_cylinder = integrated_unit_inertia(
       {1.0, 1.0, 3.0}, [](const Eigen::Vector3d& p) { return p.head<2>().norm() < 0.5; });
 
+  const Capsule capsule{0.5, 2.0};
+  const Eigen::Vector3d of_capsule =
+      integrated_unit_inertia({1.0, 1.0, 3.0}, [](const Eigen::Vector3d& p) {
+        const double beyond = std::max(std::abs(p.z()) - 1.0, 0.0);
+        return p.head<2>().squaredNorm() + beyond * beyond < 0.25;
+      });
+
   // the error of the midpoint rule is 1/n² = 1e-4, and slightly more at the sphere's ragged surface
   EXPECT_TRUE(unit_inertia(box).isApprox(of_box, 2e-4)) << of_box.transpose();
   EXPECT_TRUE(unit_inertia(sphere).isApprox(of_sphere, 1e-3)) << of_sphere.transpose();
   EXPECT_TRUE(unit_inertia(cylinder).isApprox(of_cylinder, 1e-3)) << of_cylinder.transpose();
+  EXPECT_TRUE(unit_inertia(capsule).isApprox(of_capsule, 1e-3)) << of_capsule.transpose();
 }
 
 TEST(UnitInertia, OfWhatHasNoVolumeIsZero) {
@@ -79,6 +89,8 @@ TEST(ValidateShape, AcceptsWhatCanBe) {
 TEST(ValidateShape, NamesTheDimensionAndItsValue) {
   const double inf = std::numeric_limits<double>::infinity();
   const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(shape_refusal(Capsule{1e-6, 1e6}), "");
+  EXPECT_EQ(shape_refusal(Capsule{1.0, 0.0}), "shape.length: must be a finite number > 0, got 0");
   EXPECT_EQ(shape_refusal(Cylinder{0.0, 1.0}), "shape.radius: must be a finite number > 0, got 0");
   EXPECT_EQ(shape_refusal(Cylinder{1.0, -1.0}),
             "shape.length: must be a finite number > 0, got -1");

@@ -37,7 +37,7 @@ constexpr int kPoses = 10000 / kSanitizedShare;
 constexpr double kRounding = 1e-12;  // coordinates are below 1 m
 constexpr double kFclTolerance = 1e-6;
 
-constexpr const char* kBounded[] = {"sphere", "box", "cylinder", "hull"};
+constexpr const char* kBounded[] = {"sphere", "box", "cylinder", "hull", "capsule"};
 
 /// Returns a random shape of 0.2 to 0.8 m.
 Shape random_shape(const std::string& name, Draw* draw) {
@@ -45,6 +45,7 @@ Shape random_shape(const std::string& name, Draw* draw) {
   if (name == "sphere") return Sphere{0.5 * size()};
   if (name == "box") return Box{{size(), size(), size()}};
   if (name == "cylinder") return Cylinder{0.5 * size(), size()};
+  if (name == "capsule") return Capsule{0.3 * size(), size()};
   if (name == "plane") return Plane{};
   std::vector<Vector3d> points;
   for (int i = 0; i < 12; ++i) points.push_back(0.4 * draw->vector());
@@ -78,6 +79,8 @@ std::shared_ptr<fcl::CollisionGeometryd> to_fcl(const Shape& shape, double heigh
   if (const auto* box = std::get_if<Box>(&shape)) return std::make_shared<fcl::Boxd>(box->size);
   if (const auto* cylinder = std::get_if<Cylinder>(&shape))
     return std::make_shared<fcl::Cylinderd>(cylinder->radius, cylinder->length);
+  if (const auto* capsule = std::get_if<Capsule>(&shape))
+    return std::make_shared<fcl::Capsuled>(capsule->radius, capsule->length);
   if (const auto* hull = std::get_if<Hull>(&shape)) return to_fcl(*hull);
   return std::make_shared<fcl::Halfspaced>(Vector3d::UnitZ(), height);
 }
@@ -92,6 +95,8 @@ double extent(const Vector3d& n, const Shape& shape, const BodyState& state) {
     from_centre = 0.5 * box->size.dot(c.cwiseAbs());
   } else if (const auto* cylinder = std::get_if<Cylinder>(&shape)) {
     from_centre = cylinder->radius * c.head<2>().norm() + 0.5 * cylinder->length * std::abs(c.z());
+  } else if (const auto* capsule = std::get_if<Capsule>(&shape)) {
+    from_centre = capsule->radius + 0.5 * capsule->length * std::abs(c.z());
   } else {
     for (const Vector3d& vertex : std::get<Hull>(shape).surface->vertices())
       from_centre = std::max(from_centre, c.dot(vertex));

@@ -132,6 +132,7 @@ class Editor {
   }
   Shape shape() {
     const auto byte = data_.ConsumeIntegral<std::uint8_t>();
+    if (byte >= 240) return Capsule{positive(), positive()};
     if (byte >= 200) return hull();
     switch (byte % 5) {
       case 0:

@@ -96,7 +96,8 @@ class Sequence:
 
     def shape(self):
         kinds = (engine.Point, lambda: engine.Sphere(self.size()), lambda: engine.Box(self.vector()), engine.Plane,
-                 lambda: engine.Cylinder(self.size(), self.size()), lambda: engine.Box((0.3, 0.4, 0.5)), lambda: 'ball')
+                 lambda: engine.Cylinder(self.size(), self.size()), lambda: engine.Capsule(self.size(), self.size()),
+                 lambda: engine.Box((0.3, 0.4, 0.5)), lambda: 'ball')
         try:
             return self.random.choice(kinds)()
         except REJECTIONS:

@@ -158,6 +158,11 @@ def test_bodies_joints_and_options_go_round():
     can = world.body('can')
     assert (can['shape'].radius, can['shape'].length) == (0.2, 0.5)
     assert repr(can['shape']) == 'Cylinder(0.2, 0.5)'
+    world.add_body('pill', shape=engine.Capsule(0.2, 0.5), mass=6.0, position=(0.0, 19.0, 5.0))
+    pill = world.body('pill')
+    assert (pill['shape'].radius, pill['shape'].length) == (0.2, 0.5)
+    assert repr(pill['shape']) == 'Capsule(0.2, 0.5)'
+    world.remove_body('pill')
     world.remove_body('can')
     world.add_body('hammer', shape=engine.Sphere(0.1), mass=1.0, inertia=(0.1, 0.1, 0.1),
                    position=(4.0, 0.0, 5.0),
@@ -528,7 +533,7 @@ def test_bad_input_names_field_and_value():
     assert rejected('add_body', 'x', mass=1.0, shape_pose=3) == \
         'shape_pose: must be a dict of position and orientation, got 3'
     assert rejected('add_body', 'x', mass=1.0, shape_pose={}) == \
-        'shape_pose: only a sphere, a box, a cylinder or a hull has one'
+        'shape_pose: only a sphere, a box, a cylinder, a capsule or a hull has one'
     assert rejected('add_joint', 'j', type='cog').startswith("type: there is no 'cog'")
     assert "'nobody'" in rejected('add_joint', 'j', body_b='nobody')
     assert rejected('add_joint', 'j', body_b='bob', motor=3) == 'motor: must be a dict, got 3'
@@ -681,7 +686,7 @@ def test_arguments_are_read_before_the_world_is_looked_at():
     assert set(answers) <= {'done', 'world: another thread is stepping it'} and answers
 
 
-@pytest.mark.parametrize('name', ['World', 'Point', 'Sphere', 'Box', 'Plane', 'Cylinder', 'StepReport', 'RunReport'])
+@pytest.mark.parametrize('name', ['World', 'Point', 'Sphere', 'Box', 'Plane', 'Cylinder', 'Capsule', 'StepReport', 'RunReport'])
 def test_no_object_without_init(name):
     script = (f'kind = engine.{name}\n'
               'try: print(kind.__new__(kind).__repr__())\n'

@@ -292,14 +292,18 @@ constraints:
         call("add_body", body=sphere("floor", type=Body.STATIC, shapes=[Shape(type=Shape.PLANE)]))
         call("add_body", body=sphere("can", 5, 0, 1, shapes=[Shape(type=Shape.CYLINDER, dimensions=[0.1, 0.6])],
                                      color=ColorRGBA(1, 0.5, 0.25, 0)))
-        support.wait_until(lambda: self.count(listener, "bodies") == 4, "four bodies")
-        ball, box, _, can = [m for k, m in sorted(self.shown(listener).items()) if k[0] == "bodies"]
+        call("add_body", body=sphere("pill", 7, 0, 1, shapes=[Shape(type=Shape.CAPSULE, dimensions=[0.1, 0.6])]))
+        support.wait_until(lambda: self.count(listener, "bodies") == 5, "five bodies")
+        ball, box, _, can, pill = [m for k, m in sorted(self.shown(listener).items()) if k[0] == "bodies"]
         self.assertEqual((ball.type, ball.scale.x), (Marker.SPHERE, 0.2))
         self.assertEqual((box.type, box.scale.x, box.scale.y, box.scale.z),
                          (Marker.CUBE, 0.1, 0.2, 0.3))
         self.assertEqual(box.pose.position.x, 2.0)
         self.assertEqual((can.type, can.scale.x, can.scale.y, can.scale.z),
                          (Marker.CYLINDER, 0.2, 0.2, 0.6))
+        self.assertEqual(pill.type, Marker.TRIANGLE_LIST)
+        self.assertAlmostEqual(max(p.z for p in pill.points), 0.4)
+        self.assertAlmostEqual(max(p.x for p in pill.points), 0.1)
         self.assertEqual(can.color, ColorRGBA(1, 0.5, 0.25, 1))  # opaque where the opacity is left out
         tool = Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3])
         tool.pose.position.z = 0.5

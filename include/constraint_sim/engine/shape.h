@@ -32,6 +32,13 @@ struct Cylinder {
   double length = 0.0;  ///< from end to end [m] > 0
 };
 
+/// A capsule: a cylinder with half spheres as ends, centred on the body's origin, along the body's
+/// z axis.
+struct Capsule {
+  double radius = 0.0;  ///< [m] > 0
+  double length = 0.0;  ///< between the centres of the half spheres [m] > 0
+};
+
 /// A convex hull of points. A body has the hull with its centre in 0 and its principal axes along
 /// the axes; World::add_body() moves other hulls there, and sets the shape_pose that keeps their
 /// place in the body. Copies share the surface.
@@ -44,7 +51,7 @@ struct Hull {
   std::shared_ptr<const ConvexHull> surface;  ///< none in a hull without vertices, which is invalid
 };
 
-using Shape = std::variant<Point, Sphere, Box, Plane, Cylinder, Hull>;
+using Shape = std::variant<Point, Sphere, Box, Plane, Cylinder, Hull, Capsule>;
 
 /// Principal moments of inertia of a homogeneous solid of unit mass [m²]; zero for Point and Plane.
 Eigen::Vector3d unit_inertia(const Shape& shape);

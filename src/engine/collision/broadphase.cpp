@@ -25,6 +25,10 @@ struct HalfExtent {
     return cylinder.radius * R.leftCols<2>().rowwise().norm() +
            0.5 * cylinder.length * R.col(2).cwiseAbs();
   }
+  Eigen::Vector3d operator()(const Capsule& capsule) const {
+    const Eigen::Vector3d along = state.orientation * Eigen::Vector3d::UnitZ();
+    return (0.5 * capsule.length * along.cwiseAbs()).array() + capsule.radius;
+  }
   Eigen::Vector3d operator()(const Plane&) const { return Eigen::Vector3d::Constant(kInfinity); }
   // Half extents are equal on both sides of the centre, which the farther side decides.
   Eigen::Vector3d operator()(const Hull& hull) const {

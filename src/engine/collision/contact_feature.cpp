@@ -137,6 +137,7 @@ bool has_features(const Shape& a, const Shape& b) {
   if (std::holds_alternative<Sphere>(a))
     return std::holds_alternative<Sphere>(b) || std::holds_alternative<Box>(b) ||
            std::holds_alternative<Plane>(b);
+  if (std::holds_alternative<Capsule>(a)) return std::holds_alternative<Plane>(b);
   return std::holds_alternative<Box>(a) &&
          (std::holds_alternative<Box>(b) || std::holds_alternative<Plane>(b));
 }
@@ -156,6 +157,16 @@ void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b
       for (int i = 0; i < 3; ++i)
         if ((corner >> i & 1U) == 0U) feature.on_a[i] = -feature.on_a[i];
       feature.id = corner;
+      features->push_back(feature);
+    }
+    return;
+  }
+  if (const auto* capsule = std::get_if<Capsule>(&shape_a)) {
+    // Centres of the half spheres against a plane.
+    feature.radius_a = capsule->radius;
+    for (const double side : {-0.5, 0.5}) {
+      feature.on_a = {0.0, 0.0, side * capsule->length};
+      feature.id = side < 0.0 ? 0 : 1;
       features->push_back(feature);
     }
     return;

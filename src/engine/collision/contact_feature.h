@@ -12,7 +12,8 @@
 namespace constraint_sim::engine {
 
 // Feature by which two shapes touch, with a gap g that is smooth in time while the feature stays. A
-// rounded point c of A (centre of a sphere, or corner of a box with radius 0) touches B:
+// rounded point c of A (centre of a sphere or of an end of a capsule, or corner of a box with
+// radius 0) touches B:
 //   plane  g = n·(c − o) − r_A            n, o fixed to B
 //   line   g = ‖d‖ − r_A                  d from the nearest point of the line to c
 //   point  g = ‖c − o‖ − r_A − r_B
@@ -64,7 +65,7 @@ void set_velocities(const Eigen::Vector3d& p_dot, const BodyState& a, const Body
                     ContactMotion* motion);
 
 /// Whether features of two shapes, in this order, are implemented: sphere with sphere, box and
-/// plane; box with box and plane.
+/// plane; box with box and plane; capsule with plane.
 bool has_features(const Shape& a, const Shape& b);
 
 /// Adds the features by which two shapes may touch at their present poses, in an order allowed by

@@ -23,6 +23,8 @@ inline double size_of(const Shape& shape) {
   if (const auto* cylinder = std::get_if<Cylinder>(&shape))
     return math::hypot(cylinder->radius, 0.5 * cylinder->length);
   if (const auto* hull = std::get_if<Hull>(&shape)) return hull->surface->radius();
+  if (const auto* capsule = std::get_if<Capsule>(&shape))
+    return 0.5 * capsule->length + capsule->radius;
   return kInfinity;
 }
 /// Size that tolerances of contacts between two shapes assume [m], at most `distance` from the

@@ -25,7 +25,7 @@ void LeastDepthAxis::find(double margin) {
   find_corners();
   if (depth_ <= -margin) return;
   find_circles();
-  if (depth_ <= -margin || !a_.is_round) return;
+  if (depth_ <= -margin || !a_.is_round || a_.radius() == 0.0) return;
   find_rims();
 }
 

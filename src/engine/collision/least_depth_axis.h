@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/polytope.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 
@@ -23,6 +24,13 @@ struct Solid {
       : centre(state.position - origin),
         axes(state.orientation.toRotationMatrix()),
         half(cylinder.radius, cylinder.radius, 0.5 * cylinder.length),
+        is_round(true) {}
+
+  /// A line, which is a cylinder without a radius.
+  explicit Solid(const Segment& line)
+      : centre(line.centre),
+        axes(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), line.axis)),
+        half(0.0, 0.0, line.half),
         is_round(true) {}
 
   Eigen::Vector3d axis() const { return axes.col(2); }
@@ -54,8 +62,8 @@ struct Solid {
   bool is_round;
 };
 
-/// Search for the axis of least depth of two solids. A is a box or a cylinder, B a cylinder, whose
-/// centre is the origin.
+/// Search for the axis of least depth of two solids. A is a box, a cylinder or a line that crosses
+/// B, and B a cylinder, whose centre is the origin.
 class LeastDepthAxis {
  public:
   LeastDepthAxis(const Solid& a, const Solid& b)

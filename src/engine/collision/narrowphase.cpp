@@ -68,6 +68,25 @@ struct Collide {
   Manifold operator()(const Hull& hull_a, const Hull& hull_b) const {
     return collide_hull_hull(hull_a, a, hull_b, b, margin);
   }
+  Manifold operator()(const Capsule& capsule, const Plane&) const {
+    const Vector3d N = normal(b);
+    return collide_capsule_plane(capsule, a, N, offset(N, b), margin);
+  }
+  Manifold operator()(const Capsule& capsule, const Sphere& sphere) const {
+    return collide_capsule_sphere(capsule, a, b.position, sphere.radius, margin);
+  }
+  Manifold operator()(const Capsule& capsule, const Box& box) const {
+    return collide_capsule_box(capsule, a, box.size, b, margin);
+  }
+  Manifold operator()(const Capsule& capsule, const Cylinder& cylinder) const {
+    return collide_capsule_cylinder(capsule, a, cylinder, b, margin);
+  }
+  Manifold operator()(const Capsule& capsule, const Hull& hull) const {
+    return collide_capsule_hull(capsule, a, hull, b, margin);
+  }
+  Manifold operator()(const Capsule& capsule_a, const Capsule& capsule_b) const {
+    return collide_capsule_capsule(capsule_a, a, capsule_b, b, margin);
+  }
 };
 
 /// The separation of each pair of shapes whose contacts do not have the smallest gap.
@@ -100,6 +119,18 @@ struct Separate {
   Separation operator()(const Hull& hull, const Plane&) const {
     const Vector3d N = normal(b);
     return separation_of_hull_and_plane(hull, a, N, offset(N, b));
+  }
+  Separation operator()(const Capsule& capsule_a, const Capsule& capsule_b) const {
+    return separation_of_capsules(capsule_a, a, capsule_b, b);
+  }
+  Separation operator()(const Capsule& capsule, const Box& box) const {
+    return separation_of_capsule_and_box(capsule, a, box.size, b);
+  }
+  Separation operator()(const Capsule& capsule, const Cylinder& cylinder) const {
+    return separation_of_capsule_and_cylinder(capsule, a, cylinder, b);
+  }
+  Separation operator()(const Capsule& capsule, const Hull& hull) const {
+    return separation_of_capsule_and_hull(capsule, a, hull, b);
   }
 };
 

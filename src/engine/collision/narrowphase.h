@@ -109,6 +109,29 @@ Manifold collide_box_hull(const Eigen::Vector3d& size_a, const BodyState& a, con
 Manifold collide_hull_cylinder(const Hull& hull_a, const BodyState& a, const Cylinder& cylinder_b,
                                const BodyState& b, double margin = 0.0);
 
+/// Returns the ends of the capsule below the plane. The solid half-space is N·x ≤ d, N a unit
+/// vector.
+Manifold collide_capsule_plane(const Capsule& capsule_a, const BodyState& a,
+                               const Eigen::Vector3d& N, double d, double margin = 0.0);
+
+/// Returns up to one point. A centre on the middle line of the capsule leaves across it.
+Manifold collide_capsule_sphere(const Capsule& capsule_a, const BodyState& a,
+                                const Eigen::Vector3d& p_b, double radius_b, double margin = 0.0);
+
+/// Return two points where the middle line of the capsule lies along a face or cap to 2.56°, or
+/// along an edge, side or capsule to 0.06°: the ends of their common part. Else the nearest point,
+/// or the deepest along the axis of least depth of the line, if the line crosses the shape.
+Manifold collide_capsule_capsule(const Capsule& capsule_a, const BodyState& a,
+                                 const Capsule& capsule_b, const BodyState& b, double margin = 0.0);
+Manifold collide_capsule_box(const Capsule& capsule_a, const BodyState& a,
+                             const Eigen::Vector3d& size_b, const BodyState& b,
+                             double margin = 0.0);
+Manifold collide_capsule_cylinder(const Capsule& capsule_a, const BodyState& a,
+                                  const Cylinder& cylinder_b, const BodyState& b,
+                                  double margin = 0.0);
+Manifold collide_capsule_hull(const Capsule& capsule_a, const BodyState& a, const Hull& hull_b,
+                              const BodyState& b, double margin = 0.0);
+
 /// Returns the contact of two shapes in any order; points, and two planes, never touch. The normal
 /// of a plane is the z axis of its body.
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
@@ -146,6 +169,17 @@ Separation separation_of_hull_and_cylinder(const Hull& hull_a, const BodyState& 
                                            const Cylinder& cylinder_b, const BodyState& b);
 Separation separation_of_hull_and_plane(const Hull& hull_a, const BodyState& a,
                                         const Eigen::Vector3d& N, double d);
+
+/// Return the separation of a capsule and another shape, along the direction of the nearest points
+/// or the axis of least depth.
+Separation separation_of_capsules(const Capsule& capsule_a, const BodyState& a,
+                                  const Capsule& capsule_b, const BodyState& b);
+Separation separation_of_capsule_and_box(const Capsule& capsule_a, const BodyState& a,
+                                         const Eigen::Vector3d& size_b, const BodyState& b);
+Separation separation_of_capsule_and_cylinder(const Capsule& capsule_a, const BodyState& a,
+                                              const Cylinder& cylinder_b, const BodyState& b);
+Separation separation_of_capsule_and_hull(const Capsule& capsule_a, const BodyState& a,
+                                          const Hull& hull_b, const BodyState& b);
 
 /// Returns the separation of two shapes, except points and two planes; the gap is 0 where they
 /// touch.

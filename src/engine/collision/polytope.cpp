@@ -119,12 +119,57 @@ class Simplex {
   int count_ = 0;
 };
 
-Support support_of(const Polytope& a, const Polytope& b, const Vector3d& direction) {
+template <class A>
+Support support_of(const A& a, const Polytope& b, const Vector3d& direction) {
   Support support;
   support.a = a.farthest(direction);
   support.b = b.farthest(-direction);
   support.p = a.vertex(support.a) - b.vertex(support.b);
   return support;
+}
+
+/// Returns the nearest points of a shape with vertices and a polytope of a size [m] together.
+template <class A>
+NearestPoints nearest_of(const A& a, const Polytope& b, double size, double margin) {
+  constexpr int kMostSteps = 200;
+  Simplex simplex;
+  Vector3d v = a.centre - b.centre;
+  if (v.isZero(0.0)) v = Vector3d::UnitZ();
+  simplex.add(support_of(a, b, -v));
+  v = simplex.reduce();
+  NearestPoints nearest;
+  for (int step = 0; step < kMostSteps; ++step) {
+    const double square = v.squaredNorm();
+    if (!(square > 1e-28 * size * size) || simplex.count() == 4) {
+      nearest.distance = 0.0;
+      return nearest;
+    }
+    const Support next = support_of(a, b, -v);
+    const double along = v.dot(next.p);
+    if (along > 0.0 && along * along >= margin * margin * square) {
+      nearest.is_beyond = true;
+      return nearest;
+    }
+    if (simplex.has(next) || square - along <= 1e-15 * square) break;
+    const Simplex before = simplex;
+    simplex.add(next);
+    const Vector3d better = simplex.reduce();
+    if (simplex.count() < 4 && !(better.squaredNorm() < square)) {
+      simplex = before;
+      break;
+    }
+    v = better;
+  }
+  nearest.on_a = nearest.on_b = Vector3d::Zero();
+  nearest.vertex_a = simplex[0].a, nearest.vertex_b = simplex[0].b;
+  for (int i = 0; i < simplex.count(); ++i) {
+    nearest.on_a += simplex.weight(i) * a.vertex(simplex[i].a);
+    nearest.on_b += simplex.weight(i) * b.vertex(simplex[i].b);
+    nearest.vertex_a = std::min(nearest.vertex_a, simplex[i].a);
+    nearest.vertex_b = std::min(nearest.vertex_b, simplex[i].b);
+  }
+  nearest.distance = v.norm();
+  return nearest;
 }
 
 // ---- axes
@@ -226,46 +271,11 @@ int Polytope::nearest_face(const Vector3d& direction) const {
 }
 
 NearestPoints nearest_points(const Polytope& a, const Polytope& b, double margin) {
-  constexpr int kMostSteps = 200;
-  const double size = a.radius + b.radius;
-  Simplex simplex;
-  Vector3d v = a.centre - b.centre;
-  if (v.isZero(0.0)) v = Vector3d::UnitZ();
-  simplex.add(support_of(a, b, -v));
-  v = simplex.reduce();
-  NearestPoints nearest;
-  for (int step = 0; step < kMostSteps; ++step) {
-    const double square = v.squaredNorm();
-    if (!(square > 1e-28 * size * size) || simplex.count() == 4) {
-      nearest.distance = 0.0;
-      return nearest;
-    }
-    const Support next = support_of(a, b, -v);
-    const double along = v.dot(next.p);
-    if (along > 0.0 && along * along >= margin * margin * square) {
-      nearest.is_beyond = true;
-      return nearest;
-    }
-    if (simplex.has(next) || square - along <= 1e-15 * square) break;
-    const Simplex before = simplex;
-    simplex.add(next);
-    const Vector3d better = simplex.reduce();
-    if (simplex.count() < 4 && !(better.squaredNorm() < square)) {
-      simplex = before;
-      break;
-    }
-    v = better;
-  }
-  nearest.on_a = nearest.on_b = Vector3d::Zero();
-  nearest.vertex_a = simplex[0].a, nearest.vertex_b = simplex[0].b;
-  for (int i = 0; i < simplex.count(); ++i) {
-    nearest.on_a += simplex.weight(i) * a.vertex(simplex[i].a);
-    nearest.on_b += simplex.weight(i) * b.vertex(simplex[i].b);
-    nearest.vertex_a = std::min(nearest.vertex_a, simplex[i].a);
-    nearest.vertex_b = std::min(nearest.vertex_b, simplex[i].b);
-  }
-  nearest.distance = v.norm();
-  return nearest;
+  return nearest_of(a, b, a.radius + b.radius, margin);
+}
+
+NearestPoints nearest_points(const Segment& a, const Polytope& b, double margin) {
+  return nearest_of(a, b, a.half + b.radius, margin);
 }
 
 PolytopeAxis least_axis(const Polytope& a, const Polytope& b) { return AxisSearch(a, b).find(); }

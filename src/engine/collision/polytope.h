@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cstdint>
 
 #include "constraint_sim/engine/body.h"
@@ -61,6 +62,25 @@ class Polytope {
   double radius;                                    ///< greatest distance from `centre` [m]
 };
 
+/// A line between two vertices, 0 and 1, relative to the origin of a pair [m].
+struct Segment {
+  Eigen::Vector3d at(double place) const { return centre + place * axis; }
+  Eigen::Vector3d vertex(int i) const { return at(i == 0 ? -half : half); }
+  /// Returns the vertex farthest along a direction, the second on ties.
+  int farthest(const Eigen::Vector3d& direction) const { return axis.dot(direction) < 0.0 ? 0 : 1; }
+  /// Returns the greatest coordinate along a direction [m].
+  double reach(const Eigen::Vector3d& direction) const {
+    return direction.dot(vertex(farthest(direction)));
+  }
+  /// Returns the place that is nearest to a point [m].
+  double nearest(const Eigen::Vector3d& point) const {
+    return std::clamp(axis.dot(point - centre), -half, half);
+  }
+
+  Eigen::Vector3d centre, axis;  ///< middle, and unit direction
+  double half;                   ///< half length [m]
+};
+
 /// Nearest points of two polytopes.
 struct NearestPoints {
   Eigen::Vector3d on_a, on_b;      ///< relative to the origin of the pair [m]
@@ -69,9 +89,10 @@ struct NearestPoints {
   int vertex_a = 0, vertex_b = 0;  ///< a vertex of each feature, the lowest
 };
 
-/// Returns the nearest points (Gilbert, Johnson & Keerthi 1988); ends where the distance is known
+/// Return the nearest points (Gilbert, Johnson & Keerthi 1988); end where the distance is known
 /// to be at least the margin [m].
 NearestPoints nearest_points(const Polytope& a, const Polytope& b, double margin);
+NearestPoints nearest_points(const Segment& a, const Polytope& b, double margin);
 
 /// Axis of least depth of two polytopes.
 struct PolytopeAxis {

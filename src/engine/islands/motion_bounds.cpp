@@ -19,6 +19,7 @@ struct Thickness {
     return std::min(2.0 * cylinder.radius, cylinder.length);
   }
   double operator()(const Hull& hull) const { return hull.surface->thickness(); }
+  double operator()(const Capsule& capsule) const { return 2.0 * capsule.radius; }
 };
 
 /// Distance from its centre within which rotation moves a shape [m].
@@ -32,6 +33,7 @@ struct Reach {
     return math::hypot(cylinder.radius, 0.5 * cylinder.length);
   }
   double operator()(const Hull& hull) const { return hull.surface->radius(); }
+  double operator()(const Capsule& capsule) const { return 0.5 * capsule.length + capsule.radius; }
 };
 
 }  // namespace

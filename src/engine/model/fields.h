@@ -56,6 +56,12 @@ inline constexpr auto kFields<Cylinder> = std::tuple{
 };
 
 template <>
+inline constexpr auto kFields<Capsule> = std::tuple{
+    Field{"radius", &Capsule::radius, Positive{}},
+    Field{"length", &Capsule::length, Positive{}},
+};
+
+template <>
 inline constexpr auto kFields<Hull> = std::tuple{Field{"vertices", &Hull::surface, AnyValue{}}};
 
 template <>

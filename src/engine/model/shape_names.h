@@ -15,7 +15,7 @@ inline constexpr std::array kBodyTypeNames{"dynamic", "static", "kinematic"};
 
 /// Names of shapes in scene files, in the order of Shape.
 inline constexpr std::array<const char*, std::variant_size_v<Shape>> kShapeNames{
-    "point", "sphere", "box", "plane", "cylinder", "hull"};
+    "point", "sphere", "box", "plane", "cylinder", "hull", "capsule"};
 static_assert(kShapeNames.back() != nullptr, "a name for each shape");
 
 /// Returns the shape with an index in the variant Shape, with dimensions 0.

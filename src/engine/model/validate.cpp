@@ -216,7 +216,7 @@ namespace {
 void check_shape_pose(const Body& body) {
   if (!body.shape_pose) return;
   if (std::holds_alternative<Point>(body.shape) || std::holds_alternative<Plane>(body.shape))
-    refuse("shape_pose", "only a sphere, a box, a cylinder or a hull has one");
+    refuse("shape_pose", "only a sphere, a box, a cylinder, a capsule or a hull has one");
   if (body.type == BodyType::kDynamic && body.inertia.isZero(0.0))
     refuse("inertia", "must be given for a shape that is beside the centre of mass");
 }

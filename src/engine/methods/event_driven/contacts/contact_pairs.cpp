@@ -67,6 +67,7 @@ void keep_places(const ContactEquations& equations, const ContactPair& pair, boo
 
 std::size_t ContactPairs::most_points(const Shape& a, const Shape& b) {
   const auto is_round = [](const Shape& shape) { return std::holds_alternative<Sphere>(shape); };
+  if (std::holds_alternative<Capsule>(a) || std::holds_alternative<Capsule>(b)) return 2;
   return is_round(a) || is_round(b) ? 1 : 8;
 }
 

@@ -32,6 +32,10 @@ bool are_same(const Shape& l, const Shape& r) {
   if (const auto* box = std::get_if<Box>(&l)) return box->size == std::get<Box>(r).size;
   if (const auto* sphere = std::get_if<Sphere>(&l))
     return sphere->radius == std::get<Sphere>(r).radius;
+  if (const auto* capsule = std::get_if<Capsule>(&l)) {
+    const auto& other = std::get<Capsule>(r);
+    return capsule->radius == other.radius && capsule->length == other.length;
+  }
   return std::holds_alternative<Plane>(l);
 }
 

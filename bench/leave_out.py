@@ -90,7 +90,9 @@ LEFT_OUT = {
     'energy_momentum': ['methods/energy_momentum/energy_momentum.cpp', 'dynamics/implicit/', 'math/saddle_lu.'],
     'event_driven': ['methods/event_driven/joints/event_', 'constraints/one_sided_law.', 'math/box_lcp.',
                      'dynamics/held_response.cpp'],
-    'sequential_impulses': ['methods/sequential_impulses/sequential_impulses.cpp', 'methods/sequential_impulses/row_solver.cpp',
+    'time_stepping': ['methods/sequential_impulses/converged_rows.', 'math/body_cone', 'math/proximal_newton.',
+                      'math/frontal_', 'math/dense_front.h',
+                     'methods/sequential_impulses/sequential_impulses.cpp', 'methods/sequential_impulses/row_solver.cpp',
                             'methods/sequential_impulses/impulse_positions.cpp'],
     'islands': [],
 }

@@ -38,17 +38,16 @@ struct Finding {
 };
 
 /// Returns whether the last step reports that its result is unreliable. Listed errors alone count
-/// for sequential_impulses only; `own_error` is the error of joints.
+/// for impulses only; `own_error` is the error of joints.
 inline bool says_so(const World& world, Method method, double own_error) {
   const StepReport& report = world.report();
   if (report.failed || report.unresolved_bodies > 0) return true;
   for (const Island& island : world.islands()) {
     if (island.why == MethodReason::kInconsistent || island.why == MethodReason::kRefused)
       return true;
-    if (island.method == Method::kSequentialImpulses) method = Method::kSequentialImpulses;
+    if (uses_impulses(island.method)) method = island.method;
   }
-  return method == Method::kSequentialImpulses &&
-         report.max_constraint_error >= 0.999 * own_error - 1e-12;
+  return uses_impulses(method) && report.max_constraint_error >= 0.999 * own_error - 1e-12;
 }
 
 /// Motion by the reference, every tenth of a second, with its own error and the growth of a
@@ -209,8 +208,8 @@ class Judge {
       so_far.poses = poses;
       if (is_off(setting, *world, poses, h * static_cast<double>(tick), size, &so_far, &finding))
         break;
-      if (so_far.has_said || setting.method == Method::kSequentialImpulses ||
-          so_far.uses_impulses || tick % ticks_a_sample != 0)
+      if (so_far.has_said || uses_impulses(setting.method) || so_far.uses_impulses ||
+          tick % ticks_a_sample != 0)
         continue;
       const auto k = static_cast<std::size_t>(tick / ticks_a_sample - 1);
       if (is_elsewhere(k, poses, so_far, &finding)) break;
@@ -250,7 +249,7 @@ class Judge {
     so_far->has_said = so_far->has_said || says_so(world, setting.method, size * error);
     if (!std::isnan(report.local_error)) so_far->estimate += report.local_error / size;
     for (const Island& island : world.islands())
-      so_far->uses_impulses = so_far->uses_impulses || island.method == Method::kSequentialImpulses;
+      so_far->uses_impulses = so_far->uses_impulses || uses_impulses(island.method);
     if (error > joints_allowed(*so_far, t) / std::min(size, 1.0) && !so_far->has_said)
       return found("joints", mechanics_.scene().joints[joint].name + figure(" is off by", error));
     if (std::abs(report.max_constraint_error / size - error) >

@@ -66,7 +66,7 @@ std::string handing_over(const World& world) {
   for (const engine::Island& island : world.islands())
     if (report.handed_over_body == island.first_body) why = engine::to_string(island.why);
   return "contacts of '" + world.body(*report.handed_over_body).name +
-         "' and what it touches go from event_driven to sequential_impulses: " + why;
+         "' and what it touches go from event_driven to time_stepping: " + why;
 }
 
 /// Returns the first body of the first island whose contacts became event-driven again.
@@ -110,7 +110,7 @@ const Reported kReported[] = {
      [](const World& world) { return warning_of(world, engine::StepWarning::Kind::kUnsolved); },
      "impulses are solved again"},
     {[](const engine::StepReport& report) { return report.handed_over > 0; }, handing_over,
-     "no more contacts go from event_driven to sequential_impulses"},
+     "no more contacts go from event_driven to time_stepping"},
     {is_beyond_range,
      [](const World&) {
        return std::string(

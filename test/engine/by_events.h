@@ -125,7 +125,9 @@ inline std::vector<Event> of_kind(const std::vector<Event>& events, EventKind ki
 }
 
 inline bool is_by_impulses(const World& world) {
-  return world.report().islands[index_of(Method::kSequentialImpulses)] > 0;
+  return world.report().islands[index_of(Method::kSequentialImpulses)] +
+             world.report().islands[index_of(Method::kTimeStepping)] >
+         0;
 }
 
 /// Steps for a time and returns all events. Expects that all islands are event-driven.

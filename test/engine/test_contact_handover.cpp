@@ -65,7 +65,7 @@ TEST(ContactHandover, GroupsReachAsFarAsTheirFastestDrives) {
     world.add_body(ball);
   }
   world.step();
-  EXPECT_EQ(world.report().islands[index_of(Method::kSequentialImpulses)], 0u);
+  EXPECT_FALSE(is_by_impulses(world));
   // 0.15 m between neighbours: 0.45 m of the path at 50 m/s
   EXPECT_NEAR(world.state(world.find_body("ball3")).position.x(), 3 * 0.35 + 50.0 * 0.01 - 0.45,
               1e-12);
@@ -120,7 +120,7 @@ World balls_that_pass(double h, double* weight) {
     world.add_body(ball);
   };
   for (int i = 0; i < 6; ++i) add("lies" + std::to_string(i), {0.2001 * i, 0.0, 0.1}, 0.0);
-  for (int i = 0; i < 3; ++i) add("flies" + std::to_string(i), {0.4 * i, -3.0, 0.45}, 10.0);
+  for (int i = 0; i < 3; ++i) add("flies" + std::to_string(i), {0.4 * i, -3.0, 0.8}, 10.0);
   return world;
 }
 
@@ -145,7 +145,7 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
         const bool goes = event.kind == EventKind::kHandedOver;
         if (!goes && event.kind != EventKind::kTakenBack) continue;
         ++told[goes ? 0 : 1];
-        EXPECT_EQ(event.time, world.time() - world.options().time_step) << world.time();
+        EXPECT_DOUBLE_EQ(event.time, world.time() - world.options().time_step) << world.time();
         EXPECT_EQ(event.body_a, event.body_b);
         const std::uint32_t body = event.body_a.value;
         EXPECT_TRUE(goes ? away.insert(body).second : away.erase(body) > 0) << world.time();

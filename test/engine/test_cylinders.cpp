@@ -253,9 +253,8 @@ TEST(Cylinders, AreLeftToImpulsesByEvents) {
   run(world, 100);
   EXPECT_LT(std::abs(world.state(can).position.z() - 0.4), slop(world) * 1.01);
   ASSERT_EQ(world.islands().size(), 1u);
-  EXPECT_EQ(world.islands()[0].method, Method::kSequentialImpulses);
-  EXPECT_NE(explain(world).find("events of cylinders: sequential_impulses carries"),
-            std::string::npos);
+  EXPECT_EQ(world.islands()[0].method, Method::kTimeStepping);
+  EXPECT_NE(explain(world).find("events of cylinders: time_stepping carries"), std::string::npos);
   EXPECT_NE(explain(world).find("cylinder: 1,"), std::string::npos);
 }
 

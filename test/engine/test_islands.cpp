@@ -179,7 +179,7 @@ TEST(Islands, AreImpulsesWhileTheyTouchAndTheReportSaysSo) {
     const std::vector<Island> islands = world.islands();
     EXPECT_EQ(islands[0].why, touches ? MethodReason::kContact : MethodReason::kSmooth) << i;
     EXPECT_EQ(islands[1].why, MethodReason::kSmooth);
-    EXPECT_EQ(report.islands[index_of(Method::kSequentialImpulses)], touches ? 1 : 0);
+    EXPECT_EQ(report.islands[index_of(Method::kTimeStepping)], touches ? 1 : 0);
     EXPECT_EQ(report.islands[index_of(Method::kRungeKutta)], touches ? 1 : 2);
     changes += report.changes;
   }

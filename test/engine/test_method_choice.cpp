@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uint64_t kNow = 1000;  // [steps]
 constexpr Method kAutomatic = Method::kAuto, kRungeKutta = Method::kRungeKutta,
-                 kEnergyMomentum = Method::kEnergyMomentum, kImpulses = Method::kSequentialImpulses,
+                 kEnergyMomentum = Method::kEnergyMomentum, kImpulses = Method::kTimeStepping,
                  kEvents = Method::kEventDriven;
 
 WorldOptions options_with(Method method) {
@@ -40,8 +40,8 @@ TEST(MethodChoice, NatureOfAnIslandByOptionsJointsAndSprings) {
       {kEnergyMomentum, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
       {kEvents, {true, MethodReason::kLimit, kFast}, MethodReason::kLimit},
       {kEvents, {true, MethodReason::kSmooth, kFast}, MethodReason::kSmooth},
-      {kImpulses, {true, MethodReason::kLimit, kFast}, MethodReason::kAskedFor},
-      {kImpulses, {false, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
+      {Method::kSequentialImpulses, {true, MethodReason::kLimit, kFast}, MethodReason::kAskedFor},
+      {Method::kSequentialImpulses, {false, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
   };
   for (const Case& c : cases)
     EXPECT_EQ(classify(c.traits, options_with(c.asked)), c.nature)
@@ -68,7 +68,8 @@ TEST(MethodChoice, EveryReasonHasOneMethod) {
                                                    {MethodReason::kOverlap, kImpulses}};
   for (const auto& [why, method] : cases)
     EXPECT_EQ(method_for(why, options_with(kEnergyMomentum)), method) << to_string(why);
-  EXPECT_EQ(method_for(MethodReason::kAskedFor, options_with(kImpulses)), kImpulses);
+  EXPECT_EQ(method_for(MethodReason::kAskedFor, options_with(Method::kSequentialImpulses)),
+            Method::kSequentialImpulses);
 }
 
 TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {

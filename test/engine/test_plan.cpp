@@ -49,7 +49,7 @@ TEST(Plan, SaysWhatThereIs) {
       plan["left_out"].as<std::vector<std::string>>(),
       (std::vector<std::string>{
           "friction: no two bodies that could touch have it", "runge_kutta: carries no island now",
-          "energy_momentum: carries no island now", "sequential_impulses: carries no island now"}));
+          "energy_momentum: carries no island now", "time_stepping: carries no island now"}));
 }
 
 TEST(Plan, SaysWhatIsLeftOut) {
@@ -61,7 +61,7 @@ TEST(Plan, SaysWhatIsLeftOut) {
   const std::vector<std::string> lines = left_out(world);
   for (const char* what :
        {"collision", "boxes", "friction", "constraints", "limits", "springs", "motors", "rotation",
-        "wrenches", "energy_momentum", "event_driven", "sequential_impulses"}) {
+        "wrenches", "energy_momentum", "event_driven", "time_stepping"}) {
     const auto is_it = [&](const std::string& line) {
       return line.rfind(what + std::string(": "), 0) == 0;
     };

@@ -172,13 +172,14 @@ INSTANTIATE_TEST_SUITE_P(
                   joint.motor.bias = 1e-9;
                   world->add_joint(joint);
                 }},
-        HeldBox{"TurningFloor",
-                [](World* world, BodyId) {
-                  Body table = make_body("table", Sphere{0.1}, 0.0, {2.0, 0.0, 2 * kSide + 0.09});
-                  table.type = BodyType::kKinematic;
-                  table.state.angular_velocity.z() = 1.0;
-                  world->add_body(table);
-                }},
+        HeldBox{
+            "TurningFloor",
+            [](World* world, BodyId) {
+              Body table = make_body("table", Sphere{0.1}, 0.0, {2.0, 0.0, 2 * kSide + 0.1 - 1e-7});
+              table.type = BodyType::kKinematic;
+              table.state.angular_velocity.z() = 1.0;
+              world->add_body(table);
+            }},
         HeldBox{"JointToWhatTurns",
                 [](World* world, BodyId box) {
                   Body hook = make_body("hook", Point{}, 0.0, {2.0, 0.0, 3.0});

@@ -99,7 +99,7 @@ TEST(Snapshot, AnswersAsItsWorldDoesAfterStepsAndEdits) {
 TEST(Islands, AskedForAfterAnEditAreThoseOfTheNextStep) {
   const std::pair<const char*, Method> scenes[] =
       {
-          {"chain_heavy_end", Method::kAuto}, {"winch", Method::kRungeKutta},
+          {"chain_heavy_end", Method::kAuto}, {"winch", Method::kAuto},
           {"bridge", Method::kAuto},          {"two_boxes", Method::kRungeKutta},
           {"weak_winch", Method::kAuto},  // always in event-driven contact
       };

@@ -78,13 +78,12 @@ void visit_options(Options& options, Visit visit) {
                    "h·ω of bodies beyond which auto takes this method, if substeps cost more; "
                    ".inf: never"},
         options.stiffness_limit, PositiveOrInfinity{});
-  visit(OptionInfo{"iterations", "", Method::kSequentialImpulses, "sweeps over all rows of a step"},
+  visit(OptionInfo{"iterations", "", kAny,
+                   "sweeps of sequential_impulses, and over groups of more than 500 bodies"},
         options.iterations, Count{10000});
-  visit(OptionInfo{"warm_starting", "", Method::kSequentialImpulses,
-                   "starts from the impulses of the step before"},
+  visit(OptionInfo{"warm_starting", "", kAny, "impulses start from those of the step before"},
         options.warm_starting, AnyValue{});
-  visit(OptionInfo{"baumgarte", "", Method::kSequentialImpulses,
-                   "share of each error that is removed in a step"},
+  visit(OptionInfo{"baumgarte", "", kAny, "share of each error that impulses remove in a step"},
         options.baumgarte, Share{});
   visit(OptionInfo{"closing_time", "s", kAny,
                    "in which the error of a constraint that does not fit when added, or when its "

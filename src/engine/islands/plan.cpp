@@ -183,12 +183,11 @@ std::vector<std::string> left_out(const World& world) {
                               impulses_of(world.options())})
     leave_out(counts.islands[static_cast<std::size_t>(method)] == 0,
               std::string(name(method)) + ": carries no island now");
-  leave_out(
-      follows_contacts(world.options()) && counts.collides() && counts.colliding_cylinders > 0,
-      "events of cylinders: sequential_impulses carries what touches one");
-  leave_out(follows_contacts(world.options()) && counts.collides() && counts.colliding_hulls > 0,
-            "events of hulls: " + std::string(name(impulses_of(world.options()))) +
-                " carries what touches one");
+  const bool collides_by_events = follows_contacts(world.options()) && counts.collides();
+  leave_out(collides_by_events && counts.colliding_cylinders > 0,
+            "events of cylinders: time_stepping carries what touches one");
+  leave_out(collides_by_events && counts.colliding_hulls > 0,
+            "events of hulls: time_stepping carries what touches one");
   const std::string asleep = std::to_string(counts.asleep);
   leave_out(counts.asleep > 0, "islands: " + asleep + " at rest, until something touches them");
   return lines;

@@ -6,8 +6,8 @@ namespace constraint_sim::engine {
 
 /// The method of islands that only impulses can advance.
 inline Method impulses_of(const WorldOptions& options) {
-  return options.method == Method::kTimeStepping ? Method::kTimeStepping
-                                                 : Method::kSequentialImpulses;
+  return options.method == Method::kSequentialImpulses ? Method::kSequentialImpulses
+                                                       : Method::kTimeStepping;
 }
 
 /// Whether impulses are solved to a tolerance, and contacts may have a gap.

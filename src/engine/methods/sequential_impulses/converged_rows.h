@@ -32,8 +32,9 @@ class ConvergedRows {
                 const Accuracy& accuracy, StopFlag stop, List<Row>* rows, RowSolver* solver);
 
   /// Moves bodies of stage 6 from h v₁ to ½ h (v₀ + v₁), which is exact for constant forces: all
-  /// bodies but the ones on joints, in swept components or with an impact, where v₀ would take them
-  /// into others. An impact is an approach faster than `speed` [m/s].
+  /// bodies but the ones on joints, in swept components, with an impact, where v₀ would take them
+  /// into others, or on a point that their turn moves along its normal, where the energy would
+  /// rise. An impact is an approach, and such a turn a rate, faster than `speed` [m/s].
   void take_mean_velocities(const List<int>& moved, const List<Row>& rows, const RowSolver& solver,
                             double speed, double h, List<BodyState>* bodies);
 
@@ -50,6 +51,7 @@ class ConvergedRows {
                               const RowSolver& solver);
   void forget_bodies();
   void add(const BodyConeSolver::Outcome& solved, Outcome* outcome) const;
+  void correct(double most, List<Row>* rows, RowSolver* solver) const;
 
   List<std::size_t> order_;  // rows, by component
   List<std::size_t> begins_;

@@ -37,7 +37,8 @@ struct Row {
   double stiffness = 0.0;
   double lower = -std::numeric_limits<double>::infinity();  ///< lower bound of the impulse [N s]
   double upper = std::numeric_limits<double>::infinity();
-  double impulse = 0.0;             ///< p [N s]; before solving: the initial guess
+  double impulse = 0.0;   ///< p [N s]; before solving: the initial guess
+  double yielding = 0.0;  ///< softness of the correction alone, as a share of J M⁻¹ Jᵀ
   double correction_impulse = 0.0;  ///< impulse of the correction [N s]; before solving: zero
 
   /// Index at which the joint keeps the impulse for the next step; -1: not kept.

@@ -8,6 +8,10 @@ namespace {
 
 using Eigen::Vector3d;
 
+// Yielding of contacts. Bodies that are squeezed between others have no rigid correction, and would
+// leave to the side by whatever tilt rounding has.
+constexpr double kYielding = 1e-4;
+
 // Jacobian of the velocity of A relative to B at p along n.
 Jacobian jacobian(const BodyState& a, const BodyState& b, const Vector3d& p, const Vector3d& n) {
   return {n, (p - a.position).cross(n), -n, -(p - b.position).cross(n)};
@@ -50,6 +54,7 @@ int write_contact_rows(const BodyState& a, const BodyState& b, const Vector3d& n
       -row.J.times(a.linear_velocity, a.angular_velocity, b.linear_velocity, b.angular_velocity);
   aim_normal(&row, approach, point.depth, surface, step);
   row.lower = 0.0;
+  row.yielding = step.is_converged ? kYielding : 0.0;
   row.impulse = std::max(impulse.dot(normal), 0.0);
   if (surface.friction == 0.0) return 1;
 

@@ -10,10 +10,6 @@ namespace {
 // residual, as a share of the speed that counts as rest; and most iterations.
 constexpr double kTolerance = 1e-9, kSufficient = 0.5;
 constexpr int kMostIterations = 300;
-// Speed of a correction, over the largest rate that is asked for, beyond which it is shortened.
-// Bodies that are squeezed between others have no solution, and would leave to the side by whatever
-// tilt rounding has.
-constexpr double kMostSpeed = 10.0;
 // Rate at which turns move a contact along its normal, over the speed that counts as rest, up to
 // which the mean velocity raises the energy by less than 1 % of m (g h)².
 constexpr double kTurning = 1e3;
@@ -153,26 +149,13 @@ bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
     BodyConeProblem::Row& added = problem_.rows.emplace_back();
     added.parts_end = problem_.parts.size();
     added.rate = -RowSolver::correction_target(row, rate);
-    added.softness = row.softness;
+    added.softness = row.softness + row.yielding * solver.inverse_mass(order_[k]);
     added.least = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
     added.most = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
     problem_rows_.push_back(order_[k]);
     impulses_.push_back(0.0);
   }
   return true;
-}
-
-// Corrects the present component by its impulses, with the speed `most` of a body at most [m/s].
-void ConvergedRows::correct(double most, List<Row>* rows, RowSolver* solver) const {
-  const auto set = [&](double share) {
-    for (std::size_t i = 0; i < problem_rows_.size(); ++i)
-      solver->set_correction(problem_rows_[i], share * impulses_[i], rows);
-  };
-  set(1.0);
-  double fastest = 0.0;
-  for (const int body : bodies_)
-    fastest = std::max(fastest, solver->correction(to_index(body)).head<3>().norm());
-  if (fastest > most) set(most / fastest);
 }
 
 // Adds the outcome of the present component.
@@ -208,9 +191,9 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
     forget_bodies();
     if (!set_correction_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver))
       continue;
-    const BodyConeSolver::Outcome corrected = solvers_[c].solve(problem_, goal, stop, &impulses_);
-    add(corrected, &outcome);
-    correct(kMostSpeed * corrected.scale, rows, solver);
+    add(solvers_[c].solve(problem_, goal, stop, &impulses_), &outcome);
+    for (std::size_t i = 0; i < problem_rows_.size(); ++i)
+      solver->set_correction(problem_rows_[i], impulses_[i], rows);
   }
   forget_bodies();
   solver->sweep(swept_, accuracy.sweeps, stop, *rows);

@@ -51,7 +51,6 @@ class ConvergedRows {
                               const RowSolver& solver);
   void forget_bodies();
   void add(const BodyConeSolver::Outcome& solved, Outcome* outcome) const;
-  void correct(double most, List<Row>* rows, RowSolver* solver) const;
 
   List<std::size_t> order_;  // rows, by component
   List<std::size_t> begins_;

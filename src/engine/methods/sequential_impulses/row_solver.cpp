@@ -259,8 +259,8 @@ void RowSolver::lose_self_stress(List<Row>& rows, List<LoopRow>* loop_rows, doub
                                                                   double J_V, double J_W) const {
   const double lower = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
   const double upper = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
-  return std::clamp(wanted_impulse(row, row.correction_impulse, correction_target(row, J_V), J_W,
-                                   r.effective_mass),
+  const double target = correction_target(row, J_V) - row.yielding * r.K * row.correction_impulse;
+  return std::clamp(wanted_impulse(row, row.correction_impulse, target, J_W, r.effective_mass),
                     lower, upper);
 }
 

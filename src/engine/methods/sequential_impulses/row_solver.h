@@ -75,6 +75,8 @@ class RowSolver {
   /// Returns whether there are any, which are to be solved again.
   bool lower_bounces(const List<int>& moved, bool to_zero, List<Row>& rows);
 
+  /// J M⁻¹ Jᵀ of row i.
+  double inverse_mass(std::size_t i) const { return responses_[i].K; }
   /// Index of a body of the component of row i, the same for all rows of a component.
   int component(std::size_t i) const { return responses_[i].component; }
   /// Rate J v of row i.

@@ -37,11 +37,16 @@ TEST(Hulls, ACubeTumblesAsABox) {
     World box = world_with(Box{{0.2, 0.3, 0.1}}, method);
     World hull = world_with(Hull(corners({0.2, 0.3, 0.1})), method);
     const BodyId id = box.find_body("body");
+    // sweeps of time_stepping end at a residual of 1e-3 of what a step changes, in the order of the
+    // corners
+    const double tolerance = method == Method::kTimeStepping ? 1e-6 : 1e-9;
     for (int i = 0; i < 600; ++i) {
       ASSERT_FALSE(box.step().failed);
       ASSERT_FALSE(hull.step().failed);
-      ASSERT_LT((box.state(id).position - hull.state(id).position).norm(), 1e-9) << i;
-      ASSERT_LT(box.state(id).orientation.angularDistance(hull.state(id).orientation), 1e-7) << i;
+      ASSERT_LT((box.state(id).position - hull.state(id).position).norm(), tolerance) << i;
+      ASSERT_LT(box.state(id).orientation.angularDistance(hull.state(id).orientation),
+                100.0 * tolerance)
+          << i;
     }
     EXPECT_LT(hull.state(id).linear_velocity.norm(), 1e-3);
     EXPECT_GT(hull.state(id).position.z(), 0.049);

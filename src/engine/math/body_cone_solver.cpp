@@ -31,6 +31,8 @@ constexpr int kMostAlternations = 50;
 // each, the entries that a step of Newton's method counts for, and the least number of its steps.
 constexpr double kMostEntries = 3e7, kEntriesPerStep = 10.0;
 constexpr int kLeastSteps = 5;
+// Residual that is negligible, over the sufficient one.
+constexpr double kNegligible = 1e-4;
 
 }  // namespace
 
@@ -43,20 +45,36 @@ BodyConeSolver::Outcome BodyConeSolver::solve(const BodyConeProblem& problem, co
   for (const BodyConeProblem::Row& row : problem.rows)
     outcome.scale = std::max(outcome.scale, std::abs(row.rate));
   outcome.residual = blocks_.residual(*p, &v_);
-  const double aim = goal.tolerance * outcome.scale;
+  const double aim = std::max(goal.tolerance * outcome.scale, kNegligible * goal.sufficient);
+  outcome.enough = std::max(aim, goal.sufficient);
   if (outcome.residual <= aim) return outcome;
+  const double loose = std::min(goal.share * outcome.residual, goal.loose);
+  const bool is_loose = loose > outcome.enough && !has_free_rows();
+  if (is_loose) {
+    outcome.enough = loose;
+    outcome.residual = sweeps_.solve(blocks_, outcome.enough, outcome.residual, stop, p);
+    outcome.iterations += sweeps_.sweeps();
+    if (outcome.residual <= outcome.enough || is_set(stop)) return outcome;
+  }
   analyze();
-  alternate(aim, std::min(goal.most_iterations, kMostAlternations), stop, &outcome, p);
-  const double enough = std::max(aim, goal.sufficient);
-  if (outcome.residual > enough && !is_set(stop)) {
+  alternate(is_loose ? outcome.enough : aim, std::min(goal.most_iterations, kMostAlternations),
+            stop, &outcome, p);
+  if (outcome.residual > outcome.enough && !is_set(stop)) {
     const double entries = 1.0 + static_cast<double>(factors_.values().size());
     const int affordable = kLeastSteps + static_cast<int>(kMostEntries / entries);
-    outcome.residual = newton_.solve(blocks_, {enough, std::min(goal.most_iterations, affordable)},
-                                     outcome.residual, stop, p);
+    outcome.residual =
+        newton_.solve(blocks_, {outcome.enough, std::min(goal.most_iterations, affordable)},
+                      outcome.residual, stop, p);
     outcome.iterations += newton_.steps();
   }
   if (!is_set(stop)) share(aim, &outcome, p);
   return outcome;
+}
+
+bool BodyConeSolver::has_free_rows() const {
+  return std::any_of(blocks_.all().begin(), blocks_.all().end(), [this](const Block& block) {
+    return !blocks_.is_contact(block) && !blocks_.has_bounds(block);
+  });
 }
 
 // ---- the matrix over bodies
@@ -256,7 +274,7 @@ void BodyConeSolver::alternate(double aim, int most, StopFlag stop, Outcome* out
   start(*p);
   const double L = largest_eigenvalue();
   double rho = std::sqrt(L * kEta) * math::fifth_root(L / kEta);
-  double factored = 0.0;
+  double factored = 0.0, before = kInfinity;
   best_.resize(p->size());
   for (int k = 0; k < most && !is_set(stop); ++k) {
     if (rho != factored) {
@@ -276,6 +294,11 @@ void BodyConeSolver::alternate(double aim, int most, StopFlag stop, Outcome* out
         *p = best_;
       }
       if (outcome->residual <= aim) return;
+      const double decrease = std::log(before / now) / kIterationsPerCheck;
+      const bool reaches_aim =
+          k < kIterationsPerCheck || std::log(now / aim) <= (most - k) * decrease;
+      if (outcome->residual <= outcome->enough && !reaches_aim) return;
+      before = now;
     }
     if ((k + 1) % kIterationsPerFactor == 0) {
       constexpr double kTiny = 1e-300;

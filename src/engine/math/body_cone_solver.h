@@ -7,6 +7,7 @@
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/math/body_cone_blocks.h"
 #include "engine/math/body_cone_problem.h"
+#include "engine/math/body_cone_sweeps.h"
 #include "engine/math/list.h"
 #include "engine/math/proximal_newton.h"
 #include "engine/math/sparse_ldlt.h"
@@ -25,13 +26,15 @@ namespace constraint_sim::engine {
 ///
 /// Where 50 iterations are not enough, ProximalNewton takes over. Impulses of redundant rows get
 /// the least norm of x that gives the bodies the same motion, with each contact remaining open,
-/// sticking or slipping in its direction, so that equal corners of a box carry equal loads. Keeps
-/// its storage, and the order of elimination while bodies and their neighbours stay.
+/// sticking or slipping in its direction, so that equal corners of a box carry equal loads. Where
+/// a looser solution is good enough, BodyConeSweeps come first; their impulses are not the least.
+/// Keeps its storage, and the order of elimination while bodies and their neighbours stay.
 class BodyConeSolver {
  public:
   /// Quality of a solution, see BodyConeBlocks::residual().
   struct Outcome {
     double residual = 0.0;  ///< largest of all rows, as rates
+    double enough = 0.0;    ///< residual that is good enough
     double scale = 0.0;     ///< largest |b|
     int iterations = 0;     ///< 0 where the given impulses were a solution
 
@@ -42,6 +45,10 @@ class BodyConeSolver {
     double tolerance;         ///< residual at which iterations end, as a share of the largest |b|
     double sufficient = 0.0;  ///< residual at which Newton's method ends as well, as a rate
     int most_iterations;      ///< most of either method; fewer where the matrix is large
+    /// Residual that is good enough where all rows are contacts or have bounds, as a rate, and as a
+    /// share of the residual of the given impulses, which is what a step changes; the smaller
+    /// counts.
+    double loose = 0.0, share = 0.0;
   };
 
   /// Solves from the impulses in `p` to the goal, or gives up; `p` is then the best of all
@@ -60,6 +67,7 @@ class BodyConeSolver {
   /// Directions in which sharing may change the impulse of a block: all, along itself, none.
   enum class Freedom : char { kAll, kAlong, kNone };
 
+  bool has_free_rows() const;
   void analyze();
   void factor();
   void add_to_matrix(const Block& block, const Eigen::Matrix3d& inverse_weight);
@@ -90,6 +98,7 @@ class BodyConeSolver {
   List<SparseLdlt::Slot> slots_;
   SparseLdlt factors_;
   ProximalNewton newton_;
+  BodyConeSweeps sweeps_;
   List<Twist> v_;  // M⁻¹ Jᵀ p
   List<double> right_;
 };

@@ -9,6 +9,12 @@ namespace {
 // Residual at which the iterations end, as a share of the largest rate without impulses; sufficient
 // residual, as a share of the speed that counts as rest; and most iterations.
 constexpr double kTolerance = 1e-9, kSufficient = 0.5;
+// Residual that is good enough for contacts in motion, as a share of their largest rate and of what
+// the step changes: the error of the step itself is larger by far. Contacts at rest would be
+// shaken.
+constexpr double kMoving = 1e-3;
+// Multiple of the residual that is good enough from which a component counts as unsolved.
+constexpr double kUnsolved = 2.0;
 constexpr int kMostIterations = 300;
 // Rate at which turns move a contact along its normal, over the speed that counts as rest, up to
 // which the mean velocity raises the energy by less than 1 % of m (g h)².
@@ -128,6 +134,15 @@ void ConvergedRows::set_velocity_problem(std::size_t begin, std::size_t end,
       row.rate -= problem_.parts[part].J.dot(by_guesses_[problem_.parts[part].body]);
 }
 
+// Returns the largest rate of the rows before the step.
+double ConvergedRows::largest_rate(std::size_t begin, std::size_t end, const List<Row>& rows,
+                                   const RowSolver& solver) const {
+  double most = 0.0;
+  for (std::size_t k = begin; k < end; ++k)
+    most = std::max(most, std::abs(solver.rate_before(rows[order_[k]], order_[k])));
+  return most;
+}
+
 // Returns whether there is anything to correct.
 bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
                                            const List<BodyState>& bodies,
@@ -161,9 +176,10 @@ bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
 // Adds the outcome of the present component.
 void ConvergedRows::add(const BodyConeSolver::Outcome& solved, Outcome* outcome) const {
   outcome->iterations = std::max(outcome->iterations, solved.iterations);
-  if (solved.residual <= outcome->residual) return;
-  outcome->residual = solved.residual;
-  outcome->body = bodies_.front();
+  outcome->residual = std::max(outcome->residual, solved.residual);
+  const double most = kUnsolved * solved.enough;
+  outcome->solved = std::max(outcome->solved, most);
+  if (solved.residual > most && outcome->unsolved < 0) outcome->unsolved = bodies_.front();
 }
 
 ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
@@ -171,7 +187,8 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
                                             const Accuracy& accuracy, StopFlag stop,
                                             List<Row>* rows, RowSolver* solver) {
   Outcome outcome;
-  const BodyConeSolver::Goal goal{kTolerance, kSufficient * accuracy.rest_speed, kMostIterations};
+  BodyConeSolver::Goal goal{kTolerance, kSufficient * accuracy.rest_speed, kMostIterations, 0.0,
+                            kMoving};
   swept_.clear();
   local_of_.assign(bodies.size(), -1);
   list_by_component(*rows, *solver);
@@ -184,6 +201,7 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
       outcome.has_swept = true;
       continue;
     }
+    goal.loose = kMoving * largest_rate(begins_[c], begins_[c + 1], *rows, *solver);
     const BodyConeSolver::Outcome solved = solvers_[c].solve(problem_, goal, stop, &impulses_);
     add(solved, &outcome);
     for (std::size_t i = 0; i < problem_rows_.size(); ++i)

@@ -19,7 +19,8 @@ class ConvergedRows {
   struct Outcome {
     double residual = 0.0;   ///< largest residual of a component [m/s]
     int iterations = 0;      ///< most iterations of a component
-    int body = -1;           ///< a body of the component with this residual; -1: all are 0
+    double solved = 0.0;     ///< largest residual with which a component counts as solved [m/s]
+    int unsolved = -1;       ///< a body of the first component that was not solved; -1: all were
     bool has_swept = false;  ///< whether a component was too large to be solved
   };
   struct Accuracy {
@@ -46,6 +47,8 @@ class ConvergedRows {
   void set_velocity_problem(std::size_t begin, std::size_t end, const List<BodyState>& bodies,
                             const List<MassProperties>& masses, const List<Row>& rows,
                             const RowSolver& solver);
+  double largest_rate(std::size_t begin, std::size_t end, const List<Row>& rows,
+                      const RowSolver& solver) const;
   bool set_correction_problem(std::size_t begin, std::size_t end, const List<BodyState>& bodies,
                               const List<MassProperties>& masses, const List<Row>& rows,
                               const RowSolver& solver);

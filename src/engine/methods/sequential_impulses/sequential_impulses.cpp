@@ -13,9 +13,6 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Residual that counts as unsolved, over the speed that counts as rest: 3e-5 g h. Bodies
-// that move change their velocities by g h in each step.
-constexpr double kUnsolved = 3.0;
 constexpr double kAtLimit = 1e-9;  // share of Coulomb's limit that is rounding
 // Halvings of bounces at several contacts that would together raise the energy; the last is to 0.
 constexpr int kMostLowerings = 3;
@@ -112,10 +109,10 @@ RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const Impu
   RowSolver::Outcome outcome = solver_.finish_solve(step.bodies, rows_);
   outcome.residual = larger(outcome.residual, converged.residual);
   // Sweeps leave larger residuals by design; a limit on energy leaves one where it acts.
-  const bool is_limited = !converged.has_swept && outcome.residual > kUnsolved * rest;
-  if (converged.residual > kUnsolved * rest || is_limited)
+  const bool is_limited = !converged.has_swept && outcome.residual > larger(rest, converged.solved);
+  if (converged.unsolved >= 0 || is_limited)
     report->unsolved_body =
-        model.body_ids[converged.body >= 0 ? converged.body : step.bodies.front()];
+        model.body_ids[converged.unsolved >= 0 ? converged.unsolved : step.bodies.front()];
   return outcome;
 }
 

@@ -10,8 +10,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::array<Method, 3> kMethods{Method::kRungeKutta, Method::kEnergyMomentum,
-                                         Method::kSequentialImpulses};
+constexpr std::array<Method, 3> kJointMethods{Method::kRungeKutta, Method::kEnergyMomentum,
+                                              Method::kSequentialImpulses};
 
 void compensate_all(World* world, double share) {
   for (const BodyId id : world->body_ids()) {
@@ -49,7 +49,7 @@ TEST(GravityCompensation, AFreeBodyFallsByTheRestOfItsWeight) {
 // with rods, hinges, loops, springs and motors, by each method.
 TEST(GravityCompensation, HalfOfTheWeightIsHalfOfGravity) {
   for (const char* name : {"double_pendulum", "crane", "slider_crank", "stewart_platform"})
-    for (const Method method : kMethods) {
+    for (const Method method : kJointMethods) {
       SCOPED_TRACE(std::string(name) + " by " + engine::name(method));
       World lighter = shipped(name, method), weaker = shipped(name, method);
       compensate_all(&lighter, 0.5);
@@ -83,7 +83,7 @@ double drift_of(World& world, int steps) {
 // energy stays to the tolerance of 1e-10 m/s at speeds of metres per second; sweeps lose some, and
 // gain none.
 TEST(GravityCompensation, EnergyIsKeptWithSharesOfEachBody) {
-  for (const Method method : kMethods) {
+  for (const Method method : kJointMethods) {
     WorldOptions options;
     options.time_step = 1e-3;
     options.tolerance = 1e-10;

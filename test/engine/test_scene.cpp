@@ -391,9 +391,10 @@ INSTANTIATE_TEST_SUITE_P(
                  "s:5: bodies[0].shape: expected exactly one shape, got 2"},
         BadScene{with_body("  - name: a\n    mass: 1\n    shape: {}\n"),
                  "s:5: bodies[0].shape: expected exactly one shape, got 0"},
-        BadScene{with_body("  - name: a\n    mass: 1\n    shape:\n      ellipsoid: {radius: 1}\n"),
-                 "s:6: bodies[0].shape: there is no 'ellipsoid' (yet); there are point, sphere, box, "
-                 "plane, cylinder, hull, capsule"},
+        BadScene{
+            with_body("  - name: a\n    mass: 1\n    shape:\n      ellipsoid: {radius: 1}\n"),
+            "s:6: bodies[0].shape: there is no 'ellipsoid' (yet); there are point, sphere, box, "
+            "plane, cylinder, hull, capsule"},
         BadScene{
             with_body("  - name: a\n    mass: 1\n    shape:\n      sphere:\n        radius: 0\n"),
             "s:7: bodies[0].shape.sphere.radius: must be a finite number > 0, got 0"},

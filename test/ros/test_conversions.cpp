@@ -164,8 +164,8 @@ TEST(Conversions, UnknownTypesAreNamed) {
   body.type = 3;
   EXPECT_EQ(error_of([&] { from_msg(body); }).rfind("type: ", 0), 0u);
   Shape shape;
-  for (const auto& [type, name] : {std::pair<int, const char*>{Shape::MESH, "meshes"},
-                                   {8, "got 8"}}) {
+  for (const auto& [type, name] :
+       {std::pair<int, const char*>{Shape::MESH, "meshes"}, {8, "got 8"}}) {
     shape.type = static_cast<std::uint8_t>(type);
     const std::string error = error_of([&] { from_msg(shape); });
     EXPECT_EQ(error.rfind("type: ", 0), 0u) << error;

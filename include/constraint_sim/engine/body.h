@@ -38,8 +38,8 @@ struct Body {
   std::string name;  ///< `[A-Za-z0-9_][A-Za-z0-9_./-]*`, unique, not `world`
   BodyType type = BodyType::kDynamic;
   Shape shape = Point{};
-  /// Pose of a sphere, box, cylinder, capsule or hull; left out: shape centred in the centre of mass, along
-  /// the principal axes. A dynamic body with a `shape_pose` needs an `inertia`.
+  /// Pose of a sphere, box, cylinder, capsule or hull; left out: shape centred in the centre of
+  /// mass, along the principal axes. A dynamic body with a `shape_pose` needs an `inertia`.
   std::optional<ShapePose> shape_pose;
   double mass = 0.0;  ///< [kg] > 0 for dynamic bodies; otherwise not used
   /// Principal moments [kg m²]; zero: from the shape.

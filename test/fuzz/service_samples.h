@@ -52,6 +52,13 @@ inline std::vector<AddBodyRequest> samples(AddBody*) {
     body.twist.angular.z = 1.0;
     body.friction = 0.5;
   }
+  // A tetrahedron beside the bob.
+  requests.push_back(requests[1]);
+  Shape& hull = requests.back().body.shapes[0];
+  hull.type = Shape::HULL;
+  hull.dimensions.clear();
+  hull.vertices = {point(0.0, 0.0, 0.0), point(0.4, 0.0, 0.0), point(0.0, 0.4, 0.0),
+                   point(0.0, 0.0, 0.4)};
   return requests;
 }
 

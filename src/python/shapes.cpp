@@ -84,6 +84,7 @@ void define_shapes(py::module* module) {
                py::dict dict;
                dict["vertices"] = vertex;
                Keywords("Hull", dict).read("vertices", &points.emplace_back());
+               if (points.size() > engine::kMostHullPoints) break;  // rejected, may have no end
              }
              return engine::Hull(points);
            }),

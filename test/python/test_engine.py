@@ -4,6 +4,7 @@ import concurrent.futures
 import copy
 import gc
 import inspect
+import itertools
 import json
 import math
 import pathlib
@@ -550,6 +551,8 @@ def test_bad_input_names_field_and_value():
     assert 'force' in rejected('add_wrench', 'bob', force=(math.nan, 0, 0))
     for call, error in ((lambda: engine.Box((1, 2)), 'size: must be 3 numbers, got (1, 2)'),
                         (lambda: engine.Sphere('r'), "radius: must be a number, got 'r'"),
+                        (lambda: engine.Hull(itertools.repeat((0, 0, 0))),
+                         'vertices: must be at most 100000, got 100001'),
                         (lambda: engine.load_scene('bodies: 3', 'mine.yaml'),
                          "mine.yaml:1: bodies: expected a list, got '3'"),
                         (lambda: engine.load_scene_file('/missing.yaml'),

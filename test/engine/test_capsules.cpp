@@ -213,6 +213,7 @@ TEST(Capsules, ComeToRestOnBothEnds) {
   of.method = Method::kAuto;
   BodyState start = pose_at({0, 0, 0.6}, Quaterniond(AngleAxisd(1.2, Vector3d::UnitX())));
   World world = world_with_capsule(capsule, start, of);
+  EXPECT_EQ(explain(world).find("events of capsules"), std::string::npos);
   double energy = world.energy();
   while (world.time() < 8.0) {
     ASSERT_FALSE(world.step().failed);
@@ -236,6 +237,7 @@ TEST(Capsules, LieOnOtherShapes) {
     body.state.orientation = kLyingAlongY;
     body.friction = 0.5;
     const BodyId id = world.add_body(body);
+    EXPECT_NE(explain(world).find("events of capsules: time_stepping"), std::string::npos);
     run(world, 480);
     EXPECT_LT((world.state(id).position - body.state.position).norm(), slop(world) * 1.01);
     EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-6);

@@ -37,7 +37,7 @@ class BodyConeSweeps {
   List<Eigen::Matrix3d> matrices_;  // A of each contact, in the order of the blocks
   List<double> p_, from_, direction_;
   List<Twist> v_, v_from_, v_direction_;  // M⁻¹ Jᵀ of the three
-  double square_ = 0.0;                   // of the last change by a sweep, as energy
+  double square_ = 0.0;                   // energy of the last change by a sweep
 };
 
 }  // namespace constraint_sim::engine

@@ -227,7 +227,7 @@ TEST(HullSurfaces, DegeneratePointsAreRejected) {
                       {-0.99357766330835628, 0.14980471321649319, -249999.0178564864},
                       {-0.62978013593412829, 1.6885219478375058, -249999.51785711737},
                       {0.36620917015679944, 1.7779863182390858, -250001.01785759357}}),
-            "vertices: the points lie too close to a line");
+            "vertices: the points lie too close to a plane or line");
   EXPECT_NE(error_of(Points(kMostHullPoints + 1, Vector3d::Zero())).find("at most 100000"),
             std::string::npos);
   Random random;

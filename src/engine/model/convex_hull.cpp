@@ -201,7 +201,8 @@ ConvexHull::ConvexHull(const std::vector<Vector3d>& points) {
   check_positive("vertices: thickness of the hull", thickness_);  // volume and moments are above 0
   integrate();
   // Faces that are flat to a share of a needle's length may enclose no solid.
-  if (!(unit_inertia_.minCoeff() > 0.0)) refuse("vertices", "the points lie too close to a line");
+  if (!(volume_ > 0.0 && unit_inertia_.minCoeff() > 0.0))
+    refuse("vertices", "the points lie too close to a plane or line");
 }
 
 void ConvexHull::build_faces(std::vector<VertexLoop> polygons) {

@@ -3,22 +3,24 @@
 #include <algorithm>
 #include <numeric>
 
+#include "engine/constraints/contact.h"
+
 namespace constraint_sim::engine {
 namespace {
 
 // Residual at which the iterations end, as a share of the largest rate without impulses; sufficient
 // residual, as a share of the speed that counts as rest; and most iterations.
 constexpr double kTolerance = 1e-9, kSufficient = 0.5;
-// Residual that is good enough for contacts in motion, as a share of their largest rate and of what
-// the step changes: the error of the step itself is larger by far. Contacts at rest would be
-// shaken.
+// Residual that is good enough for contacts in motion, as a share of what the step changes, of
+// their largest rate, and of the speed that a fall gains in the step: the error of the step itself
+// is larger by far. Contacts at rest would be shaken.
 constexpr double kMoving = 1e-3;
 // Multiple of the residual that is good enough from which a component counts as unsolved.
 constexpr double kUnsolved = 2.0;
 constexpr int kMostIterations = 300;
-// Rate at which turns move a contact along its normal, over the speed that counts as rest, up to
-// which the mean velocity raises the energy by less than 1 % of m (g h)².
-constexpr double kTurning = 1e3;
+// Rate at which a contact approaches, or turns move it along its normal, over the speed that counts
+// as rest, up to which the mean velocity raises the energy by less than 1 % of m (g h)².
+constexpr double kSlow = 1e3;
 // Bodies of a component beyond which its rows are swept.
 constexpr std::size_t kMostBodies = 500;
 
@@ -201,7 +203,8 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
       outcome.has_swept = true;
       continue;
     }
-    goal.loose = kMoving * largest_rate(begins_[c], begins_[c + 1], *rows, *solver);
+    const double fastest = largest_rate(begins_[c], begins_[c + 1], *rows, *solver);
+    goal.loose = kMoving * std::min(fastest, accuracy.rest_speed / kConvergedRest);
     const BodyConeSolver::Outcome solved = solvers_[c].solve(problem_, goal, stop, &impulses_);
     add(solved, &outcome);
     for (std::size_t i = 0; i < problem_rows_.size(); ++i)
@@ -219,7 +222,7 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
 }
 
 void ConvergedRows::take_mean_velocities(const List<int>& moved, const List<Row>& rows,
-                                         const RowSolver& solver, double speed, double h,
+                                         const RowSolver& solver, double rest_speed, double h,
                                          List<BodyState>* bodies) {
   keeps_end_.assign(bodies->size(), 0);
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -227,8 +230,8 @@ void ConvergedRows::take_mean_velocities(const List<int>& moved, const List<Row>
     if (is_tangent(row)) continue;
     const bool is_contact = row.lower == 0.0 && row.component < 0 && row.coordinate < 0;
     if (is_contact && row.impulse == 0.0) continue;
-    if (is_contact && solver.rate_before(row, i) >= -speed &&
-        rate_of_turns(row, *bodies) <= kTurning * speed)
+    if (is_contact && solver.rate_before(row, i) >= -kSlow * rest_speed &&
+        rate_of_turns(row, *bodies) <= kSlow * rest_speed)
       continue;
     keeps_end_[row.body_a] = keeps_end_[row.body_b] = 1;
   }

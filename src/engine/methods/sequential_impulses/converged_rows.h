@@ -35,9 +35,10 @@ class ConvergedRows {
   /// Moves bodies of stage 6 from h v₁ to ½ h (v₀ + v₁), which is exact for constant forces: all
   /// bodies but the ones on joints, in swept components, with an impact, where v₀ would take them
   /// into others, or on a point that their turn moves along its normal, where the energy would
-  /// rise. An impact is an approach, and such a turn a rate, faster than `speed` [m/s].
+  /// rise. An impact is an approach, and such a turn a rate, faster than a thousand times the speed
+  /// that counts as rest, `rest_speed` [m/s].
   void take_mean_velocities(const List<int>& moved, const List<Row>& rows, const RowSolver& solver,
-                            double speed, double h, List<BodyState>* bodies);
+                            double rest_speed, double h, List<BodyState>* bodies);
 
  private:
   void list_by_component(const List<Row>& rows, const RowSolver& solver);

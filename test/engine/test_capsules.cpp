@@ -220,8 +220,8 @@ TEST(Capsules, ComeToRestOnBothEnds) {
   double energy = world.energy();
   while (world.time() < 8.0) {
     ASSERT_FALSE(world.step().failed);
-    ASSERT_LT(world.energy() - energy, 1e-9)
-        << world.time();  // tolerance of a step: 1e-8 of lengths and speeds
+    // tolerance of a step: 1e-8 of lengths and speeds
+    ASSERT_LT(world.energy() - energy, 1e-8) << world.time();
     energy = world.energy();
   }
   const BodyState& state = world.state(world.find_body("capsule"));

@@ -307,9 +307,9 @@ constraints:
         self.assertEqual(can.color, ColorRGBA(1, 0.5, 0.25, 1))  # opaque where the opacity is left out
         tool = Shape(type=Shape.BOX, dimensions=[0.1, 0.2, 0.3])
         tool.pose.position.z = 0.5
-        call("add_body", body=sphere("tool", 7, 0, 1, shapes=[tool], inertia=Vector3(1, 1, 1)))
-        support.wait_until(lambda: self.count(listener, "bodies") == 5, "a body with a shape beside its centre")
-        shown = [m for m in self.of(listener, "bodies") if m.pose.position.x == 7.0]
+        call("add_body", body=sphere("tool", 9, 0, 1, shapes=[tool], inertia=Vector3(1, 1, 1)))
+        support.wait_until(lambda: self.count(listener, "bodies") == 6, "a body with a shape beside its centre")
+        shown = [m for m in self.of(listener, "bodies") if m.pose.position.x == 9.0]
         self.assertEqual([m.pose.position.z for m in shown], [1.5])
 
     def test_constraint_lines_turn_from_green_to_red_with_the_error(self):

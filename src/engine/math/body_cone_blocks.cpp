@@ -17,6 +17,12 @@ Vector3d nearest_in_cone(const Vector3d& q, double mu) {
   return {normal, share * q[1], share * q[2]};
 }
 
+bool reaches(double before, double now, int times, double aim) {
+  const double decrease = now / before;
+  for (int k = 0; k < times && now > aim && decrease < 1.0; ++k) now *= decrease;
+  return now <= aim;
+}
+
 double tangent_norm(const double* p) { return std::sqrt(p[1] * p[1] + p[2] * p[2]); }
 
 Vector3d block_of(const List<double>& p, std::size_t first) {

@@ -90,6 +90,9 @@ class BodyConeBlocks {
 /// Returns the point of the cone ‖t‖ ≤ μ n next to q.
 Eigen::Vector3d nearest_in_cone(const Eigen::Vector3d& q, double mu);
 
+/// Returns whether `times` more decreases like the last, from `before` to `now`, lead to `aim`.
+bool reaches(double before, double now, int times, double aim);
+
 /// Returns the length of the tangential part of the block at `p`.
 double tangent_norm(const double* p);
 

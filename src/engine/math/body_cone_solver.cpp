@@ -294,9 +294,8 @@ void BodyConeSolver::alternate(double aim, int most, StopFlag stop, Outcome* out
         *p = best_;
       }
       if (outcome->residual <= aim) return;
-      const double decrease = std::log(before / now) / kIterationsPerCheck;
-      const bool reaches_aim =
-          k < kIterationsPerCheck || std::log(now / aim) <= (most - k) * decrease;
+      const int checks = (most - k) / kIterationsPerCheck;
+      const bool reaches_aim = k < kIterationsPerCheck || reaches(before, now, checks, aim);
       if (outcome->residual <= outcome->enough && !reaches_aim) return;
       before = now;
     }

@@ -30,8 +30,8 @@ double BodyConeSweeps::solve(const BodyConeBlocks& blocks, double enough, double
     const double change = sweep();
     bool ends = sweeps_ == kMostBlockSweeps || is_set(stop) || !(change < kInfinity);
     if (sweeps_ % kSweepsPerPrediction == 0) {
-      const double decrease = std::log(change_before / change) / kSweepsPerPrediction;
-      ends = ends || std::log(change / enough) > (kMostBlockSweeps - sweeps_) * decrease;
+      const int left = (kMostBlockSweeps - sweeps_) / kSweepsPerPrediction;
+      ends = ends || !reaches(change_before, change, left, enough);
       change_before = change;
     }
     if (ends || change <= enough) {

@@ -12,8 +12,8 @@ namespace constraint_sim {
 
 /// Keeps roscpp's poll thread between two rounds of events while a service thread writes a
 /// response and closes its connection. Without the pause roscpp 1.15 loses calls: the poll thread
-/// may already hold the event that the peer of the closed socket has hung up, accept a connection
-/// whose socket has the same number, and close the new connection for the old event
+/// may already hold the event that the peer of the closed socket has hung up. A connection that it
+/// accepts then may get the number of that socket, and is closed for the old event
 /// (PollSet::update, bench/ros/lost_calls.py).
 ///
 /// The poll thread is held in a listener that roscpp calls before each round, where the thread

@@ -399,8 +399,8 @@ Swept sweep(double enough, Cubes* cubes) {
   return swept;
 }
 
-// Cubes that land on an edge's middle, sideways: Coulomb's law for one contact through the centre
-// of each, p_n = m v_n and p_t = −μ p_n along the slip.
+// Each cube has one contact, through its centre, and slides: p_n = m v_n, and friction μ p_n acts
+// against the slip.
 TEST(BodyCones, OneSweepSolvesContactsThatShareNoBody) {
   Cubes cubes;
   for (int i = 0; i < 3; ++i) {

@@ -338,6 +338,22 @@ TEST(SetBody, ChangesTheErrorOfASavedJointThatIsReset) {
   EXPECT_EQ(world.joint_state(id).radius, 2.0);
 }
 
+// A motor of a kind without length and coordinates has no end, which no scene could keep.
+TEST(SetMotor, GivesNoEndToAWeld) {
+  Motor motor;
+  motor.timeout = 1.5;
+  for (const bool by_settings : {false, true}) {
+    World world = pair(JointKind::kWeld, Method::kRungeKutta, 0.01);
+    const JointId id = world.joint_ids().front();
+    Joint joint = world.joint(id);
+    joint.motor = motor;
+    by_settings ? world.set_joint(id, joint) : world.set_motor(id, motor);
+    EXPECT_EQ(world.joint_state(id).expires_at, kInfinity);
+    const std::string saved = save_scene(world);
+    EXPECT_EQ(save_scene(load_scene(saved)), saved);
+  }
+}
+
 // Fields that a kind does not use may hold anything: they are neither kept nor compared.
 TEST(SetJoint, IgnoresFieldsOfOtherKinds) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();

@@ -129,8 +129,8 @@ class Services(support.ServiceCase):
         self.good("add_body", body=roller)
         self.good("step", steps=100)
         v = call("get_body_state", name="roller").state.twist.linear
-        # 0.6 of the mass is in the cylinder: I = (0.6 / 2 + 0.4 * 0.4) m r^2. Contacts by events are exact; the first
-        # of two contacts begins within a step.
+        # 0.6 of the mass is in the cylinder: I = (0.6 / 2 + 0.4 * 0.4) m r^2. Events are exact, but for the step in
+        # which the two contacts begin.
         a = 9.81 * math.sin(0.2) / 1.46
         self.assertAlmostEqual(v.x / math.cos(0.2), a, delta=1e-6)
         self.assertIn("capsule: {radius: 0.2, length: 0.4}", call("save_scene").text)

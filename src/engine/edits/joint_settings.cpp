@@ -116,7 +116,8 @@ void World::set_joint(JointId id, const Joint& joint) {
   JointEdits edits(impl_.get(), j);
   edits.replace(changed, changes);
   JointState& state = impl_->joint_states[j];
-  if (!are_same(changed.motor, before.motor)) state.expires_at = end_of(changed.motor, time());
+  if (is_distance && !are_same(changed.motor, before.motor))
+    state.expires_at = end_of(changed.motor, time());
   const bool is_resized = is_distance && !have_same_length(changed.distance, before.distance);
   if (is_resized) state.travel = 0.0;
   const bool is_another_law = changed.distance.one_sided != before.distance.one_sided ||

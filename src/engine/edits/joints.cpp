@@ -232,7 +232,7 @@ void World::set_motor(JointId id, const Motor& motor) {
   if (is_always_rigid(joint) != is_always_rigid(impl_->joints[j]))
     impl_->edits.note_topology();  // only rigid joints close loops
   const bool was_one_sided = has_one_sided_law(std::exchange(impl_->joints[j], joint));
-  impl_->joint_states[j].expires_at = end_of(motor, time());
+  set_ends(joint, time(), &impl_->joint_states[j]);
   if (was_one_sided || has_one_sided_law(joint)) return impl_->edits.note_laws_of(*impl_, joint);
   impl_->edits.note_islands_of(*impl_, joint);
 }

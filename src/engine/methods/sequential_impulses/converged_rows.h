@@ -35,8 +35,8 @@ class ConvergedRows {
   /// Moves bodies of stage 6 from h v₁ to ½ h (v₀ + v₁), which is exact for constant forces: all
   /// bodies but the ones on joints, in swept components, with an impact, where v₀ would take them
   /// into others, or on a point that their turn moves along its normal, where the energy would
-  /// rise. An impact is an approach, and such a turn a rate, faster than a thousand times the speed
-  /// that counts as rest, `rest_speed` [m/s].
+  /// rise. An impact is an approach, and such a turn a rate, above 1000 `rest_speed` [m/s], the
+  /// speed up to which a contact counts as resting.
   void take_mean_velocities(const List<int>& moved, const List<Row>& rows, const RowSolver& solver,
                             double rest_speed, double h, List<BodyState>* bodies);
 

@@ -5,7 +5,9 @@
 
 #include "constraint_sim/engine/convex_hull.h"
 #include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/snapshot.h"
 #include "engine/collision/narrowphase.h"
+#include "memory_peak.h"
 #include "sanitized.h"
 #include "support.h"
 
@@ -241,6 +243,33 @@ TEST(HullSurfaces, DegeneratePointsAreRejected) {
   cube.emplace_back(0.1, 0.2, 0.3);
   cube.emplace_back(0.0, 0.0, 0.5);
   EXPECT_EQ(ConvexHull(cube).faces().size(), 6u);
+}
+
+TEST(HullSurfaces, LeaveNoMemoryWhereTheyAreRejected) {
+  const Points plane{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
+  const auto reject = [&](int times) {
+    for (int i = 0; i < times; ++i) EXPECT_NE(refusal([&] { ConvexHull hull(plane); }), "");
+  };
+  reject(10);
+  const MemoryPeak peak;
+  reject(1000);
+  // Qhull takes 131 kB for each; sanitizers keep some of what was freed.
+  EXPECT_LT(peak.grown_by(), (kSanitizedShare > 1 ? 100.0 : 4.0) * 1e6);
+}
+
+// The place of a hull follows from its pose and the centre of its vertices.
+TEST(HullSurfaces, AreRejectedWhereTheirCentreIsOutOfBounds) {
+  World world;
+  Body body = make_body("a", Hull({{0, 0, 0}, {1e6, 0, 0}, {0, 1e6, 0}, {0, 0, -1e6}}), 1.0,
+                        Vector3d::Zero());
+  body.inertia = {1e12, 1e12, 1e12};
+  body.shape_pose = ShapePose{{0.0, 0.0, -kMostMagnitude}, Eigen::Quaterniond::Identity()};
+  EXPECT_NE(refusal([&] { world.add_body(body); }).find("position: must be at most 1e+20, got"),
+            std::string::npos);
+  EXPECT_TRUE(world.body_ids().empty());
+  body.shape_pose->position.z() = 0.5 * kMostMagnitude;
+  world.add_body(body);
+  EXPECT_EQ(read_snapshot(write_snapshot(world)).state_hash(), world.state_hash());
 }
 
 // Qhull sees many points twice: once to find those that can be vertices, once with these alone.

@@ -26,14 +26,15 @@ MassProperties mass_properties(const Body& body) {
 /// Moves the vertices of a hull to its centre and along its principal axes, where shapes are. Its
 /// place in the body stays; without a shape_pose and an inertia a dynamic body has its own centre
 /// there. Hulls that are thin for their length are moved twice and more, until they are centred as
-/// a saved scene has them.
+/// a saved scene has them. Throws std::invalid_argument where the hull then has a pose or size that
+/// a body may not have.
 void centre_hull(Body* body) {
   if (!std::holds_alternative<Hull>(body->shape)) return;
   const bool is_homogeneous = body->type == BodyType::kDynamic && body->inertia.isZero(0.0);
   constexpr int kMostMoves = 6;  // measured: 2
   for (int i = 0;; ++i) {
     const ConvexHull& surface = *std::get<Hull>(body->shape).surface;
-    if (surface.is_centred()) return;
+    if (surface.is_centred()) return i == 0 ? void() : validate(*body);
     if (i == kMostMoves) refuse("vertices", "the points lie too close to a plane or line");
     const ShapePose moved{surface.centre(), Eigen::Quaterniond(surface.axes())};
     std::vector<Eigen::Vector3d> vertices;

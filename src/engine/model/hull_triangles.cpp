@@ -17,41 +17,53 @@ extern "C" {
 namespace constraint_sim::engine {
 namespace {
 
-/// A run of Qhull, and its memory.
+/// Returns the coordinates of points that are moved and scaled, since tolerances of Qhull are
+/// shares of the greatest coordinate. Throws std::invalid_argument for points that are all equal.
+std::vector<coordT> scaled(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d low = points[0], high = points[0];
+  for (const Eigen::Vector3d& p : points) low = low.cwiseMin(p), high = high.cwiseMax(p);
+  const Eigen::Vector3d middle = 0.5 * low + 0.5 * high;
+  const double size = (high - low).maxCoeff();
+  if (!(size > 0.0)) refuse("vertices", "all points are equal");
+  std::vector<coordT> coordinates;
+  coordinates.reserve(3 * points.size());
+  for (const Eigen::Vector3d& p : points)
+    for (int i = 0; i < 3; ++i) coordinates.push_back((p[i] - middle[i]) / size);
+  return coordinates;
+}
+
+/// Working memory of Qhull, all of which is freed, also after an error.
+struct QhullMemory {
+  qhT qh;
+
+  QhullMemory() { qh_zero(&qh, nullptr); }
+  ~QhullMemory() {
+    qh_freeqhull(&qh, !qh_ALL);
+    int blocks = 0, bytes = 0;
+    qh_memfreeshort(&qh, &blocks, &bytes);
+  }
+  QhullMemory(const QhullMemory&) = delete;
+  QhullMemory& operator=(const QhullMemory&) = delete;
+};
+
+/// A run of Qhull.
 class QhullRun {
  public:
   /// Throws std::invalid_argument if the points have no hull.
-  QhullRun(const std::vector<Eigen::Vector3d>& points, std::string options) {
-    // Tolerances of Qhull are shares of the greatest coordinate, so points are moved and scaled.
-    Eigen::Vector3d low = points[0], high = points[0];
-    for (const Eigen::Vector3d& p : points) low = low.cwiseMin(p), high = high.cwiseMax(p);
-    const Eigen::Vector3d middle = 0.5 * low + 0.5 * high;
-    const double size = (high - low).maxCoeff();
-    if (!(size > 0.0)) refuse("vertices", "all points are equal");
-    coordinates_.reserve(3 * points.size());
-    for (const Eigen::Vector3d& p : points)
-      for (int i = 0; i < 3; ++i) coordinates_.push_back((p[i] - middle[i]) / size);
-
+  QhullRun(const std::vector<Eigen::Vector3d>& points, std::string options)
+      : coordinates_(scaled(points)) {
     // Messages of Qhull go nowhere: its number of the error decides.
     const std::unique_ptr<FILE, int (*)(FILE*)> nowhere(std::fopen("/dev/null", "w"), &std::fclose);
-    qh_zero(&qh_, nullptr);
-    const int error = qh_new_qhull(&qh_, 3, static_cast<int>(points.size()), coordinates_.data(),
+    const int error = qh_new_qhull(get(), 3, static_cast<int>(points.size()), coordinates_.data(),
                                    False, options.data(), nowhere.get(), nowhere.get());
     if (error != qh_ERRnone) refuse("vertices", "the points lie in a plane, and have no hull");
   }
-  ~QhullRun() {
-    qh_freeqhull(&qh_, !qh_ALL);
-    int blocks = 0, bytes = 0;
-    qh_memfreeshort(&qh_, &blocks, &bytes);
-  }
-  QhullRun(const QhullRun&) = delete;
-  QhullRun& operator=(const QhullRun&) = delete;
 
-  qhT* get() { return &qh_; }
+  qhT* get() { return &memory_.qh; }
 
  private:
-  qhT qh_;
-  std::vector<coordT> coordinates_;
+  std::vector<coordT> coordinates_;  // Qhull reads them until its memory is freed
+  QhullMemory memory_;
 };
 
 }  // namespace

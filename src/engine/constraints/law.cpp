@@ -8,6 +8,11 @@
 namespace constraint_sim::engine {
 namespace {
 
+// Time in which a motor to a position, which a force limit or a contact kept from following its
+// prescribed motion, covers 63 % of its way back by impulses [s]. Half the closing time would be
+// faster than most such motors can brake.
+constexpr double kReturnTime = 1.0;
+
 Row row_at(const CoordinateMotion& motion, double C) {
   Row row;
   row.J = motion.J;
@@ -113,7 +118,11 @@ int write_law_rows(const CoordinateLaw& law, const CoordinateMotion& motion,
       row.target = row.drive = step.bias;
       set_bias_rigid(row, step.beta, step.h);
       row.component = component;
-      if (motor.max_force > 0.0) limit_force(row, motor.max_force, step.h);
+      if (motor.max_force > 0.0) {
+        // A contact that stops the motor bears its force in the velocities, where friction counts.
+        if (motor.position) row.target = row.drive = step.bias - row.C / (kReturnTime + step.h);
+        limit_force(row, motor.max_force, step.h);
+      }
     } else if (motor.max_force > 0.0) {  // a servo or force with a force limit
       SoftLaw own = limited_servo(law);
       own.F = std::clamp(motor.force.value_or(0.0), -motor.max_force, motor.max_force);

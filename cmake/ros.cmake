@@ -2,7 +2,7 @@
 
 find_package(catkin REQUIRED COMPONENTS
   actionlib actionlib_msgs diagnostic_msgs geometry_msgs interactive_markers message_generation nav_msgs nodelet pluginlib rosbag_storage roscpp
-  rosgraph_msgs roslib sensor_msgs std_msgs std_srvs tf2_msgs tf2_ros trajectory_msgs visualization_msgs
+  rosgraph_msgs roslib sensor_msgs std_msgs std_srvs tf2_msgs tf2_ros topic_tools trajectory_msgs visualization_msgs
 )
 
 if(CONSTRAINT_SIM_PYTHON AND NOT CONSTRAINT_SIM_SANITIZE)
@@ -63,7 +63,9 @@ add_dependencies(constraint_sim_ros constraint_sim_control_msgs ${PROJECT_NAME}_
 # SYSTEM also takes the generated headers out of our own warnings
 target_include_directories(constraint_sim_ros SYSTEM PUBLIC
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
-target_link_libraries(constraint_sim_ros PUBLIC constraint_sim_stepper constraint_sim_urdf ${catkin_LIBRARIES})
+find_package(OpenSSL REQUIRED)
+target_link_libraries(constraint_sim_ros PUBLIC constraint_sim_stepper constraint_sim_urdf ${catkin_LIBRARIES}
+  OpenSSL::Crypto)
 
 if(dynamic_reconfigure_FOUND)
   target_compile_definitions(constraint_sim_ros PUBLIC CONSTRAINT_SIM_DYNAMIC_RECONFIGURE)

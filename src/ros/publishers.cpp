@@ -45,6 +45,8 @@ Publishers::Publishers(const Parameters& parameters, Robots& robots, TrajectoryA
                      [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
       robot_topics_(private_handle,
                     [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
+      plot_topics_(private_handle,
+                   [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
       odometry_(parameters, robots, private_handle,
                 [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
       stamps_(
@@ -158,7 +160,7 @@ bool Publishers::anybody_listens() const {
         &joint_states_topic_, &statistics_topic_})
     if (topic->getNumSubscribers() > 0) return true;
   return wrench_topics_.anybody_listens() || robot_topics_.anybody_listens() ||
-         odometry_.anybody_listens() || hands_.anybody_looks();
+         plot_topics_.anybody_listens() || odometry_.anybody_listens() || hands_.anybody_looks();
 }
 
 void Publishers::take_snapshot(const World& world, const Stepper& stepper, double now) {
@@ -244,10 +246,13 @@ void Publishers::publish(const Snapshot& snapshot) {
     wrench_topics_.update(snapshot.world);
     const std::vector<RobotDescription> robots = robots_.descriptions(snapshot.world);
     robot_topics_.update(robots);
+    plot_topics_.update(robots, snapshot.world);
     actions_.update(robots);
   }
   if (joint_states_topic_.getNumSubscribers() > 0 || robot_topics_.anybody_listens())
     publish_joint_states(snapshot);
+  if (plot_topics_.anybody_listens())
+    plot_topics_.publish(snapshot.world, snapshot.stamp, parameters_.world_frame);
   if (wrench_topics_.anybody_listens()) publish_wrenches(snapshot);
   odometry_.publish(snapshot.world, snapshot.stamp);
   publish_markers(snapshot);

@@ -19,6 +19,7 @@
 #include "ros/markers.h"
 #include "ros/odometry.h"
 #include "ros/parameters.h"
+#include "ros/plot_topics.h"
 #include "ros/robot_topics.h"
 #include "ros/robots.h"
 #include "ros/trajectory_actions.h"
@@ -105,6 +106,7 @@ class Publishers {
   ros::Publisher joint_states_topic_;
   WrenchTopics wrench_topics_;
   RobotTopics robot_topics_;
+  PlotTopics plot_topics_;
   Odometry odometry_;
   ros::Publisher statistics_topic_;
   ros::Publisher plan_topic_;

@@ -5,6 +5,7 @@ import os
 import subprocess
 import tempfile
 
+import genpy.dynamic
 import numpy
 import rospkg
 import rospy
@@ -194,8 +195,43 @@ class Robots(support.ServiceCase):
             topics = {topic for topic, _ in rospy.get_published_topics(support.NODE + "/robots")}
             action = "follow_joint_trajectory/"
             self.assertEqual(topics, {support.NODE + "/robots/right_/" + topic for topic in (
-                "joint_states", action + "status", action + "feedback", action + "result")})
+                "joint_states", "plot", action + "status", action + "feedback", action + "result")})
         self.assertFalse(rospy.has_param(support.NODE + "/robots"))
+
+    def test_plots_have_a_field_for_each_joint(self):
+        """Names of curves are those of fields, for programs that know a message by its definition alone."""
+        with simulator():
+            self.good("load_urdf", path="arm", fixed=True, prefix="left/", extra=POSE + MOTORS)
+            space = support.NODE + "/robots/left/"
+            plots = Listener(space + "plot", rospy.AnyMsg)
+            states = Listener(space + "joint_states", JointState)
+            call("unpause_physics")
+
+            def same():
+                """Returns a plot and joint states with the same stamp, once there are both after 0.1 s of motion."""
+                stamps = {message.header.stamp: message for message in states.messages[5:]}
+                for plot in plots.messages:
+                    header = plot._connection_header
+                    made = genpy.dynamic.generate_dynamic(
+                        header["type"], header["message_definition"])[header["type"]]
+                    self.assertEqual(made._md5sum, header["md5sum"])
+                    message = made().deserialize(plot._buff)
+                    if message.header.stamp in stamps:
+                        return message, stamps[message.header.stamp]
+                return None
+            message, state = wait_until(same, "a plot and joint states of a time")
+        fields = ["left_" + joint for joint in (
+            "shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+        self.assertEqual(message.__slots__, ["header"] + fields)
+        self.assertEqual([field.replace("left_", "left/") for field in fields], state.name)
+        for field, position, velocity, effort in zip(fields, state.position, state.velocity,
+                                                     state.effort):
+            reading = getattr(message, field)
+            self.assertEqual((reading.position, reading.velocity, reading.effort),
+                             (position, velocity, effort))
+            self.assertLess(abs(reading.error), 1e-9)  # of joints that are held to rounding
+        self.assertNotEqual(max(map(abs, state.velocity)), 0.0)
+        self.assertNotEqual(max(map(abs, state.effort)), 0.0)
 
     def test_joints_that_move_no_mass_are_named_and_stand_in_joint_states(self):
         """robot_state_publisher needs the positions of all joints that its URDF does not call fixed."""

@@ -494,14 +494,16 @@ class World:
                  inertia: Vector = ..., position: Vector = ..., orientation: Vector = ...,
                  linear_velocity: Vector = ..., angular_velocity: Vector = ...,
                  friction: float = ..., restitution: float = ..., no_collision: bool = ...,
+                 collision_groups: int = ..., collision_mask: int = ...,
                  gravity_compensation: float = ...,
                  shape_pose: Optional[Mapping[str, Vector]] = ...) -> None:
         """add_body(name, *, type='dynamic', shape=Point(), mass [kg], inertia=(0, 0, 0) [kg m^2]
         principal, zero: from the shape, position [m], orientation x y z w, linear_velocity
         [m/s], angular_velocity [rad/s] in world axes, friction=0, restitution=0,
-        no_collision=False, gravity_compensation=0, share of the weight that nothing has to
-        carry, shape_pose=None: a dict of position [m] and orientation (x, y, z, w) of a sphere,
-        box, cylinder, capsule or hull in the body's frame)
+        no_collision=False, collision_groups=1, collision_mask=0xffffffff: bits of the groups of
+        the body, and of those with which it collides; gravity_compensation=0, share of the weight
+        that nothing has to carry, shape_pose=None: a dict of position [m] and orientation (x, y,
+        z, w) of a sphere, box, cylinder, capsule or hull in the body's frame)
 
         Adds a body. Raises ValueError naming field and value."""
     def remove_body(self, name: str) -> List[str]:

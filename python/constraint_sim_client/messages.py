@@ -16,7 +16,8 @@ def state(name, position=(0, 0, 0), orientation=(0, 0, 0, 1), linear_velocity=(0
 
 
 def body(name, shape, type='dynamic', mass=0.0, inertia=(0, 0, 0), friction=0.0, restitution=0.0,
-         no_collision=False, gravity_compensation=0.0, color=(0, 0, 0, 0), **of_state):
+         no_collision=False, collision_groups=0, collision_mask=0, gravity_compensation=0.0,
+         color=(0, 0, 0, 0), **of_state):
     """A Body with a Shape, at the pose and twist of state(); `color` is red, green, blue and opacity."""
     if type not in BODY_TYPES:
         raise ValueError('type must be one of %s, got %r' % (', '.join(BODY_TYPES), type))
@@ -24,6 +25,7 @@ def body(name, shape, type='dynamic', mass=0.0, inertia=(0, 0, 0), friction=0.0,
     return Body(name=name, type=BODY_TYPES[type], shapes=[shape], mass=mass,
                 inertia=Vector3(*inertia), pose=placed.pose, twist=placed.twist,
                 friction=friction, restitution=restitution, no_collision=no_collision,
+                collision_groups=collision_groups, collision_mask=collision_mask,
                 gravity_compensation=gravity_compensation, color=ColorRGBA(*color))
 
 

@@ -30,7 +30,8 @@ class _Adding:
     def add_sphere(self, name, radius, mass=0.0, **settings):
         """Adds a ball. Settings: position, orientation (x, y, z, w), linear_velocity,
         angular_velocity, type ('dynamic', 'static', 'kinematic'), inertia, friction, restitution,
-        no_collision, gravity_compensation, color (red, green, blue, opacity)."""
+        no_collision, collision_groups and collision_mask (a bit for each group),
+        gravity_compensation, color (red, green, blue, opacity)."""
         self.add_body(messages.body(name, messages.sphere(radius), mass=mass, **settings))
 
     def add_box(self, name, size, mass=0.0, **settings):
@@ -148,8 +149,8 @@ class Simulator(_Adding):
                          reference_frame=frame)
 
     def set_body(self, name, **settings):
-        """Mass, inertia_x and so on, friction, restitution, no_collision,
-        gravity_compensation."""
+        """Mass, inertia_x and so on, friction, restitution, no_collision, collision_groups,
+        collision_mask, gravity_compensation."""
         return self._set('set_body_properties', name, settings)
 
     def set_constraint(self, name, **settings):

@@ -121,16 +121,20 @@ void Keywords::read(const char* key, std::optional<double>* target) {
   if (!value.is_none()) *target = number(key, value);
 }
 
-void Keywords::read(const char* key, int* target) {
+void Keywords::read(const char* key, int* target) { read_whole(key, target); }
+void Keywords::read(const char* key, std::uint32_t* target) { read_whole(key, target); }
+
+template <class Whole>
+void Keywords::read_whole(const char* key, Whole* target) {
   const py::object value = find(key);
   if (!value) return;
   if (is_bool(value) || PyIndex_Check(value.ptr()) == 0) refuse(key, "a whole number", value);
   int overflow = 0;
   const auto index = py::reinterpret_steal<py::object>(PyNumber_Index(value.ptr()));
-  const long converted = PyLong_AsLongAndOverflow(index.ptr(), &overflow);
-  if (overflow != 0 || converted != static_cast<int>(converted))
+  const long long converted = PyLong_AsLongLongAndOverflow(index.ptr(), &overflow);
+  if (overflow != 0 || converted != static_cast<long long>(static_cast<Whole>(converted)))
     refuse(key, "a whole number of 32 bits", value);
-  *target = static_cast<int>(converted);
+  *target = static_cast<Whole>(converted);
 }
 
 void Keywords::read(const char* key, bool* target) {

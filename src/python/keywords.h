@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <optional>
 #include <set>
 #include <string>
@@ -32,6 +33,7 @@ class Keywords {
   void read(const char* key, double* target);
   void read(const char* key, std::optional<double>* target);  ///< None resets the value
   void read(const char* key, int* target);
+  void read(const char* key, std::uint32_t* target);
   void read(const char* key, bool* target);
   void read(const char* key, std::string* target);
   void read(const char* key, Eigen::Vector3d* target);
@@ -42,6 +44,9 @@ class Keywords {
   void expect_no_more() const;
 
  private:
+  /// Reads a whole number that Whole holds.
+  template <class Whole>
+  void read_whole(const char* key, Whole* target);
   template <class Vector>
   void read_numbers(const char* key, Vector* target);
 

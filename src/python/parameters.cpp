@@ -23,6 +23,8 @@ void visit_body(Body& body, Visit visit) {
   visit("friction", body.friction);
   visit("restitution", body.restitution);
   visit("no_collision", body.no_collision);
+  visit("collision_groups", body.collision_groups);
+  visit("collision_mask", body.collision_mask);
   visit("gravity_compensation", body.gravity_compensation);
 }
 

@@ -81,7 +81,10 @@ void define_bodies(Class* world) {
       "add_body(name, *, type='dynamic', shape=Point(), mass [kg], inertia=(0, 0, 0) [kg m^2] "
       "principal, zero: from the shape, position [m], orientation x y z w, linear_velocity [m/s], "
       "angular_velocity [rad/s] in world axes, friction=0, restitution=0, no_collision=False,\n"
-      "gravity_compensation=0, share of the weight that nothing has to carry,\n"
+      "collision_groups=1, collision_mask=0xffffffff: bits of the groups of the body, and of "
+      "those\n"
+      "with which it collides; gravity_compensation=0, share of the weight that nothing has to "
+      "carry,\n"
       "shape_pose=None: a dict of position [m] and orientation (x, y, z, w) of a sphere, box,\n"
       "cylinder, capsule or hull in the body's frame)\n\n"
       "Adds a body. Raises ValueError naming field and value.");

@@ -72,13 +72,6 @@ void read_shapes(const Body& msg, engine::Body* body) {
   }
 }
 
-void check_no_groups(const Body& msg) {
-  const std::string why = "collision groups do not exist yet, got ";
-  if (msg.collision_groups != 0)
-    refuse("collision_groups", why + std::to_string(msg.collision_groups));
-  if (msg.collision_mask != 0) refuse("collision_mask", why + std::to_string(msg.collision_mask));
-}
-
 /// Returns the colour; none, which means by the type, where all components are 0.
 std::optional<std::array<double, 4>> colour_of(const std_msgs::ColorRGBA& color) {
   if (color.r == 0.0F && color.g == 0.0F && color.b == 0.0F && color.a == 0.0F) return std::nullopt;
@@ -149,7 +142,8 @@ engine::Body from_msg(const Body& msg) {
   body.restitution = msg.restitution;
   body.no_collision = msg.no_collision;
   body.gravity_compensation = msg.gravity_compensation;
-  check_no_groups(msg);
+  if (msg.collision_groups != 0) body.collision_groups = msg.collision_groups;
+  if (msg.collision_mask != 0) body.collision_mask = msg.collision_mask;
   body.color = colour_of(msg.color);
   return body;
 }

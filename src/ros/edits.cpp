@@ -3,6 +3,8 @@
 #include <ros/serialization.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -86,6 +88,15 @@ bool set_property(const std::string& key, double value, engine::Body* body) {
   const auto found = numbers.find(key);
   if (found != numbers.end()) {
     *found->second = value;
+    return true;
+  }
+  for (auto [name, bits] : {std::pair{"collision_groups", &body->collision_groups},
+                            std::pair{"collision_mask", &body->collision_mask}}) {
+    if (key != name) continue;
+    constexpr double kMost = engine::kAllGroups;
+    if (!(value >= 1.0 && value <= kMost && value == std::floor(value)))
+      throw std::invalid_argument(key + ": must be a whole number from 1 to 4294967295");
+    *bits = static_cast<std::uint32_t>(value);
     return true;
   }
   if (key != "no_collision") return false;
@@ -237,7 +248,7 @@ void change(World& world, const SetBodyPropertiesRequest& request, SetBodyProper
       throw std::invalid_argument(
           "keys: there is no '" + shortened(request.keys[i]) +
           "' of a body; there are mass, inertia_x, inertia_y, inertia_z, friction, restitution, "
-          "no_collision, gravity_compensation");
+          "no_collision, collision_groups, collision_mask, gravity_compensation");
   world.set_body(id, body);
 }
 

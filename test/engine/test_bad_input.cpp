@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "constraint_sim/engine/scene.h"
 #include "engine/model/validate.h"
 #include "support.h"
 
@@ -78,6 +79,24 @@ std::vector<Field<BodyState>> state_fields() {
                       {kNaN, kInfinity, -kInfinity, -2.5},
                       [i](BodyState& s, double value) { s.orientation.coeffs()[i] = value; }});
   return fields;
+}
+
+TEST(BadInput, GroupsOfBodies) {
+  for (auto groups : {&Body::collision_groups, &Body::collision_mask}) {
+    World world;
+    Body body = make_body("a", Sphere{0.1}, 1.0, Vector3d::Zero());
+    body.*groups = 0;
+    EXPECT_NE(refusal([&] { world.add_body(body); }).find("must be from 1 to 4294967295, got 0"),
+              std::string::npos);
+    EXPECT_TRUE(world.body_ids().empty());
+  }
+  for (const char* value : {"-1", "4294967296", "1.5", "all", "[1, 2]"})
+    EXPECT_NE(
+        refusal([&] {
+          load_scene(std::string("bodies: [{name: a, mass: 1, collision_mask: ") + value + "}]");
+        }).find("collision_mask"),
+        std::string::npos)
+        << value;
 }
 
 TEST(BadInput, Bodies) {

@@ -86,6 +86,8 @@ bodies:
     restitution: 0.25
     gravity_compensation: 0.125
     no_collision: true
+    collision_groups: 6
+    collision_mask: 9
     color: [0.1, 0.2, 0.3, 0.4]
   - {name: b, type: kinematic, shape: {sphere: {radius: 0.5}}}
   - {name: c, type: static, shape: {plane: {}}, position: [0, 0, -3]}
@@ -129,6 +131,8 @@ wrenches:
   EXPECT_EQ(a.restitution, 0.25);
   EXPECT_EQ(a.gravity_compensation, 0.125);
   EXPECT_TRUE(a.no_collision);
+  EXPECT_EQ(a.collision_groups, 6u);
+  EXPECT_EQ(a.collision_mask, 9u);
   ASSERT_TRUE(a.color);
   EXPECT_EQ(*a.color, (std::array<double, 4>{0.1, 0.2, 0.3, 0.4}));
   EXPECT_EQ(state_of(world, "a").position, Vector3d(8, 9, 10));
@@ -610,6 +614,7 @@ Body random_body(Dice* dice, int number) {
   body.restitution = dice->between(0, 1);
   body.gravity_compensation = body.friction > 1.0 ? body.restitution : 0.0;
   body.no_collision = dice->flag();
+  if (body.friction > 1.0) body.collision_groups = 5, body.collision_mask = 0x80000000;
   if (dice->flag())
     body.color = {dice->between(0, 1), dice->between(0, 1), dice->between(0, 1), 1.0};
   return body;
@@ -705,6 +710,8 @@ void expect_same_body(const World& a, BodyId id_a, const World& b) {
   expect_within_4_ulp(body_a.restitution, body_b.restitution, "restitution");
   expect_within_4_ulp(body_a.gravity_compensation, body_b.gravity_compensation, "compensation");
   EXPECT_EQ(body_a.no_collision, body_b.no_collision);
+  EXPECT_EQ(body_a.collision_groups, body_b.collision_groups);
+  EXPECT_EQ(body_a.collision_mask, body_b.collision_mask);
   ASSERT_EQ(body_a.color.has_value(), body_b.color.has_value());
   for (std::size_t i = 0; body_a.color && i < 4; ++i)
     expect_within_4_ulp((*body_a.color)[i], (*body_b.color)[i], "color");

@@ -162,6 +162,10 @@ class Editor {
     body.friction = flag() ? positive() : 0.0;
     body.restitution = flag() ? positive() : 0.0;
     body.no_collision = below(4) == 0;
+    if (below(8) == 0) {
+      body.collision_groups = static_cast<std::uint32_t>(below(4));
+      body.collision_mask = static_cast<std::uint32_t>(below(4));
+    }
     return body;
   }
   Motor motor() {

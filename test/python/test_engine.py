@@ -153,7 +153,8 @@ def test_bodies_joints_and_options_go_round():
     world = engine.World(method='energy_momentum', gravity=(0.0, 0.0, -1.62), threads=2)
     world.add_body('floor', type='static', shape=engine.Plane(), friction=0.3)
     world.add_body('box', shape=engine.Box((1.0, 2.0, 3.0)), mass=2.0, position=(0.0, 0.0, 5.0),
-                   orientation=(0.0, 0.0, 0.6, 0.8), restitution=0.5, gravity_compensation=0.25)
+                   orientation=(0.0, 0.0, 0.6, 0.8), restitution=0.5, gravity_compensation=0.25,
+                   collision_groups=6, collision_mask=0x80000001)
     world.add_body('point', mass=1.0, position=(2.0, 0.0, 5.0), inertia=(0.1, 0.1, 0.1))
     world.add_body('can', shape=engine.Cylinder(0.2, 0.5), mass=6.0, position=(0.0, 9.0, 5.0))
     can = world.body('can')
@@ -171,6 +172,8 @@ def test_bodies_joints_and_options_go_round():
     assert world.body('hammer')['shape_pose']['position'] == (0.0, 0.0, 0.2)
     assert world.body('box')['shape_pose'] is None
     assert world.body('box')['gravity_compensation'] == 0.25
+    assert world.body('box')['collision_groups'] == 6
+    assert world.body('box')['collision_mask'] == 0x80000001
     world.add_joint('spring', body_a='box', body_b='point', frequency=2.0, damping_ratio=0.1)
     world.add_joint('hook', type='ball', body_b='box', anchor_a=(0.0, 0.0, 6.5),
                     anchor_b=(0.0, 0.0, 1.5), break_force=1e6)
@@ -531,6 +534,12 @@ def test_bad_input_names_field_and_value():
     assert 'bob' in rejected('add_body', 'bob', mass=1.0)
     assert rejected('add_body', 'x', mass=1.0, no_collision=1) == \
         'no_collision: must be True or False, got 1'
+    assert rejected('add_body', 'x', mass=1.0, collision_groups=0) == \
+        'collision_groups: must be from 1 to 4294967295, got 0'
+    assert rejected('add_body', 'x', mass=1.0, collision_mask=-1) == \
+        'collision_mask: must be a whole number of 32 bits, got -1'
+    assert rejected('add_body', 'x', mass=1.0, collision_mask=1.5) == \
+        'collision_mask: must be a whole number, got 1.5'
     assert rejected('add_body', 'x', mass=1.0, shape_pose=3) == \
         'shape_pose: must be a dict of position and orientation, got 3'
     assert rejected('add_body', 'x', mass=1.0, shape_pose={}) == \

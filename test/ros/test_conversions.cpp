@@ -96,6 +96,8 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   msg.restitution = 0.2;
   msg.gravity_compensation = 0.7;
   msg.no_collision = true;
+  msg.collision_groups = 6;
+  msg.collision_mask = 9;
   const engine::Body body = from_msg(msg);
   EXPECT_EQ(body.name, "crate");
   EXPECT_EQ(body.type, engine::BodyType::kKinematic);
@@ -108,19 +110,15 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   EXPECT_EQ(body.restitution, 0.2);
   EXPECT_EQ(body.gravity_compensation, 0.7);
   EXPECT_TRUE(body.no_collision);
+  EXPECT_EQ(body.collision_groups, 6u);
+  EXPECT_EQ(body.collision_mask, 9u);
 }
 
-TEST(Conversions, ABodyHasAtMostOneShapeAndNoGroups) {
+TEST(Conversions, ABodyHasAtMostOneShapeAndAGroup) {
   Body msg;
   EXPECT_TRUE(std::holds_alternative<engine::Point>(from_msg(msg).shape));
-  msg.collision_groups = 6;
-  EXPECT_EQ(error_of([&] { from_msg(msg); }),
-            "collision_groups: collision groups do not exist yet, got 6");
-  msg.collision_groups = 0;
-  msg.collision_mask = 5;
-  EXPECT_EQ(error_of([&] { from_msg(msg); }),
-            "collision_mask: collision groups do not exist yet, got 5");
-  msg.collision_mask = 0;
+  EXPECT_EQ(from_msg(msg).collision_groups, 1u);
+  EXPECT_EQ(from_msg(msg).collision_mask, engine::kAllGroups);
   msg.shapes.resize(2);
   EXPECT_EQ(error_of([&] { from_msg(msg); }),
             "shapes: bodies of several shapes do not exist yet, got 2");

@@ -6,8 +6,8 @@ import time
 import rospy
 import rostest
 import yaml
-from constraint_sim.msg import BodyStates
-from geometry_msgs.msg import Vector3, Wrench
+from constraint_sim.msg import Body, BodyStates, Shape
+from geometry_msgs.msg import Point, Pose, Vector3, Wrench
 
 import support
 from support import call, properties, sphere
@@ -115,11 +115,24 @@ class Options(support.ServiceCase):
         call("step", steps=100)
         self.assertAlmostEqual(state_of("ball").twist.linear.z, -7.5, delta=1e-12)
 
+    def test_groups_of_bodies_that_collide(self):
+        """A ball lies on a floor of group 2; without that group in its mask it falls."""
+        self.good("set_options", keys=["gravity"], values=["[0, 0, -10]"])
+        self.good("add_body", body=Body(name="floor", type=Body.STATIC, shapes=[Shape(type=Shape.PLANE)],
+                                        collision_groups=4))
+        self.good("add_body", body=sphere("ball", pose=Pose(position=Point(0, 0, 0.5))))
+        call("step", steps=100)
+        self.assertAlmostEqual(state_of("ball").pose.position.z, 0.5, delta=1e-9)
+        self.good("set_body_properties", name="ball", keys=["collision_mask"], values=[float(2**32 - 5)])
+        call("step", steps=100)
+        self.assertAlmostEqual(state_of("ball").twist.linear.z, -10.0, delta=1e-9)
+
     def test_settings_of_bodies_that_cannot_be(self):
         self.good("add_body", body=sphere("ball"))
         for key, value in (("mass", 0.0), ("mass", math.nan), ("inertia_x", 1.0),
                            ("friction", -1.0), ("restitution", 2.0), ("no_collision", 0.5),
-                           ("gravity_compensation", 1.5)):
+                           ("gravity_compensation", 1.5), ("collision_groups", 0.0), ("collision_mask", 2.5),
+                           ("collision_mask", 2.0**32)):
             self.bad([key.split("_x")[0]], "set_body_properties", name="ball", keys=[key],
                      values=[value])
         self.bad(["colour"], "set_body_properties", name="ball", keys=["colour"], values=[1.0])

@@ -90,8 +90,6 @@ class Services(support.ServiceCase):
         self.bad(["shapes[0].vertices", "4"], "add_body",
                  body=sphere("b", shapes=[Shape(type=Shape.SPHERE, dimensions=[1], vertices=[Point()] * 4)]))
         self.bad(["shapes", "several", "2"], "add_body", body=sphere("b", shapes=[Shape(), Shape()]))
-        for field in ("collision_groups", "collision_mask"):
-            self.bad([field, "4"], "add_body", body=sphere("b", **{field: 4}))
         self.bad(["color", "1.5"], "add_body", body=sphere("b", color=ColorRGBA(r=1.5)))
         self.bad(["type", "7"], "add_body", body=sphere("b", type=7))
 

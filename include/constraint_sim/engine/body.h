@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -33,6 +34,9 @@ struct ShapePose {
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< shape to body, unit
 };
 
+/// Mask of a body that collides with bodies of all groups.
+inline constexpr std::uint32_t kAllGroups = 0xffffffff;
+
 /// A rigid body as it is added to a World. `state` is the initial state, to which reset() returns.
 struct Body {
   std::string name;  ///< `[A-Za-z0-9_][A-Za-z0-9_./-]*`, unique, not `world`
@@ -48,6 +52,9 @@ struct Body {
   double friction = 0.0;     ///< Coulomb's coefficient ≥ 0; a pair has the geometric mean
   double restitution = 0.0;  ///< Newton's coefficient in [0, 1]; a pair has the larger
   bool no_collision = false;
+  /// Two bodies collide where the groups of each have a bit of the mask of the other. A bit for
+  /// each group of the body, and for each group with which it collides; not 0.
+  std::uint32_t collision_groups = 1, collision_mask = kAllGroups;
   /// Share of the weight, in [0, 1], that is carried without a joint or contact: the body falls
   /// with (1 − share) g, and its potential energy has that factor.
   double gravity_compensation = 0.0;

@@ -107,7 +107,7 @@ void Broadphase::Tree::build(const List<Proxy>& proxies, int node, int first_ite
   build(proxies, right_child(node), first_item + half, leaves - half);
   const Proxy& left = nodes[left_child(node)].proxy;
   const Proxy& right = nodes[right_child(node)].proxy;
-  nodes[node].proxy = {merged(left.box, right.box), 0, left.movable || right.movable};
+  nodes[node].proxy = {merged(left.box, right.box), 0, left.movable || right.movable, 0, 0};
 }
 
 // Moves the smaller half of the items to the front, along the axis along which the centres spread
@@ -147,7 +147,7 @@ void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b
   // Splitting the larger box keeps a large body from being tested against every node on every
   // level.
   if (leaves_a == 1 && leaves_b == 1) {
-    add_pair(a.body, b.body);
+    add_pair(a, b);
   } else if (leaves_b == 1 || (leaves_a > 1 && girth(a.box) > girth(b.box))) {
     pair_between(tree_a, Tree::left_child(node_a), tree_b, node_b);
     pair_between(tree_a, tree_a.right_child(node_a), tree_b, node_b);
@@ -165,7 +165,7 @@ void Broadphase::pair_with(const Proxy& proxy, const Tree& tree) {
 
 void Broadphase::pair_proxies(const Proxy& a, const Proxy& b) {
   if (!a.movable && !b.movable) return;
-  if (test(a.box, b.box)) add_pair(a.body, b.body);
+  if (test(a.box, b.box)) add_pair(a, b);
 }
 
 bool Broadphase::test(const Aabb& a, const Aabb& b) {
@@ -173,8 +173,9 @@ bool Broadphase::test(const Aabb& a, const Aabb& b) {
   return overlap(a, b);
 }
 
-void Broadphase::add_pair(int body_a, int body_b) {
-  pairs_.emplace_back(std::min(body_a, body_b), std::max(body_a, body_b));
+void Broadphase::add_pair(const Proxy& a, const Proxy& b) {
+  if (share_a_group(a.groups, a.mask, b.groups, b.mask))
+    pairs_.emplace_back(std::min(a.body, b.body), std::max(a.body, b.body));
 }
 
 }  // namespace constraint_sim::engine

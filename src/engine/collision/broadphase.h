@@ -16,6 +16,12 @@ struct Aabb {
   Eigen::Vector3d max;
 };
 
+/// Whether each of two bodies or proxies is in a group with which the other collides.
+inline bool share_a_group(std::uint32_t groups_a, std::uint32_t mask_a, std::uint32_t groups_b,
+                          std::uint32_t mask_b) {
+  return (groups_a & mask_b) != 0 && (groups_b & mask_a) != 0;
+}
+
 /// Whether two boxes share a point, touching included; ends at the first separating axis.
 inline bool overlap(const Aabb& a, const Aabb& b) {
   for (int axis = 0; axis < 3; ++axis) {
@@ -32,6 +38,7 @@ struct Proxy {
   Aabb box;
   int body = 0;          ///< index, unique among the proxies
   bool movable = false;  ///< whether the body can move; a pair has at least one movable body
+  std::uint32_t groups = 1, mask = kAllGroups;  ///< as of Body; the pair's must match
 };
 
 /// Stage 1 of a step: finds pairs of bodies that may touch. A balanced tree of boxes, rebuilt in
@@ -92,7 +99,7 @@ class Broadphase {
   void pair_with(const Proxy& proxy, const Tree& tree);
   void pair_proxies(const Proxy& a, const Proxy& b);
   bool test(const Aabb& a, const Aabb& b);
-  void add_pair(int body_a, int body_b);
+  void add_pair(const Proxy& a, const Proxy& b);
 
   Tree moving_, resting_;
   List<Pair> pairs_;

@@ -99,6 +99,8 @@ void World::set_body(BodyId id, const Body& body) {
   changed.friction = body.friction;
   changed.restitution = body.restitution;
   changed.no_collision = body.no_collision;
+  changed.collision_groups = body.collision_groups;
+  changed.collision_mask = body.collision_mask;
   changed.gravity_compensation = body.gravity_compensation;
   validate(changed);
   const MassProperties mass = mass_properties(changed);

@@ -7,6 +7,7 @@
 
 #include "engine/edits/issue_id.h"
 #include "engine/edits/joint_edits.h"
+#include "engine/islands/motion_bounds.h"
 #include "engine/islands/unresolved_bodies.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -205,10 +206,8 @@ void World::Impl::forget_unknown_ids() {
 
 // Whether both bodies are still there and still collide.
 bool World::Impl::is_known(const TouchingPair& pair) const {
-  const auto collides = [this](BodyId id) {
-    return Model::is_known(id) && !bodies[index(id)].no_collision;
-  };
-  return collides(pair.id_a) && collides(pair.id_b);
+  return Model::is_known(pair.id_a) && Model::is_known(pair.id_b) &&
+         may_collide(bodies[index(pair.id_a)], bodies[index(pair.id_b)]);
 }
 
 void World::reset() {

@@ -129,6 +129,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
     const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == model.body_ids[body]; };
     if (std::any_of(state.wrenches.begin(), state.wrenches.end(), is_on_it)) return false;
     if (model.masses[body].weight_share != 1.0) return false;  // all spheres have to fall alike
+    if (!collides_with_all(model.bodies[body])) return false;
     spheres.push_back({body, 1.0 / model.masses[body].inverse_mass,
                        std::get<Sphere>(model.bodies[body].shape).radius});
     smallest = std::min(smallest, spheres.back().radius);
@@ -142,6 +143,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
   others.erase(std::unique(others.begin(), others.end()), others.end());
   for (const int body : others) {
     if (is_moving_by_itself(model, state, to_index(body)) || !keeps_energy(model.bodies[body]) ||
+        !collides_with_all(model.bodies[body]) ||
         !std::holds_alternative<Plane>(model.bodies[body].shape))
       return false;
     const BodyState& plane = state.states[body];

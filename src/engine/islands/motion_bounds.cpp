@@ -42,6 +42,15 @@ bool may_touch(const Body& body) {
   return !body.no_collision && !std::holds_alternative<Point>(body.shape);
 }
 
+bool may_collide(const Body& a, const Body& b) {
+  return !a.no_collision && !b.no_collision &&
+         share_a_group(a.collision_groups, a.collision_mask, b.collision_groups, b.collision_mask);
+}
+
+bool collides_with_all(const Body& body) {
+  return body.collision_groups == 1 && body.collision_mask == kAllGroups;
+}
+
 double thickness(const Shape& shape) { return std::visit(Thickness{}, shape); }
 
 double reach_of(const Body& body, double distance) {
@@ -95,7 +104,9 @@ double max_distance(const StepContext& step, const BodyState& now, int body, dou
 
 Proxy proxy_of(const Model& model, const State& state, int body) {
   const PlacedShape placed(model.bodies[body], state.states[body]);
-  return {bounds(placed.shape(), placed.state()), body, model.is_movable(to_index(body))};
+  const Body& of = model.bodies[body];
+  return {bounds(placed.shape(), placed.state()), body, model.is_movable(to_index(body)),
+          of.collision_groups, of.collision_mask};
 }
 
 void widen(double margin, Proxy* proxy) {

@@ -18,6 +18,10 @@ struct StepContext;
 
 /// Whether a body has a shape that may touch other shapes.
 bool may_touch(const Body& body);
+/// Whether the settings of two bodies let them collide, whatever their shapes and joints.
+bool may_collide(const Body& a, const Body& b);
+/// Whether the groups of a body let it collide with every other body with this property.
+bool collides_with_all(const Body& body);
 
 /// Least width of a shape [m]; infinite of planes, which are half-spaces, and of points.
 double thickness(const Shape& shape);

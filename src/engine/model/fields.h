@@ -90,6 +90,8 @@ inline constexpr auto kFields<Body> = std::tuple{
     Field{"friction", &Body::friction, NotNegative{}},
     Field{"restitution", &Body::restitution, Share{}},
     Field{"no_collision", &Body::no_collision, AnyValue{}},
+    Field{"collision_groups", &Body::collision_groups, Positive{}},
+    Field{"collision_mask", &Body::collision_mask, Positive{}},
     Field{"gravity_compensation", &Body::gravity_compensation, Share{}},
     Field{"color", &Body::color, Share{}},
 };

@@ -166,6 +166,9 @@ template <class Value>
 void check(const char*, const Value&, OwnRange) {}
 void check(const char* field, const std::string& name, AnyValue) { check_name(field, name); }
 void check(const char*, BodyType, AnyValue) {}
+void check(const char* field, std::uint32_t bits, Positive) {
+  if (bits == 0) refuse(field, "must be from 1 to 4294967295, got 0");
+}
 void check(const char*, const Shape& shape, AnyValue) { validate(shape); }
 void check(const char*, const ShapePose& pose, AnyValue) { validate(pose); }
 // The numbers of a surface are checked where it is made.

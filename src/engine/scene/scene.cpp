@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/edits/saved_state.h"
+#include "engine/islands/motion_bounds.h"
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -199,9 +200,8 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
   TouchingPair pair;
   pair.id_a = read_body_reference(item, "body_a", world);
   pair.id_b = read_body_reference(item, "body_b", world);
-  for (const char* key : {"body_a", "body_b"})
-    if (world.body(key[5] == 'a' ? pair.id_a : pair.id_b).no_collision)
-      item.fail(std::string(key) + " touches nothing");
+  if (!may_collide(world.body(pair.id_a), world.body(pair.id_b)))
+    item.fail("body_a and body_b do not collide");
   item.read("normal", &pair.manifold.normal);
   item.attempt([&] {
     const Eigen::Vector3d& normal = pair.manifold.normal;

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
+#include <string>
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/math/list.h"
@@ -139,6 +142,14 @@ std::uint64_t YamlElement::count() const {
   const auto value = is_plain() ? number_in<std::int64_t>(node_->scalar) : std::nullopt;
   if (!value || *value < 0 || *value > kMost) fail_expecting("a whole number from 0 to 2^53");
   return static_cast<std::uint64_t>(*value);
+}
+
+std::uint32_t YamlElement::bits() const {
+  constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
+  const auto value = is_plain() ? number_in<std::int64_t>(node_->scalar) : std::nullopt;
+  if (!value || *value < 0 || *value > kMost)
+    fail_expecting("a whole number from 0 to " + std::to_string(kMost));
+  return static_cast<std::uint32_t>(*value);
 }
 
 bool YamlElement::flag() const {

@@ -40,6 +40,7 @@ class YamlElement {
   double number_or_infinity() const;  ///< a finite number or `.inf`
   int whole_number() const;
   std::uint64_t count() const;  ///< a whole number from 0 to 2^53
+  std::uint32_t bits() const;   ///< a whole number below 2^32
   bool flag() const;
   std::string word() const;
   /// Returns exactly `size` finite numbers.
@@ -49,6 +50,7 @@ class YamlElement {
   void read(double* target) const { *target = number(); }
   void read(std::optional<double>* target) const { *target = number(); }
   void read(int* target) const { *target = whole_number(); }
+  void read(std::uint32_t* target) const { *target = bits(); }
   void read(bool* target) const { *target = flag(); }
   void read(Eigen::Vector3d* target) const { *target = numbers(3); }
   void read(Eigen::Quaterniond* target) const { target->coeffs() = Eigen::Vector4d(numbers(4)); }

@@ -101,6 +101,8 @@ void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodySt
   hash.add(body.restitution);
   hash.add(std::uint64_t{body.no_collision});
   if (body.gravity_compensation != 0.0) hash.add(body.gravity_compensation);
+  if (body.collision_groups != 1 || body.collision_mask != kAllGroups)
+    hash.add(std::uint64_t{body.collision_groups} << 32 | body.collision_mask);
   visit_fields(state, add_field);
 }
 

@@ -1,0 +1,113 @@
+// Rays against the bodies of a world.
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "constraint_sim/engine/ray.h"
+#include "engine/collision/narrowphase.h"
+#include "engine/collision/ray.h"
+#include "engine/islands/motion_bounds.h"
+#include "engine/math/list.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+// Planes reach farther; products of coordinates of a hit stay finite.
+constexpr double kHorizon = 1e30;  // [m]
+
+void check_ray(const Ray& ray) {
+  check_finite("origin", ray.origin);
+  check_axis("direction", ray.direction);
+  if (!(ray.max_distance > 0.0))
+    refuse("max_distance", "must be a number > 0, got " + shortest(ray.max_distance));
+}
+
+/// Bodies that rays can hit, each in a sphere around its centre.
+class RayTargets {
+ public:
+  RayTargets(const Model& model, const State& state, const std::vector<BodyId>& ignored)
+      : model_(model), state_(state) {
+    List<bool> is_ignored(model.bodies.size(), false);
+    for (const BodyId id : ignored) is_ignored[model.index(id)] = true;
+    for (std::size_t i = 0; i < model.bodies.size(); ++i)
+      if (!is_ignored[i] && !std::holds_alternative<Point>(model.bodies[i].shape))
+        targets_.push_back({state.states[i].position, extent(model.bodies[i]), i});
+  }
+
+  std::optional<RayHit> first_hit(const Ray& ray) const {
+    // Scaled by the largest component first, whose square may be beyond the range of doubles.
+    const Eigen::Vector3d direction =
+        (ray.direction / ray.direction.lpNorm<Eigen::Infinity>()).normalized();
+    std::optional<RayHit> hit;
+    double nearest = std::min(ray.max_distance, kHorizon);
+    for (const Target& target : targets_) {
+      if (!target.may_be_hit(ray.origin, direction, nearest)) continue;
+      const Body& body = model_.bodies[target.body];
+      const PlacedShape placed(body, state_.states[target.body]);
+      const std::optional<LinePart> part =
+          line_part_in(placed.shape(), placed.state(), ray.origin, direction);
+      if (!part || !(part->exit > 0.0)) continue;
+      const double distance = std::max(part->enter, 0.0);
+      // The first of several bodies at one distance is hit.
+      if (hit ? distance >= nearest : distance > nearest) continue;
+      nearest = distance;
+      const bool inside = part->enter < 0.0;
+      hit = RayHit{model_.body_ids[target.body], distance, ray.origin + distance * direction,
+                   inside ? Eigen::Vector3d(-direction) : part->normal, inside};
+    }
+    return hit;
+  }
+
+ private:
+  struct Target {
+    Eigen::Vector3d centre;
+    double radius;  // infinite of planes
+    std::size_t body;
+
+    /// Whether a part of the ray up to a distance may be in the sphere. The margin exceeds the
+    /// rounding of the nearest point of the line.
+    bool may_be_hit(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
+                    double distance) const {
+      const Eigen::Vector3d way = centre - origin;
+      const double along = way.dot(direction);
+      const double margin = (1.0 + 1e-12) * radius + 1e-14 * way.lpNorm<1>();
+      if (along < -margin || along - margin > distance) return false;
+      return !((way - along * direction).squaredNorm() > margin * margin);
+    }
+  };
+
+  const Model& model_;
+  const State& state_;
+  List<Target> targets_;  // in the order of adding
+};
+
+}  // namespace
+
+std::optional<RayHit> cast_ray(const World& world, const Ray& ray,
+                               const std::vector<BodyId>& ignored) {
+  check_ray(ray);
+  const WorldImpl& impl = ImplAccess::of(world);
+  return RayTargets(impl, impl, ignored).first_hit(ray);
+}
+
+std::vector<std::optional<RayHit>> cast_rays(const World& world, const std::vector<Ray>& rays,
+                                             const std::vector<BodyId>& ignored) {
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    try {
+      check_ray(rays[i]);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument("rays[" + std::to_string(i) + "]." + error.what());
+    }
+  }
+  const WorldImpl& impl = ImplAccess::of(world);
+  const RayTargets targets(impl, impl, ignored);
+  std::vector<std::optional<RayHit>> hits;
+  hits.reserve(rays.size());
+  for (const Ray& ray : rays) hits.push_back(targets.first_hit(ray));
+  return hits;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,14 +1,13 @@
 // Rays against each shape and against the bodies of a world.
 //
-// The oracle of a shape is a convex function of the point, negative inside: along a line it is
-// convex too, so that a search by thirds finds its minimum, and bisection its zeros. Hulls have the
-// planes through three of their points that have all others on one side, without Qhull. The oracle
-// computes with 64 bits of mantissa. A normal is right where no point of the shape is beyond the
-// plane through the hit: the support function of the shape has a closed form.
+// The oracle of a shape is a convex function of the point, negative inside (oracle_shapes.h): along
+// a line it is convex too, so that a search by thirds finds its minimum, and bisection its zeros. A
+// normal is right where no point of the shape is beyond the plane through the hit.
 
 #include "constraint_sim/engine/ray.h"
 #include "constraint_sim/engine/scene.h"
 #include "engine/collision/ray.h"
+#include "oracle_shapes.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -17,98 +16,12 @@ namespace {
 using Eigen::AngleAxisd;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-using Exact = long double;
-using Exact3 = Eigen::Matrix<Exact, 3, 1>;
-
-struct HalfSpace {
-  Exact3 normal;
-  Exact offset;
-};
-
-/// A shape, the planes of a hull, and its size [m].
-struct RayTarget {
-  Shape shape;
-  std::vector<HalfSpace> planes;
-  std::vector<Vector3d> points;
-  double size = 1.0;
-};
-
-/// The half-spaces of the hull of points in general position.
-std::vector<HalfSpace> planes_of(const std::vector<Vector3d>& points) {
-  std::vector<HalfSpace> planes;
-  for (std::size_t i = 0; i < points.size(); ++i)
-    for (std::size_t j = i + 1; j < points.size(); ++j)
-      for (std::size_t k = j + 1; k < points.size(); ++k) {
-        const Exact3 a = points[i].cast<Exact>();
-        Exact3 n = (points[j].cast<Exact>() - a).cross(points[k].cast<Exact>() - a).normalized();
-        int above = 0, below = 0;
-        for (std::size_t l = 0; l < points.size(); ++l) {
-          if (l == i || l == j || l == k) continue;
-          (n.dot(points[l].cast<Exact>() - a) > 0 ? above : below) += 1;
-        }
-        if (above > 0 && below > 0) continue;
-        if (above > 0) n = -n;
-        planes.push_back({n, n.dot(a)});
-      }
-  return planes;
-}
-
-RayTarget ray_target(int kind, double scale, Draw* draw) {
-  const auto size = [&] { return scale * draw->between(0.2, 0.8); };
-  RayTarget target;
-  target.size = scale;
-  if (kind == 0) target.shape = Sphere{0.5 * size()};
-  if (kind == 1) target.shape = Box{{size(), size(), size()}};
-  if (kind == 2) target.shape = Cylinder{0.5 * size(), size()};
-  if (kind == 3) target.shape = Capsule{0.3 * size(), size()};
-  if (kind == 4) target.shape = Plane{};
-  if (kind == 5) {
-    for (int i = 0; i < 12; ++i) target.points.push_back(0.4 * scale * draw->vector());
-    target.planes = planes_of(target.points);
-    target.shape = Hull(target.points);
-  }
-  return target;
-}
-constexpr int kRayShapes = 6;
-
-/// Returns how far a point in the frame of the shape is outside: convex, 0 on the surface.
-Exact height_over(const RayTarget& target, const Exact3& x) {
-  const Exact around = std::hypot(x.x(), x.y());
-  if (const auto* sphere = std::get_if<Sphere>(&target.shape)) return x.norm() - sphere->radius;
-  if (const auto* box = std::get_if<Box>(&target.shape))
-    return (x.cwiseAbs() - Exact(0.5) * box->size.cast<Exact>()).maxCoeff();
-  if (const auto* cylinder = std::get_if<Cylinder>(&target.shape))
-    return std::max(around - cylinder->radius, std::abs(x.z()) - Exact(0.5) * cylinder->length);
-  if (const auto* capsule = std::get_if<Capsule>(&target.shape))
-    return std::hypot(around, std::max(Exact(0), std::abs(x.z()) - Exact(0.5) * capsule->length)) -
-           capsule->radius;
-  if (std::holds_alternative<Plane>(target.shape)) return x.z();
-  Exact most = -1e30L;
-  for (const HalfSpace& plane : target.planes)
-    most = std::max(most, plane.normal.dot(x) - plane.offset);
-  return most;
-}
-
-/// Returns the greatest coordinate of the shape along n, both in the frame of the shape.
-double support_of(const RayTarget& target, const Vector3d& n) {
-  if (const auto* sphere = std::get_if<Sphere>(&target.shape)) return sphere->radius;
-  if (const auto* box = std::get_if<Box>(&target.shape)) return 0.5 * box->size.dot(n.cwiseAbs());
-  if (const auto* cylinder = std::get_if<Cylinder>(&target.shape))
-    return cylinder->radius * n.head<2>().norm() + 0.5 * cylinder->length * std::abs(n.z());
-  if (const auto* capsule = std::get_if<Capsule>(&target.shape))
-    return capsule->radius + 0.5 * capsule->length * std::abs(n.z());
-  if (std::holds_alternative<Plane>(target.shape)) return n.z() > 1.0 - 1e-12 ? 0.0 : kInfinity;
-  double most = -kInfinity;
-  for (const Vector3d& point : target.points) most = std::max(most, n.dot(point));
-  return most;
-}
-
 /// A line in the frame of a shape, with the oracle's search along it.
 struct ExactLine {
-  const RayTarget& target;
+  const OracleShape& target;
   Exact3 p, d;
 
-  ExactLine(const RayTarget& of, const BodyState& pose, const Vector3d& origin,
+  ExactLine(const OracleShape& of, const BodyState& pose, const Vector3d& origin,
             const Vector3d& direction)
       : target(of) {
     const Eigen::Quaternion<Exact> to_shape =
@@ -145,7 +58,7 @@ TEST(RaysAgainstShapes, EnterWhereTheOracleSays) {
   int hits = 0, misses = 0, inside = 0;
   for (int i = 0; i < 12000 / kSanitizedShare; ++i) {
     const double scale = std::pow(10.0, draw.below(13) - 6);
-    const RayTarget target = ray_target(i % kRayShapes, scale, &draw);
+    const OracleShape target = random_oracle_shape(i % kOracleShapes, scale, &draw);
     BodyState pose;
     pose.position = scale * (draw.below(2) == 0 ? 1.0 : 1e6) * draw.vector();
     pose.orientation = draw.turn();
@@ -284,9 +197,9 @@ World random_targets(int count, Random* random) {
   World world(weightless(0.01));
   Draw draw(11);
   for (int i = 0; i < count; ++i) {
-    const int kind = i == 0 ? 4 : i % kRayShapes == 4 ? 0 : i % kRayShapes;
-    Body body = make_body("body_" + std::to_string(i), ray_target(kind, 1.0, &draw).shape, 1.0,
-                          2.0 * random->vector());
+    const int kind = i == 0 ? 4 : i % kOracleShapes == 4 ? 0 : i % kOracleShapes;
+    Body body = make_body("body_" + std::to_string(i), random_oracle_shape(kind, 1.0, &draw).shape,
+                          1.0, 2.0 * random->vector());
     body.state.orientation = random->orientation();
     if (kind == 4) {
       body.type = BodyType::kStatic;

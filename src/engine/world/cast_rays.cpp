@@ -32,9 +32,11 @@ class RayTargets {
       : model_(model), state_(state) {
     List<bool> is_ignored(model.bodies.size(), false);
     for (const BodyId id : ignored) is_ignored[model.index(id)] = true;
-    for (std::size_t i = 0; i < model.bodies.size(); ++i)
-      if (!is_ignored[i] && !std::holds_alternative<Point>(model.bodies[i].shape))
-        targets_.push_back({state.states[i].position, extent(model.bodies[i]), i});
+    for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+      const double radius = extent(model.bodies[i]);
+      if (radius > 0.0 && !is_ignored[i])  // points have none
+        targets_.push_back({state.states[i].position, radius, i});
+    }
   }
 
   std::optional<RayHit> first_hit(const Ray& ray) const {

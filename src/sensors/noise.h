@@ -14,7 +14,14 @@ class Noise {
 
   /// Three numbers of mean 0 and standard deviation 1, for channels of 3, 6, ...
   Eigen::Vector3d vector(std::uint64_t sample, std::uint64_t channel) const {
-    return {normal(sample, channel), normal(sample, channel + 1), normal(sample, channel + 2)};
+    return {number(sample, channel), number(sample, channel + 1), number(sample, channel + 2)};
+  }
+
+  /// A number of mean 0 and standard deviation 1 (Box and Muller 1958).
+  double number(std::uint64_t sample, std::uint64_t channel) const {
+    const std::uint64_t key = mixed(mixed(seed_ ^ mixed(sample)) + channel);
+    constexpr double kTwoPi = 6.283185307179586;
+    return std::sqrt(-2.0 * std::log(uniform(key))) * std::cos(kTwoPi * uniform(mixed(key)));
   }
 
  private:
@@ -27,12 +34,6 @@ class Noise {
   }
   static double uniform(std::uint64_t bits) {  // (0, 1]
     return (static_cast<double>(bits >> 11) + 1.0) * 0x1p-53;
-  }
-  // Box and Muller (1958).
-  double normal(std::uint64_t sample, std::uint64_t channel) const {
-    const std::uint64_t key = mixed(mixed(seed_ ^ mixed(sample)) + channel);
-    constexpr double kTwoPi = 6.283185307179586;
-    return std::sqrt(-2.0 * std::log(uniform(key))) * std::cos(kTwoPi * uniform(mixed(key)));
   }
 
   std::uint64_t seed_;

@@ -4,6 +4,8 @@
 #include <ros/time.h>
 
 #include <Eigen/Geometry>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <sstream>
 #include <stdexcept>
@@ -21,22 +23,62 @@ struct Mount {
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
 };
 
-/// Names of sensors in the parameter `sensors`, with spaces between.
-inline std::vector<std::string> sensor_names(const ros::NodeHandle& handle) {
-  std::istringstream text(handle.param<std::string>("sensors", ""));
+/// Names in a parameter, with spaces between; none where it is left out.
+inline std::vector<std::string> names_of(const ros::NodeHandle& handle, const std::string& name) {
+  std::istringstream text(handle.param<std::string>(name, ""));
   std::vector<std::string> names;
-  for (std::string name; text >> name;) names.push_back(name);
+  for (std::string word; text >> word;) names.push_back(word);
+  return names;
+}
+
+/// Names of sensors in the parameter `sensors`.
+inline std::vector<std::string> sensor_names(const ros::NodeHandle& handle) {
+  std::vector<std::string> names = names_of(handle, "sensors");
   if (names.empty()) throw std::invalid_argument(handle.getNamespace() + "/sensors: names none");
   return names;
+}
+
+/// Returns a parameter that must be a number.
+inline double number_of(const ros::NodeHandle& handle, const std::string& name, double fallback) {
+  double value = fallback;
+  if (handle.hasParam(name) && !handle.getParam(name, value))
+    throw std::invalid_argument(handle.getNamespace() + "/" + name + ": must be a number");
+  return value;
 }
 
 /// Returns a parameter that must be a number ≥ 0.
 inline double not_negative(const ros::NodeHandle& handle, const std::string& name,
                            double fallback) {
-  const double value = handle.param(name, fallback);
+  const double value = number_of(handle, name, fallback);
   if (!(value >= 0.0 && value < 1e20))
     throw std::invalid_argument(handle.getNamespace() + "/" + name + ": must be a number >= 0");
   return value;
+}
+
+/// Throws the error of a number that is out of range.
+[[noreturn]] inline void refuse_number(const ros::NodeHandle& handle, const std::string& name,
+                                       const char* kind, double least, double most, double got) {
+  std::ostringstream why;
+  why << handle.getNamespace() << "/" << name << ": must be a " << kind << " from " << least
+      << " to " << most << ", got " << got;
+  throw std::invalid_argument(why.str());
+}
+
+/// Returns a parameter that must be a number within two bounds.
+inline double number_between(const ros::NodeHandle& handle, const std::string& name,
+                             double fallback, double least, double most) {
+  const double value = number_of(handle, name, fallback);
+  if (!(value >= least && value <= most)) refuse_number(handle, name, "number", least, most, value);
+  return value;
+}
+
+/// Returns a parameter that must be a whole number within two bounds.
+inline std::size_t count_between(const ros::NodeHandle& handle, const std::string& name,
+                                 double fallback, double least, double most) {
+  const double value = number_of(handle, name, fallback);
+  if (!(value >= least && value <= most) || value != std::floor(value))
+    refuse_number(handle, name, "whole number", least, most, value);
+  return static_cast<std::size_t>(value);
 }
 
 /// Returns the numbers of a parameter: a list, or the text of one, as a command line has it.

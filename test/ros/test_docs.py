@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import io
+import math
 import os
 import re
 import shlex
@@ -217,7 +218,7 @@ class Docs(unittest.TestCase):
         """The robot stands after a moment: its trunk feels gravity, and a foot carries a part of its weight."""
         rospy.set_param("/use_sim_time", False)
         start = examples("docs/sensors.md", RUN_NODE)[0]
-        imu, foot = examples("docs/sensors.md", "rostopic")
+        imu, foot, belly, scan = examples("docs/sensors.md", "rostopic")
         with tempfile.TemporaryDirectory() as folder, running(node_command() + shlex.split(start)[3:], cwd=folder):
             properties()
             for line in examples("docs/sensors.md", "rosservice call"):
@@ -225,6 +226,10 @@ class Docs(unittest.TestCase):
             upwards = lambda line, *keys: functools.reduce(dict.get, keys, self.shown(line, folder))["z"]
             support.wait_until(lambda: abs(upwards(imu, "linear_acceleration") - 9.81) < 0.1, imu)
             support.wait_until(lambda: 5 < upwards(foot, "wrench", "force") < 100, foot)
+            self.assertAlmostEqual(self.shown(belly, folder)["range"], 0.3, delta=0.05)
+            ranges = self.shown(scan, folder)["ranges"]
+            self.assertAlmostEqual(ranges[2], 1.9, delta=0.05)
+            self.assertEqual(ranges[:2] + ranges[3:], [math.inf] * 4)
 
     def shown(self, line, folder):
         """Returns the message that a `rostopic echo` of the documentation shows."""

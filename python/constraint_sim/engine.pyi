@@ -159,6 +159,21 @@ class Contact(TypedDict):
     state: str           # closed, sticking or slipping
 
 
+class RayHit(TypedDict):
+    body: str
+    distance: float      # from the origin [m]; 0 where the ray starts inside the body
+    point: Tuple3        # on the surface, world [m]; inside: the origin
+    normal: Tuple3       # unit, outward, world; inside: against the ray
+    inside: bool         # the ray starts inside the body
+
+
+class ClosestPoints(TypedDict):
+    distance: float      # gap [m]; negative: least translation that separates the bodies
+    point_a: Tuple3      # on A's surface, world [m]
+    point_b: Tuple3      # on B's surface, world [m]
+    normal: Tuple3       # unit, from B to A, world
+
+
 class Event(TypedDict):
     kind: str                  # broken, rope_taut, ..., contact_began, contact_ended, hit, handed_over, taken_back
     time: float                # simulated [s]
@@ -685,6 +700,23 @@ class World:
     def set_time(self, time: float, step_count: int) -> None:
         """Continues from this simulated time [s] and step."""
 
+    def ray(self, origin: Vector, direction: Vector, *, max_distance: float = ...,
+            ignored: Sequence[str] = ...) -> Optional[RayHit]:
+        """ray(origin, direction, *, max_distance=inf [m], ignored=())
+
+        The first body that a ray hits, world frame; None without one. A dict of body, distance
+        [m], point [m], normal, inside. The direction may have any length > 0. Every body with a
+        shape is seen, with no_collision too, but those named in ignored. A ray that starts inside
+        a body hits it at distance 0, with inside=True and a normal against the ray."""
+    def closest_points(self, body_a: str, body_b: str) -> ClosestPoints:
+        """Closest points of two bodies, world frame: a dict of distance [m], point_a and point_b
+        on their surfaces [m], and normal, unit, from B to A. The distance of bodies that overlap
+        is negative: the least translation that separates them."""
+    def bodies_in(self, min: Vector, max: Vector) -> List[str]:
+        """bodies_in(min, max)
+
+        Names of the bodies whose bounding boxes along the world's axes share a point with the box
+        between two corners [m], in the order of adding. A plane is the half-space below it."""
     def islands(self) -> List[Island]:
         """Islands with method, reason and cost, as of the last step; before the first as it
         begins."""

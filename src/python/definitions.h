@@ -22,6 +22,7 @@ void define_verify(py::module* module);  ///< VerifyReport and verify()
 void make_by_call_alone(py::handle type);
 
 using WorldClass = py::class_<SharedWorld>;
+void define_geometry(WorldClass* world);
 void define_joints(WorldClass* world);
 void define_robots(WorldClass* world);
 void define_verify(WorldClass* world);

@@ -376,6 +376,7 @@ void define_world(py::module* module) {
   define_bodies(&world);
   define_states(&world);
   define_arrays(&world);
+  define_geometry(&world);
   define_joints(&world);
   define_robots(&world);
   define_wrenches(&world);

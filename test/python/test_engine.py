@@ -789,6 +789,67 @@ def test_robots_of_urdfs():
         world.add_urdf(text)
 
 
+def test_rays():
+    """A ray at the height b above the middle of a ball of radius r hits it √(r² − b²) before the middle."""
+    world = engine.World()
+    world.add_body('floor', type='static', shape=engine.Plane())
+    world.add_body('ball', shape=engine.Sphere(0.5), mass=1.0, position=(3, 0, 1))
+    world.add_body('ghost', shape=engine.Box((1, 1, 1)), mass=1.0, position=(6, 0, 1), no_collision=True)
+    before = world.state_hash
+    hit = world.ray((0, 0, 1.3), (10, 0, 0))
+    assert hit['body'] == 'ball' and hit['inside'] is False
+    assert hit['distance'] == pytest.approx(2.6, abs=1e-14) and hit['point'] == pytest.approx((2.6, 0, 1.3), abs=1e-14)
+    assert hit['normal'] == pytest.approx((-0.8, 0, 0.6), abs=1e-14)
+    assert world.ray(np.array([0, 0, 1.0]), [1, 0, 0], ignored=['ball'])['body'] == 'ghost'
+    assert world.ray((0, 0, 1), (1, 0, 0), max_distance=2.4) is None
+    assert world.ray((0, 0, 1), (1, 0, 0), ignored=('ball', 'ghost')) is None
+    inside = world.ray(origin=(3, 0, 1), direction=(0, 0, -3))
+    assert inside == {'body': 'ball', 'distance': 0.0, 'point': (3, 0, 1), 'normal': (0, 0, 1), 'inside': True}
+    assert world.state_hash == before
+    for arguments, why in ((dict(direction=(0, 0, 0)), r'direction: must not be \(0, 0, 0\)'),
+                           (dict(origin=(0, math.nan, 0)), 'origin: must be finite'),
+                           (dict(origin=(0, 0)), 'origin: must be 3 numbers'),
+                           (dict(max_distance=0), 'max_distance: must be a number > 0'),
+                           (dict(ignored='ball'), 'ignored: must be a list of names'),
+                           (dict(ignored=[3]), 'ignored: must be a list of names'),
+                           (dict(ignored=['nobody']), "'nobody'")):
+        with pytest.raises(ValueError, match=why):
+            world.ray(**{'origin': (0, 0, 1), 'direction': (1, 0, 0), **arguments})
+    with pytest.raises(TypeError, match="no argument 'ignore'"):
+        world.ray((0, 0, 1), (1, 0, 0), ignore=['ball'])
+
+
+def test_closest_points():
+    world = engine.World()
+    world.add_body('floor', type='static', shape=engine.Plane())
+    world.add_body('ball', shape=engine.Sphere(0.5), mass=1.0, position=(3, 0, 2))
+    world.add_body('box', shape=engine.Box((2, 2, 2)), mass=1.0, position=(0, 0, 2))
+    found = world.closest_points('ball', 'box')
+    assert found == {'distance': 1.5, 'point_a': (2.5, 0, 2), 'point_b': (1, 0, 2), 'normal': (1, 0, 0)}
+    assert world.closest_points('box', 'floor')['distance'] == 1.0
+    world.set_state('ball', position=(1.25, 0, 2))
+    assert world.closest_points(body_a='ball', body_b='box')['distance'] == pytest.approx(-0.25, abs=1e-15)
+    for names, why in ((('ball', 'ball'), 'body_b: must not be body_a'), (('ball', 'nobody'), "'nobody'"),
+                       (('world', 'ball'), 'body_a: the world itself has no shape')):
+        with pytest.raises(ValueError, match=why):
+            world.closest_points(*names)
+
+
+def test_bodies_in_a_region():
+    world = engine.World()
+    world.add_body('floor', type='static', shape=engine.Plane())
+    world.add_body('ball', shape=engine.Sphere(0.5), mass=1.0, position=(3, 0, 1))
+    world.add_body('mark', mass=1.0, position=(0, 0, 2))
+    assert world.bodies_in((-9, -9, -9), (9, 9, 9)) == ['floor', 'ball', 'mark']
+    assert world.bodies_in([3.5, 0, 1], [4, 1, 2]) == ['ball']
+    assert world.bodies_in(np.array([3.6, 0, 1]), max=(4, 1, 2)) == []
+    for corners, why in ((((0, 0, 0), (0, 0)), 'max: must be 3 numbers'),
+                         (((0, math.inf, 0), (1, 1, 1)), 'min: must be finite'),
+                         (((0, 0, 0), (1, -1, 1)), 'max: must be at least min')):
+        with pytest.raises(ValueError, match=why):
+            world.bodies_in(*corners)
+
+
 def test_stubs_name_what_there_is():
     """engine.pyi has every class, method, property and function of the module, and no others."""
     stubs = ast.parse((SOURCES / 'python/constraint_sim/engine.pyi').read_text())
@@ -832,6 +893,9 @@ def test_typed_dicts_of_the_stubs_have_the_keys_there_are():
     world.add_joint('taut', body_a='world', body_b='bob', break_force=1e-3)
     world.step()
     assert keys['Event'] == set(world.events()[0])
+    assert keys['RayHit'] == set(world.ray(world.positions[0], (1, 0, 0)))
+    world.add_body('other', shape=engine.Sphere(0.1), mass=1.0)
+    assert keys['ClosestPoints'] == set(world.closest_points('bob', 'other'))
 
 
 def test_python_knows_every_key_of_a_scene():

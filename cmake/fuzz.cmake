@@ -27,7 +27,7 @@ if(CONSTRAINT_SIM_ROS)
   # Files of the node that need no master. All files of the node would take several minutes to compile.
   set(fuzzed_node_sources)
   foreach(name IN ITEMS actuator_efforts body_messages command_changes constraint_messages constraint_state conversions edits
-      frame_follower frames laws marker_set parameters poll_pause robots scenes snapshots)
+      frame_follower frames geometry_queries laws marker_set parameters poll_pause robots scenes snapshots)
     list(APPEND fuzzed_node_sources src/ros/${name}.cpp)
   endforeach()
   if(dynamic_reconfigure_FOUND)

@@ -9,6 +9,7 @@
 #include "ros/answer.h"
 #include "ros/conversions.h"
 #include "ros/edits.h"
+#include "ros/geometry_queries.h"
 #include "ros/scenes.h"
 #include "ros/time_conversions.h"
 #include "sim/errors.h"
@@ -30,6 +31,9 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
     advertise_on(handles.edits, name, handler);
   };
   advertise_on(handles.queries, "get_body_state", &Services::get_body_state);
+  advertise_on(handles.queries, "cast_ray", &Services::cast_ray);
+  advertise_on(handles.queries, "closest_points", &Services::closest_points);
+  advertise_on(handles.queries, "bodies_in", &Services::bodies_in);
   visit_edits([&](const char* name, auto* service) {
     using Service = std::remove_pointer_t<decltype(service)>;
     servers_.push_back(guarded_service<typename Service::Request, typename Service::Response>(
@@ -111,12 +115,42 @@ bool Services::get_body_state(GetBodyStateRequest& request, GetBodyStateResponse
       const engine::BodyId frame = find_body(world, "reference_frame", request.reference_frame);
       response.state =
           to_msg(world.body(body).name, relative_to(world.state(frame), world.state(body)));
-      response.header.frame_id = frame == engine::kWorldBody
-                                     ? parameters_.world_frame
-                                     : parameters_.frame_prefix + request.reference_frame;
-      response.header.stamp = publishers_.stamp(world);
+      response.header = header_in(world, request.reference_frame);
     });
   });
+}
+
+bool Services::cast_ray(CastRayRequest& request, CastRayResponse& response) {
+  return answer(response, [&] {
+    stepper_.inspect([&](const World& world) {
+      constraint_sim::cast_ray(world, request, &response);
+      response.header = header_in(world, request.reference_frame);
+    });
+  });
+}
+
+bool Services::closest_points(ClosestPointsRequest& request, ClosestPointsResponse& response) {
+  return answer(response, [&] {
+    stepper_.inspect([&](const World& world) {
+      constraint_sim::closest_points(world, request, &response);
+      response.header = header_in(world, "world");
+    });
+  });
+}
+
+bool Services::bodies_in(BodiesInRequest& request, BodiesInResponse& response) {
+  return answer(response, [&] {
+    stepper_.inspect(
+        [&](const World& world) { constraint_sim::bodies_in(world, request, &response); });
+  });
+}
+
+std_msgs::Header Services::header_in(const World& world, const std::string& reference_frame) const {
+  const bool is_world = reference_frame.empty() || reference_frame == "world";
+  std_msgs::Header header;
+  header.frame_id = is_world ? parameters_.world_frame : parameters_.frame_prefix + reference_frame;
+  header.stamp = publishers_.stamp(world);
+  return header;
 }
 
 bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response) {

@@ -1,6 +1,9 @@
 #pragma once
 
 #include <constraint_sim/ApplyEdits.h>
+#include <constraint_sim/BodiesIn.h>
+#include <constraint_sim/CastRay.h>
+#include <constraint_sim/ClosestPoints.h>
 #include <constraint_sim/GetBodyState.h>
 #include <constraint_sim/GetWorldProperties.h>
 #include <constraint_sim/ListScenes.h>
@@ -11,6 +14,7 @@
 #include <constraint_sim/Step.h>
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
+#include <std_msgs/Header.h>
 #include <std_srvs/Empty.h>
 
 #include <string>
@@ -61,6 +65,11 @@ class Services {
   bool list_scenes(ListScenesRequest& request, ListScenesResponse& response);
   void set_motor_bias(const MotorBias& message, const SharedGuard& guard);
   bool get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response);
+  bool cast_ray(CastRayRequest& request, CastRayResponse& response);
+  bool closest_points(ClosestPointsRequest& request, ClosestPointsResponse& response);
+  bool bodies_in(BodiesInRequest& request, BodiesInResponse& response);
+  /// Returns the header of an answer in the frame of a body.
+  std_msgs::Header header_in(const World& world, const std::string& reference_frame) const;
   bool load_scene(LoadSceneRequest& request, LoadSceneResponse& response);
   void tell_scene(const std::string& path);
   bool save_scene(SaveSceneRequest& request, SaveSceneResponse& response);

@@ -168,6 +168,12 @@ void add_runs(std::vector<Kind>* kinds) {
   add(kinds, std::vector<dynamic_reconfigure::ReconfigureRequest>{options},
       [](Node& node, const auto& request) { node.set_parameters(request.config); });
 #endif
+  add(kinds, samples_of<CastRay>(),
+      [](Node& node, const auto& request) { node.cast_ray(request); });
+  add(kinds, samples_of<ClosestPoints>(),
+      [](Node& node, const auto& request) { node.closest_points(request); });
+  add(kinds, samples_of<BodiesIn>(),
+      [](Node& node, const auto& request) { node.bodies_in(request); });
 }
 
 const std::vector<Kind>& kinds() {

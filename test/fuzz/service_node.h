@@ -3,6 +3,9 @@
 // The node without its master: the node's own conversions and edits, called on one thread. Queues,
 // threads and files of the node are left out.
 
+#include <constraint_sim/BodiesIn.h>
+#include <constraint_sim/CastRay.h>
+#include <constraint_sim/ClosestPoints.h>
 #include <constraint_sim/EditRecord.h>
 #include <constraint_sim/GetBodyState.h>
 #include <constraint_sim/LoadScene.h>
@@ -34,6 +37,7 @@
 #include "ros/conversions.h"
 #include "ros/edits.h"
 #include "ros/frame_follower.h"
+#include "ros/geometry_queries.h"
 #include "ros/robots.h"
 #include "ros/scenes.h"
 #include "ros/snapshots.h"
@@ -92,6 +96,9 @@ class ServiceNode {
   }
   void step(std::uint32_t steps);
   void get_body_state(const GetBodyStateRequest& request);
+  void cast_ray(const CastRayRequest& request);
+  void closest_points(const ClosestPointsRequest& request);
+  void bodies_in(const BodiesInRequest& request);
   void load_scene(const LoadSceneRequest& request);
   void save_scene();
   void load_urdf(const LoadUrdfRequest& request);
@@ -260,6 +267,30 @@ inline void ServiceNode::get_body_state(const GetBodyStateRequest& request) {
     const engine::BodyId body = find_own_body(world, "name", request.name);
     const engine::BodyId frame = find_body(world, "reference_frame", request.reference_frame);
     serialized(to_msg(world.body(body).name, relative_to(world.state(frame), world.state(body))));
+  });
+}
+
+inline void ServiceNode::cast_ray(const CastRayRequest& request) {
+  attempt([&](engine::World& world) {
+    CastRayResponse response;
+    constraint_sim::cast_ray(world, request, &response);
+    serialized(response);
+  });
+}
+
+inline void ServiceNode::closest_points(const ClosestPointsRequest& request) {
+  attempt([&](engine::World& world) {
+    ClosestPointsResponse response;
+    constraint_sim::closest_points(world, request, &response);
+    serialized(response);
+  });
+}
+
+inline void ServiceNode::bodies_in(const BodiesInRequest& request) {
+  attempt([&](engine::World& world) {
+    BodiesInResponse response;
+    constraint_sim::bodies_in(world, request, &response);
+    serialized(response);
   });
 }
 

@@ -3,6 +3,9 @@
 // Valid requests and messages, with names of the scene in service_node.h. The mutator starts from
 // their bytes.
 
+#include <constraint_sim/BodiesIn.h>
+#include <constraint_sim/CastRay.h>
+#include <constraint_sim/ClosestPoints.h>
 #include <constraint_sim/EditRecord.h>
 #include <constraint_sim/GetBodyState.h>
 #include <constraint_sim/LoadScene.h>
@@ -222,6 +225,30 @@ inline std::vector<GetBodyStateRequest> samples(GetBodyState*) {
   GetBodyStateRequest request;
   request.name = "bob";
   request.reference_frame = "arm";
+  return {request};
+}
+
+inline std::vector<CastRayRequest> samples(CastRay*) {
+  CastRayRequest request;
+  request.origin.x = 5.0;
+  request.direction.x = -1.0;
+  request.max_distance = 20.0;
+  request.reference_frame = "arm";
+  request.ignored = {"bob"};
+  return {request};
+}
+
+inline std::vector<ClosestPointsRequest> samples(ClosestPoints*) {
+  ClosestPointsRequest request;
+  request.body_a = "bob";
+  request.body_b = "arm";
+  return {request};
+}
+
+inline std::vector<BodiesInRequest> samples(BodiesIn*) {
+  BodiesInRequest request;
+  request.min = point(-1.0, -1.0, -1.0);
+  request.max = point(1.0, 1.0, 1.0);
   return {request};
 }
 

@@ -94,6 +94,61 @@ class States(support.ServiceCase):
         self.near(xyz(found.twist.linear) + xyz(found.twist.angular),
                   [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
 
+    def test_a_ray_hits_the_first_body(self):
+        """A ball of 0.1 m at (1, 3, 0), before a box at y = 4."""
+        self.add_turning_frame()
+        self.good("add_body", body=sphere("ball", 1, 3, 0))
+        wall = sphere("wall", 1, 5, 0, shapes=[Shape(type=Shape.BOX, dimensions=[2, 2, 2])], no_collision=True)
+        self.good("add_body", body=wall)
+        along_y = dict(origin=Point(1, 0.5, 0), direction=Vector3(0, 2, 0))
+        ball = self.good("cast_ray", **along_y)
+        self.assertEqual((ball.hit, ball.body, ball.inside, ball.header.frame_id), (True, "ball", False, "world"))
+        self.near([ball.distance] + xyz(ball.point) + xyz(ball.normal), [2.4, 1, 2.9, 0, 0, -1, 0])
+        behind = self.good("cast_ray", ignored=["ball"], **along_y)
+        self.assertEqual(behind.body, "wall")
+        self.near([behind.distance] + xyz(behind.normal), [3.5, 0, -1, 0])
+        nothing = self.good("cast_ray", max_distance=2.3, **along_y)
+        self.assertEqual((nothing.hit, nothing.body, nothing.distance), (False, "", 0.0))
+        # world y is the x axis of the frame, whose origin is at (1, 0, 0) inside a ball
+        found = self.good("cast_ray", origin=Point(0.5, 0, 0), direction=Vector3(1, 0, 0), reference_frame="frame")
+        self.assertEqual((found.body, found.header.frame_id), ("ball", "frame"))
+        self.near([found.distance] + xyz(found.point) + xyz(found.normal), [2.4, 2.9, 0, 0, -1, 0, 0])
+        inside = self.good("cast_ray", origin=Point(1, 3, 0.01), direction=Vector3(0, 0, 5))
+        self.assertEqual((inside.inside, inside.distance, xyz(inside.normal)), (True, 0.0, [0, 0, -1]))
+
+    def test_rays_refuse_bad_input(self):
+        self.good("add_body", body=sphere("b"))
+        ahead = dict(direction=Vector3(1, 0, 0))
+        self.bad(["direction", "(0, 0, 0)"], "cast_ray")
+        self.bad(["max_distance", "-1"], "cast_ray", max_distance=-1.0, **ahead)
+        self.bad(["reference_frame", "nobody"], "cast_ray", reference_frame="nobody", **ahead)
+        self.bad(["ignored[1]", "nobody"], "cast_ray", ignored=["b", "nobody"], **ahead)
+        self.bad(["max_distance", "nan"], "cast_ray", max_distance=math.nan, **ahead)
+        for value in NOT_FINITE:
+            self.bad(["origin"], "cast_ray", origin=Point(0, value, 0), **ahead)
+            self.bad(["direction"], "cast_ray", direction=Vector3(0, value, 0))
+
+    def test_closest_points_by_service(self):
+        self.good("add_body", body=sphere("left", 1, 0, 0))
+        self.good("add_body", body=sphere("right", 1, 2, 0))
+        found = self.good("closest_points", body_a="left", body_b="right")
+        self.assertEqual(found.header.frame_id, "world")
+        self.near([found.distance] + xyz(found.point_a) + xyz(found.point_b) + xyz(found.normal),
+                  [1.8, 1, 0.1, 0, 1, 1.9, 0, 0, -1, 0])
+        self.bad(["body_b", "left"], "closest_points", body_a="left", body_b="left")
+        self.bad(["body_a", "world"], "closest_points", body_a="world", body_b="left")
+        self.bad(["body_b", "nobody"], "closest_points", body_a="left", body_b="nobody")
+
+    def test_bodies_in_a_region(self):
+        self.good("add_body", body=sphere("near", 1, 0, 0))
+        self.good("add_body", body=sphere("far", 9, 0, 0))
+        found = lambda *corners: self.good("bodies_in", min=Point(*corners[:3]), max=Point(*corners[3:])).bodies
+        self.assertEqual(found(-1, -1, -1, 10, 1, 1), ["near", "far"])
+        self.assertEqual(found(1.09, 0, 0, 2, 1, 1), ["near"])
+        self.assertEqual(found(1.11, 0, 0, 2, 1, 1), [])
+        self.bad(["max", "must be at least min"], "bodies_in", min=Point(1, 0, 0))
+        self.bad(["min", "nan"], "bodies_in", min=Point(math.nan, 0, 0))
+
     def test_states_refuse_bad_input(self):
         self.good("add_body", body=sphere("b"))
         for name in ("", "world", "nobody"):

@@ -164,7 +164,8 @@ BuiltRobot build_described(const Description& description, RobotOptions options)
 Robot add(const BuiltRobot& built, const Description& description, const std::string& prefix,
           Robots* robots, World* world) {
   Robot robot = add_robot(built, world);
-  robots->add(robot, {description.urdf, description.folder()}, prefix, *world);
+  const std::string& urdf = built.urdf.empty() ? description.urdf : built.urdf;
+  robots->add(robot, {urdf, description.folder()}, prefix, *world);
   return robot;
 }
 

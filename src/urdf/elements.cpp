@@ -29,10 +29,33 @@ constexpr std::array<ReadElements, 6> kRead{{
     {"robot/link/collision", " origin geometry "},
 }};
 
-bool is_element_read(const std::string& parent, const std::string& name) {
-  const auto found = std::find_if(kRead.begin(), kRead.end(),
+/// Elements of SDF, by the name of their parent. Those that only viewers use count as read.
+constexpr std::array<ReadElements, 15> kReadOfSdf{{
+    {"sdf", " world model "},
+    {"world", " model "},
+    {"model", " static pose link joint frame model self_collide allow_auto_disable enable_wind "},
+    {"link", " pose inertial visual collision gravity self_collide kinematic enable_wind "},
+    {"inertial", " pose mass inertia "},
+    {"joint",
+     " parent child pose axis axis2 thread_pitch screw_thread_pitch gearbox_ratio "
+     "gearbox_reference_body "},
+    {"limit", " lower upper effort velocity "},
+    {"visual", " pose geometry material transparency cast_shadows laser_retro visibility_flags "},
+    {"material", " ambient diffuse specular emissive "},
+    {"mesh", " uri scale "},
+    {"collision", " pose geometry surface laser_retro max_contacts "},
+    {"surface", " friction bounce "},
+    {"friction", " ode bullet "},
+    {"ode", " mu mu2 "},
+    {"bounce", " restitution_coefficient threshold "},
+}};
+
+template <std::size_t size>
+bool is_element_in(const std::array<ReadElements, size>& table, const std::string& parent,
+                   const std::string& name) {
+  const auto found = std::find_if(table.begin(), table.end(),
                                   [&](const ReadElements& read) { return parent == read.parent; });
-  return found == kRead.end() ||
+  return found == table.end() ||
          std::string(found->children).find(" " + name + " ") != std::string::npos;
 }
 
@@ -78,6 +101,12 @@ std::string parent_path(const std::vector<std::string>& open) {
   return path;
 }
 
+/// `open`: the elements around the element, from the root.
+bool is_element_read(const std::vector<std::string>& open, const std::string& name) {
+  if (open.front() == "sdf") return is_element_in(kReadOfSdf, open.back(), name);
+  return is_element_in(kRead, parent_path(open), name);
+}
+
 }  // namespace
 
 void check_root_element(const std::string& urdf) {
@@ -85,11 +114,11 @@ void check_root_element(const std::string& urdf) {
   while (tags.next() && tags.kind() == XmlTags::Kind::kDeclaration) {
   }
   const std::string root = tags.place() < urdf.size() ? tags.name() : "";
-  const std::string expected = "a URDF is XML and begins with <robot>";
+  const std::string expected = "a URDF is XML and begins with <robot>, an SDF with <sdf>";
   if (root.empty()) refuse("the text has no element of XML; " + expected);
   const std::string begins = "the text begins with <" + shortened(root) + ">";
-  if (root == "sdf" || root == "gazebo" || root == "world" || root == "model")
-    refuse(begins + ", which is SDF, and SDF is not read; " + expected);
+  if (root == "gazebo" || root == "world" || root == "model")
+    refuse(begins + ", which is SDF without its first element <sdf>; " + expected);
   if (root == "mujoco" || root == "mujocoinclude")
     refuse(begins + ", which is MJCF of MuJoCo, and MJCF is not read; " + expected);
 }
@@ -108,7 +137,7 @@ std::string unread_elements(const std::string& urdf) {
       continue;
     }
     const std::string name = tags.name();
-    if (unread_depth == 0 && !open.empty() && !is_element_read(parent_path(open), name)) {
+    if (unread_depth == 0 && !open.empty() && !is_element_read(open, name)) {
       const auto begin = static_cast<std::ptrdiff_t>(std::exchange(counted, tags.place()));
       const auto end = static_cast<std::ptrdiff_t>(counted);
       line += static_cast<std::size_t>(std::count(urdf.begin() + begin, urdf.begin() + end, '\n'));

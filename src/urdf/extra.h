@@ -19,10 +19,17 @@ struct LinkProperties {
   bool no_collision = false;
 };
 
+/// Spring of a joint, which an SDF may have.
+struct JointSpring {
+  double stiffness = 0.0;  ///< [N/m or N m/rad]
+  double rest = 0.0;       ///< position where the spring has no force [m or rad]
+};
+
 /// Extra YAML beside a URDF (docs/robots.md). Names are those of the URDF, without prefix.
 struct RobotExtra {
   std::map<std::string, double> positions;            ///< initial positions of joints [m or rad]
   std::map<std::string, engine::YamlElement> motors;  ///< by joint
+  std::map<std::string, JointSpring> springs;         ///< by joint; of an SDF, not of the YAML
   double gravity_compensation = 0.0;                  ///< of all links, as of engine::Body
   bool hold = false;  ///< joints with an effort, and without a motor, hold their positions
   std::map<std::string, LinkProperties> links;

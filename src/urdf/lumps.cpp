@@ -6,6 +6,7 @@
 
 #include "sim/words.h"
 #include "urdf/parse.h"
+#include "urdf/sdf_model.h"
 
 namespace constraint_sim {
 namespace {
@@ -58,9 +59,12 @@ std::optional<engine::Shape> shape_of(const urdf::Geometry& geometry) {
     case urdf::Geometry::SPHERE:
       return engine::Sphere{static_cast<const urdf::Sphere&>(geometry).radius};
     case urdf::Geometry::BOX:
+      if (dynamic_cast<const PlaneGeometry*>(&geometry) != nullptr) return engine::Plane{};
       return engine::Box{to_eigen(static_cast<const urdf::Box&>(geometry).dim)};
     case urdf::Geometry::CYLINDER: {
       const auto& cylinder = static_cast<const urdf::Cylinder&>(geometry);
+      if (dynamic_cast<const CapsuleGeometry*>(&geometry) != nullptr)
+        return engine::Capsule{cylinder.radius, cylinder.length};
       return engine::Cylinder{cylinder.radius, cylinder.length};
     }
     default:
@@ -104,7 +108,9 @@ class Walk {
   void begin(const urdf::Link& link, const urdf::JointConstSharedPtr& joint, std::size_t group) {
     const std::size_t lump = lumps_.list.size();
     lumps_.list.emplace_back();
-    lumps_.list[lump].link = link.name;
+    const bool is_joint_frame =
+        joint && link.name == joint_frame_link(joint->name) && link.child_links.size() == 1;
+    lumps_.list[lump].link = is_joint_frame ? link.child_links.front()->name : link.name;
     lumps_.list[lump].joint = joint;
     lumps_.list[lump].group = group;
     add(link, {lump, Isometry3d::Identity()}, shapes_of(link, meshes_, &lumps_.warnings));

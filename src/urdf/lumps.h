@@ -20,9 +20,13 @@ struct LumpShape {
   std::string link;  ///< link that the shape belongs to
 };
 
+/// Returns the name of the empty link that converted formats put in the frame of a joint. A lump
+/// that begins with this link has the name of the link behind it.
+inline std::string joint_frame_link(const std::string& joint) { return joint + "/frame"; }
+
 /// Links that fixed joints unite to one body. The lump's frame is that of its first link.
 struct Lump {
-  std::string link;                 ///< name of the first link
+  std::string link;                 ///< name of the first link that is no joint_frame_link()
   urdf::JointConstSharedPtr joint;  ///< joint to the parent lump; none for the root
   std::vector<std::string> links;   ///< all links, depth first
   /// Index of the first lump that fixed joints connect to this one; its own index without such.

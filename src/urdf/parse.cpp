@@ -110,12 +110,10 @@ class ParserErrors : public console_bridge::OutputHandler {
 };
 
 urdf::ModelInterfaceSharedPtr parse(const std::string& text) {
-  static std::mutex one_at_a_time;  // the handler is global
-  const std::lock_guard<std::mutex> lock(one_at_a_time);
-  const ParserErrors errors;
-  urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
-  if (!model || !errors.text().empty())
-    refuse(errors.text().empty() ? "this is no robot description" : shortened(errors.text(), 400));
+  urdf::ModelInterfaceSharedPtr model;
+  const std::string errors = errors_logged_by([&] { model = urdf::parseURDF(text); });
+  if (!model || !errors.empty())
+    refuse(errors.empty() ? "this is no robot description" : shortened(errors, 400));
   return model;
 }
 
@@ -224,6 +222,14 @@ void replace_rotations(const std::string& text, const urdf::ModelInterface& mode
 }
 
 }  // namespace
+
+std::string errors_logged_by(const std::function<void()>& parser) {
+  static std::mutex one_at_a_time;  // the handler is global
+  const std::lock_guard<std::mutex> lock(one_at_a_time);
+  const ParserErrors errors;
+  parser();
+  return errors.text();
+}
 
 void refuse(const std::string& why) { throw std::invalid_argument("urdf: " + why); }
 

@@ -4,6 +4,7 @@
 #include <urdf_world/types.h>
 
 #include <Eigen/Geometry>
+#include <functional>
 #include <string>
 
 namespace constraint_sim {
@@ -12,6 +13,10 @@ namespace constraint_sim {
 /// is no URDF, a link with two parents or in a cycle, elements nested more than 64 deep, and more
 /// than 10 000 links.
 urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text);
+
+/// Calls a parser that logs to console_bridge, and returns the errors that it logs. One call at a
+/// time: the log is global.
+std::string errors_logged_by(const std::function<void()>& parser);
 
 /// Throws std::invalid_argument that says the URDF is refused, and why.
 [[noreturn]] void refuse(const std::string& why);

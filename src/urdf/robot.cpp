@@ -18,8 +18,11 @@
 #include "urdf/massless.h"
 #include "urdf/missing_inertias.h"
 #include "urdf/positions.h"
+#include "urdf/sdf.h"
+#include "urdf/sdf_text.h"
 #include "urdf/servo_gains.h"
 #include "urdf/servo_sag.h"
+#include "urdf/urdf_text.h"
 #include "urdf/xacro.h"
 
 namespace constraint_sim {
@@ -137,7 +140,7 @@ class Builder {
     add_extra_constraints();
     add_contact_exceptions();
     list_links();
-    return {std::move(robot_), std::move(given_bodies_), std::move(given_joints_)};
+    return {std::move(robot_), std::move(given_bodies_), std::move(given_joints_), ""};
   }
 
  private:
@@ -179,10 +182,13 @@ class Builder {
     engine::Body body;
     body.name = named(lump.link) + "/com";
     Isometry3d in_lump = Isometry3d::Identity();
-    if (lump.part_of.value_or(i) == 0 && is_root_fixed_)
+    if (lump.part_of.value_or(i) == 0 && is_root_fixed_) {
       body.type = engine::BodyType::kStatic;
-    else
+      const bool is_plane = lump.shape && std::holds_alternative<engine::Plane>(lump.shape->shape);
+      if (is_plane) in_lump = lump.shape->in_lump;  // a plane has no pose in its body
+    } else {
       in_lump = set_mass(lump, &body);
+    }
     set_shape(lump, in_lump, &body);
     set_properties(lump, &body);
     body.gravity_compensation = extra_.gravity_compensation;
@@ -325,6 +331,10 @@ class Builder {
     if (given.dynamics) {
       law.damping = given.dynamics->damping;
       law.friction = given.dynamics->friction;
+    }
+    if (const auto spring = extra_.springs.find(given.name); spring != extra_.springs.end()) {
+      law.stiffness = spring->second.stiffness;
+      law.rest = spring->second.rest;
     }
     const auto motor = extra_.motors.find(given.name);
     if (motor == extra_.motors.end()) {
@@ -531,6 +541,33 @@ void check_names(const BuiltRobot& built, const World& world) {
     if (world.has_joint(name)) refuse("there is already a constraint named " + in_quotes(name));
 }
 
+/// Parses a URDF that xacro has been run on.
+urdf::ModelInterfaceSharedPtr parse_expanded_urdf(const std::string& text,
+                                                  const RobotOptions& options,
+                                                  std::vector<std::string>* deviations) {
+  const XacroLeft xacro = find_xacro(text);
+  if (!xacro.content.empty())
+    refuse("xacro has not been run on this text, which has " + xacro.content.text() +
+           (options.how_to_expand.empty() ? "" : ": " + options.how_to_expand));
+  if (!xacro.definitions.empty())
+    deviations->push_back("definitions of xacro are left in the URDF and are not read: " +
+                          xacro.definitions.text());
+  return parse_urdf(text);
+}
+
+/// Parses an SDF, and sets the pose of the root link.
+urdf::ModelInterfaceSharedPtr parse_sdf(const std::string& text, RobotOptions* options,
+                                        RobotExtra* extra, std::vector<std::string>* deviations) {
+  if (reads_sdf()) check_sdf_text(text);
+  SdfRobot robot =
+      robot_of_sdf(read_sdf_model(text, options->folder), options->pose, options->fixed);
+  options->pose = robot.pose;
+  options->fixed = robot.is_fixed;
+  *extra = std::move(robot.extra);
+  *deviations = std::move(robot.warnings);
+  return robot.model;
+}
+
 /// Returns a sentence for each constraint that does not fit the links where they lie.
 std::vector<std::string> open_constraints(const Robot& robot, const World& world) {
   constexpr double kOpen = 1e-6;  // as for other constraints that are added [m]
@@ -546,19 +583,23 @@ std::vector<std::string> open_constraints(const Robot& robot, const World& world
 
 }  // namespace
 
-BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
-  engine::validate(options.pose);
-  if (!urdf.empty()) check_root_element(urdf);
-  const XacroLeft xacro = find_xacro(urdf);
-  if (!xacro.content.empty())
-    refuse("xacro has not been run on this text, which has " + xacro.content.text() +
-           (options.how_to_expand.empty() ? "" : ": " + options.how_to_expand));
-  const urdf::ModelInterfaceSharedPtr model = parse_urdf(urdf);
+BuiltRobot build_robot(const std::string& text, const RobotOptions& given) {
+  engine::validate(given.pose);
+  if (!text.empty()) check_root_element(text);
+  RobotOptions options = given;
+  RobotExtra sdf_extra;
+  std::vector<std::string> deviations;
+  const bool from_sdf = is_sdf(text);
+  const urdf::ModelInterfaceSharedPtr model =
+      from_sdf ? parse_sdf(text, &options, &sdf_extra, &deviations)
+               : parse_expanded_urdf(text, options, &deviations);
   check_world_link(*model, options);
   const std::vector<std::string> unknown_meshes =
       name_meshes(options.folder, options.mesh_exists, model.get());
   RobotExtra extra = read_extra(options.extra);
   check_extra(extra, *model);
+  add_sdf_extra(sdf_extra, &extra);
+  const std::string description = from_sdf ? urdf_text(*model) : "";
   const bool is_fixed = options.fixed || model->getRoot()->name == "world";
   MeshHulls meshes(options.mesh_path);
   const std::vector<std::string> inertias = fill_in_inertias(is_fixed, &meshes, model.get());
@@ -566,14 +607,13 @@ BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   BuiltRobot built =
       Builder(*model, options, std::move(extra), is_fixed || massless.is_root_fixed, &meshes)
           .build();
+  built.urdf = description;
   built.robot.fixed_joints = massless.fixed_joints;
-  for (const std::string& sentence : inertias) built.robot.warnings.push_back(sentence);
-  for (const std::string& sentence : massless.warnings) built.robot.warnings.push_back(sentence);
-  for (const std::string& sentence : unknown_meshes) built.robot.warnings.push_back(sentence);
-  if (!xacro.definitions.empty())
-    built.robot.warnings.push_back("definitions of xacro are left in the URDF and are not read: " +
-                                   xacro.definitions.text());
-  if (const std::string unread = unread_elements(urdf); !unread.empty())
+  const std::vector<std::string>* const all_sentences[] = {&inertias, &massless.warnings,
+                                                           &unknown_meshes, &deviations};
+  for (const auto* sentences : all_sentences)
+    built.robot.warnings.insert(built.robot.warnings.end(), sentences->begin(), sentences->end());
+  if (const std::string unread = unread_elements(text); !unread.empty())
     built.robot.warnings.push_back("elements that are not read: " + unread);
   return built;
 }
@@ -601,8 +641,8 @@ Robot add_robot(const BuiltRobot& built, World* world) {
   return robot;
 }
 
-Robot add_robot(const std::string& urdf, const RobotOptions& options, World* world) {
-  return add_robot(build_robot(urdf, options), world);
+Robot add_robot(const std::string& text, const RobotOptions& options, World* world) {
+  return add_robot(build_robot(text, options), world);
 }
 
 }  // namespace constraint_sim

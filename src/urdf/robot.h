@@ -64,16 +64,17 @@ struct BuiltRobot {
   Robot robot;                        ///< with ids of its own
   std::vector<engine::Body> bodies;   ///< the first body has id 1, as in an empty world
   std::vector<engine::Joint> joints;  ///< the first joint has id 0, as in an empty world
+  std::string urdf;  ///< URDF of a robot that was given in another format; empty: given as URDF
 };
 
-/// Builds the robot of a URDF. Throws std::invalid_argument.
-BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options);
+/// Builds the robot of a URDF, or of an SDF. Throws std::invalid_argument.
+BuiltRobot build_robot(const std::string& text, const RobotOptions& options);
 
 /// Adds a robot to a world, at a cost linear in its size. Throws std::invalid_argument where a name
 /// is taken, and leaves the world unchanged.
 Robot add_robot(const BuiltRobot& built, engine::World* world);
 
-/// Builds the robot of a URDF and adds it to a world. Throws std::invalid_argument.
-Robot add_robot(const std::string& urdf, const RobotOptions& options, engine::World* world);
+/// Builds the robot of a URDF, or of an SDF, and adds it to a world. Throws std::invalid_argument.
+Robot add_robot(const std::string& text, const RobotOptions& options, engine::World* world);
 
 }  // namespace constraint_sim

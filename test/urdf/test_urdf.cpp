@@ -14,6 +14,7 @@
 #include "urdf/meshes.h"
 #include "urdf/parse.h"
 #include "urdf/prefixed.h"
+#include "urdf/sdf_model.h"
 
 namespace constraint_sim {
 namespace {
@@ -765,9 +766,12 @@ TEST(Elements, ThatAreNotReadAreCounted) {
 TEST(Elements, OtherFormatsAreRecognised) {
   const std::pair<const char*, const char*> texts[] = {
       {"<?xml version='1.0'?>\n<!-- <robot/> --><sdf version='1.7'><model name='m'/></sdf>",
-       "urdf: the text begins with <sdf>, which is SDF, and SDF is not read; a URDF is XML and "
-       "begins with <robot>"},
-      {"<model name='m'><link name='${a}'/></model>", "<model>, which is SDF"},
+       reads_sdf() ? "urdf: libsdformat rejects the SDF: A model must have at least one link"
+                   : "built without libsdformat"},
+      {"<model name='m'><link name='${a}'/></model>",
+       "urdf: the text begins with <model>, which is SDF without its first element <sdf>; a URDF "
+       "is "
+       "XML and begins with <robot>, an SDF with <sdf>"},
       {"<mujoco model='m'><worldbody/></mujoco>", "<mujoco>, which is MJCF of MuJoCo"},
       {"<COLLADA/>", "urdf: "},
       {"bodies: [{name: a}]", "urdf: the text has no element of XML"},

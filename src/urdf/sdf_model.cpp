@@ -35,6 +35,7 @@ class SdfMessages {
     std::istringstream lines(text_.str());
     for (std::string line; std::getline(lines, line);) {
       const std::size_t place = line.find("Error ["), color = line.find("[0m");
+      if (line.find("parseURDF") != std::string::npos) continue;  // tried after SDF
       if (place != std::string::npos && color != std::string::npos) return line.substr(color + 3);
     }
     return "";

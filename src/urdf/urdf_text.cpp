@@ -48,7 +48,7 @@ Eigen::Vector3d rpy_of(const Eigen::Matrix3d& R) {
 }
 
 std::string origin_text(const urdf::Pose& pose) {
-  const Eigen::Isometry3d at = to_isometry(pose);
+  const Eigen::Isometry3d at = constraint_sim::to_isometry(pose);
   return "<origin xyz=\"" + xml_vector(at.translation()) + "\" rpy=\"" +
          xml_vector(rpy_of(at.linear())) + "\"/>";
 }

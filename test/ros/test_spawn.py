@@ -11,6 +11,7 @@ import numpy
 import rospkg
 import rospy
 import rostest
+from constraint_sim.msg import ConstraintStates
 from constraint_sim_client import Refused, Simulator
 
 import support
@@ -25,6 +26,15 @@ DOOR = ('<robot name="door"><link name="frame">%s</link><link name="leaf">%s</li
         '<joint name="hinge" type="revolute"><parent link="frame"/><child link="leaf"/>'
         '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
         '</robot>' % (MASS, MASS))
+# A bar of 1 m on two cranks of 0.5 m; the last joint closes the loop.
+FOUR_BAR = ('<sdf version="1.7"><model name="four_bar">%s%s%s%s%s%s%s</model></sdf>' % (
+    *('<link name="%s"><pose>%r 0 %r 0 0 0</pose><inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy>'
+      '<izz>1</izz></inertia></inertial><visual name="v"><geometry><sphere><radius>0.1</radius></sphere>'
+      '</geometry></visual></link>' % link for link in (("crank", 0, 2), ("rocker", 1, 2), ("coupler", 0, 1.5))),
+    *('<joint name="%s" type="revolute"><parent>%s</parent><child>%s</child><pose>%r 0 0 0 0 0</pose>'
+      '<axis><xyz>0 1 0</xyz></axis></joint>' % joint for joint in (
+          ("a", "world", "crank", 0), ("b", "crank", "coupler", 0), ("c", "world", "rocker", 0),
+          ("d", "rocker", "coupler", 1)))))
 
 
 def spawn(*words, **options):
@@ -143,6 +153,7 @@ class Spawn(unittest.TestCase):
                     (["already a body named 'frame/com'"], ["-param", "door"]),
                     (["'door2'", "arm gripper quadruped"], ["-urdf", "door2"]),
                     (["/tmp/no-door.urdf"], ["-urdf", "/tmp/no-door.urdf"]),
+                    (["/tmp/no-door.sdf"], ["-sdf", "-file", "/tmp/no-door.sdf"]),
                     (["no package 'nowhere'"], ["-urdf", "package://nowhere/door.urdf"]),
                     (["no package 'nowhere'"], ["-urdf", "package://nowhere/d.urdf", "-J", "a", "1"]),
                     (["no text in the parameter /nothing"], ["-param", "nothing"]),
@@ -154,10 +165,38 @@ class Spawn(unittest.TestCase):
                                 ("exactly one of", ["-urdf", "arm", "-param", "door"]),
                                 ("-x", ["-urdf", "arm", "-x", "nan"]),
                                 ("-J", ["-urdf", "arm", "-J", "elbow", "much"]),
-                                ("SDF is not read", ["-sdf", "-file", "a.sdf"]),
                                 ("-reference_frame", ["-urdf", "arm", "-reference_frame", "world"])):
                 self.rejected(2, [part], *words)
             self.rejected(1, ["/nobody/load_urdf"], "-urdf", "arm", "-node", "nobody", "-timeout", "0.5")
+
+    def test_an_sdf_with_a_loop(self):
+        path = os.path.join(self.folder, "four_bar.sdf")
+        with open(path, "w") as file:
+            file.write(FOUR_BAR)
+        rospy.set_param("/sdf", FOUR_BAR)
+        self.addCleanup(rospy.delete_param, "/sdf")
+        with running(node_command(paused=True)):
+            answer = call("load_urdf", text=FOUR_BAR)
+            if "built without libsdformat" in answer.status_message:
+                self.skipTest(answer.status_message)
+        bodies, joints = ["world/com", "crank/com", "coupler/com", "rocker/com"], list("abcd")
+        for robot in (path, "/sdf"):
+            with running(node_command(paused=True, robot=robot)):
+                self.assertEqual(sorted(properties().bodies), sorted(bodies))
+                self.assertEqual(properties().constraints, joints)
+                description = rospy.get_param(NODE + "/robots/four_bar/robot_description")
+                self.assertIn('<robot name="four_bar">', description)
+                self.assertIn('<joint name="a" type="continuous">', description)
+                self.assertNotIn('<joint name="d"', description)
+                for i, words in enumerate((["-sdf", path], ["-file", path, "-sdf"], ["-param", "sdf"])):
+                    prefix = "r%d/" % i
+                    self.assertEqual(sorted(self.added(*words, "-prefix", prefix, "-x", "3")),
+                                     sorted(prefix + body for body in bodies))
+                call("step", steps=100)
+                states = support.Listener(NODE + "/constraint_states", ConstraintStates).present().constraints
+                self.assertEqual(len(states), 16)
+                for state in states:
+                    self.assertLess(abs(state.error), 1e-9, state.name)  # rounding of the projection
 
     def test_it_waits_for_the_simulator(self):
         with running(["rosrun", "constraint_sim", "spawn", "-param", "door"]) as process:

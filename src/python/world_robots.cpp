@@ -100,7 +100,8 @@ void define_robots(WorldClass* world) {
       py::arg("orientation") = std::array<double, 4>{0.0, 0.0, 0.0, 1.0}, py::arg("fixed") = false,
       py::arg("extra") = "", py::arg("srdf") = "",
       "add_urdf(text, prefix='', position=(0, 0, 0) [m], orientation=(0, 0, 0, 1) x y z w, "
-      "fixed=False, extra='', srdf='')\n\nAdds the robot of a URDF or an SDF; `extra` is the YAML of "
+      "fixed=False, extra='', srdf='')\n\nAdds the robot of a URDF or an SDF; `extra` is the YAML "
+      "of "
       "docs/robots.md. Returns a dict of its name, the names of bodies and constraints, links by "
       "name with body, position [m] and orientation in the body, fixed_joints that move no mass, "
       "and warnings: all that deviates from the URDF. Raises ValueError and adds nothing where the "

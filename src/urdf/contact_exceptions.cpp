@@ -34,8 +34,9 @@ double depth(const engine::Body& a, const engine::Body& b) {
 class ExceptionSearch {
  public:
   ExceptionSearch(const Lumps& lumps, const std::vector<engine::Body>& bodies,
-                  const std::vector<engine::Joint>& joints)
-      : lumps_(lumps), bodies_(bodies) {
+                  const std::vector<engine::Joint>& joints,
+                  const std::map<std::string, std::size_t>& models)
+      : lumps_(lumps), bodies_(bodies), models_(models) {
     for (const engine::Joint& joint : joints) {
       const bool is_pair = !engine::couples_joints(joint.kind) && !joint.collide_connected;
       if (!is_pair || joint.body_a == engine::kWorldBody || joint.body_b == engine::kWorldBody)
@@ -78,6 +79,7 @@ class ExceptionSearch {
     std::size_t overlaps = 0;
     for (const auto& [first, second] : broadphase.find_pairs(proxies)) {
       const IndexPair pair{static_cast<std::size_t>(first), static_cast<std::size_t>(second)};
+      if (are_of_two_models(pair)) continue;
       if (is_excepted(pair) || !(depth(bodies_[pair.first], bodies_[pair.second]) > kTouching))
         continue;
       except(pair);
@@ -106,6 +108,11 @@ class ExceptionSearch {
     return !bodies_[i].no_collision && !std::holds_alternative<engine::Point>(bodies_[i].shape);
   }
 
+  bool are_of_two_models(const IndexPair& pair) const {
+    const auto first = models_.find(link(pair.first)), second = models_.find(link(pair.second));
+    return first != models_.end() && second != models_.end() && first->second != second->second;
+  }
+
   bool is_excepted(IndexPair pair) const {
     pair = std::minmax(pair.first, pair.second);
     return joined_.count(pair) > 0 || excepted_.count(pair) > 0;
@@ -123,6 +130,7 @@ class ExceptionSearch {
 
   const Lumps& lumps_;
   const std::vector<engine::Body>& bodies_;
+  const std::map<std::string, std::size_t>& models_;
   std::set<IndexPair> joined_, excepted_;
   std::vector<std::string> warnings_;
   bool left_out_ = false;  // more pairs than kMostPairs
@@ -132,8 +140,9 @@ class ExceptionSearch {
 
 ContactExceptions contact_exceptions(const Lumps& lumps, const std::vector<engine::Body>& bodies,
                                      const std::vector<engine::Joint>& joints,
-                                     const std::vector<LinkPair>& listed) {
-  ExceptionSearch search(lumps, bodies, joints);
+                                     const std::vector<LinkPair>& listed,
+                                     const std::map<std::string, std::size_t>& models) {
+  ExceptionSearch search(lumps, bodies, joints, models);
   search.add_neighbours();
   search.add_listed(listed);
   search.add_overlaps();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,10 +23,12 @@ struct ContactExceptions {
 
 /// Finds the exceptions of a robot whose bodies and joints have the ids of an empty world. Links on
 /// fixed joints count as one: a joint to one of them makes all of them neighbours. Excepted are
-/// neighbours, bodies that overlap in their present states, and the `listed` pairs of links.
+/// neighbours, bodies that overlap in their present states, and the `listed` pairs of links. Links
+/// of two different `models` may overlap and collide.
 ContactExceptions contact_exceptions(const Lumps& lumps, const std::vector<engine::Body>& bodies,
                                      const std::vector<engine::Joint>& joints,
-                                     const std::vector<LinkPair>& listed);
+                                     const std::vector<LinkPair>& listed,
+                                     const std::map<std::string, std::size_t>& models);
 
 /// Returns the joint that keeps two bodies from colliding and holds nothing: a free distance. Its
 /// name is `<prefix>no_contact/<link>/<link>`.

@@ -30,7 +30,7 @@ constexpr std::array<ReadElements, 6> kRead{{
 }};
 
 /// Elements of SDF, by the name of their parent. Those that only viewers use count as read.
-constexpr std::array<ReadElements, 15> kReadOfSdf{{
+constexpr std::array<ReadElements, 18> kReadOfSdf{{
     {"sdf", " world model "},
     {"world", " model "},
     {"model", " static pose link joint frame model self_collide allow_auto_disable enable_wind "},
@@ -39,6 +39,9 @@ constexpr std::array<ReadElements, 15> kReadOfSdf{{
     {"joint",
      " parent child pose axis axis2 thread_pitch screw_thread_pitch gearbox_ratio "
      "gearbox_reference_body "},
+    {"axis", " xyz dynamics limit use_parent_model_frame "},
+    {"axis2", " xyz dynamics limit use_parent_model_frame "},
+    {"dynamics", " damping friction spring_reference spring_stiffness "},
     {"limit", " lower upper effort velocity "},
     {"visual", " pose geometry material transparency cast_shadows laser_retro visibility_flags "},
     {"material", " ambient diffuse specular emissive "},

@@ -2,8 +2,10 @@
 
 #include <urdf_model/model.h>
 
+#include <cstddef>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,7 +32,9 @@ struct RobotExtra {
   std::map<std::string, double> positions;            ///< initial positions of joints [m or rad]
   std::map<std::string, engine::YamlElement> motors;  ///< by joint
   std::map<std::string, JointSpring> springs;         ///< by joint; of an SDF, not of the YAML
-  double gravity_compensation = 0.0;                  ///< of all links, as of engine::Body
+  std::set<std::string> static_links;         ///< links that do not move beside the root; of an SDF
+  std::map<std::string, std::size_t> models;  ///< model of each link; of an SDF with several models
+  double gravity_compensation = 0.0;          ///< of all links, as of engine::Body
   bool hold = false;  ///< joints with an effort, and without a motor, hold their positions
   std::map<std::string, LinkProperties> links;
   std::vector<engine::YamlElement> constraints;  ///< constraints between links, as in scenes

@@ -72,6 +72,7 @@ class MassTree {
            MeshHulls* meshes)
       : lumps_(lump_links(model, meshes)),
         is_fixed_(is_fixed),
+        static_links_(extra.static_links),
         children_(size()),
         kept_(size(), 0) {
     const std::set<std::string> named = names_in(extra.constraints);
@@ -88,7 +89,7 @@ class MassTree {
       if (i > 0) children_[parents_[i]].push_back(i);
     }
     for (std::size_t i = size(); i-- > 0;) {
-      if (has_mass_[i] != 0 || named_[i] != 0) kept_[i] = 1;
+      if (has_mass_[i] != 0 || named_[i] != 0 || is_static(i)) kept_[i] = 1;
       if (kept_[i] != 0 && i > 0) kept_[parents_[i]] = 1;
     }
   }
@@ -99,7 +100,9 @@ class MassTree {
   const std::vector<std::size_t>& children(std::size_t i) const { return children_[i]; }
   const Isometry3d& place(const std::string& link) const { return lumps_.places.at(link).in_lump; }
 
-  bool is_static(std::size_t i) const { return i == 0 && is_fixed_; }
+  bool is_static(std::size_t i) const {
+    return (i == 0 && is_fixed_) || static_links_.count(lump(i).link) > 0;
+  }
   bool is_named(std::size_t i) const { return named_[i] != 0; }
   /// Returns whether the body, or one behind it, has a mass or ends a constraint.
   bool is_kept(std::size_t i) const { return kept_[i] != 0; }
@@ -120,6 +123,7 @@ class MassTree {
  private:
   Lumps lumps_;
   bool is_fixed_;
+  std::set<std::string> static_links_;
   std::vector<std::vector<std::size_t>> children_;
   std::vector<char> kept_, named_, has_mass_;
   std::vector<std::size_t> parents_;

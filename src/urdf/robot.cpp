@@ -177,12 +177,17 @@ class Builder {
 
   // ---- bodies
 
+  bool is_static(std::size_t i) const {
+    const std::size_t whole = lumps_.list[i].part_of.value_or(i);
+    return (whole == 0 && is_root_fixed_) || extra_.static_links.count(lumps_.list[whole].link) > 0;
+  }
+
   void add_body(std::size_t i) {
     const Lump& lump = lumps_.list[i];
     engine::Body body;
     body.name = named(lump.link) + "/com";
     Isometry3d in_lump = Isometry3d::Identity();
-    if (lump.part_of.value_or(i) == 0 && is_root_fixed_) {
+    if (is_static(i)) {
       body.type = engine::BodyType::kStatic;
       const bool is_plane = lump.shape && std::holds_alternative<engine::Plane>(lump.shape->shape);
       if (is_plane) in_lump = lump.shape->in_lump;  // a plane has no pose in its body
@@ -302,7 +307,7 @@ class Builder {
   // Welds a body that carries a further shape to the body that it is a part of.
   void add_weld_of_part(std::size_t i) {
     const Lump& part = lumps_.list[i];
-    if (!part.part_of || (*part.part_of == 0 && is_root_fixed_)) return;
+    if (!part.part_of || is_static(i)) return;
     const std::size_t whole = *part.part_of;
     engine::Joint weld;
     weld.name = named(part.link);
@@ -476,7 +481,7 @@ class Builder {
   // Adds a joint for each pair of bodies that do not collide.
   void add_contact_exceptions() {
     const ContactExceptions exceptions =
-        contact_exceptions(lumps_, given_bodies_, given_joints_, listed_pairs());
+        contact_exceptions(lumps_, given_bodies_, given_joints_, listed_pairs(), extra_.models);
     for (const auto& [i, j] : exceptions.pairs)
       add(no_contact_joint(options_.prefix, {lumps_.list[i].link, lumps_.list[j].link}, bodies_[i],
                            bodies_[j]));

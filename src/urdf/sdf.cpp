@@ -204,11 +204,14 @@ class SdfConverter {
     add_empty_link(kSdfWorld);
     for (const SdfLink* root : roots) {
       const std::string& name = root->link->name;
-      if (root->is_static || is_fixed_)
+      if (root->is_static) result_.extra.static_links.insert(name);
+      if (is_fixed_ && !root->is_static)
         attach(name + "/static", kSdfWorld, name, urdf::Joint::FIXED);
       else
         attach(name + "/free", kSdfWorld, name, urdf::Joint::FLOATING);
     }
+    if (given_.links.back().model == 0) return;
+    for (const SdfLink& link : given_.links) result_.extra.models[link.link->name] = link.model;
   }
 
   void add_empty_link(const std::string& name) {
@@ -418,6 +421,8 @@ SdfRobot robot_of_sdf(const SdfModel& given, const engine::BodyState& pose, bool
 
 void add_sdf_extra(const RobotExtra& sdf, RobotExtra* extra) {
   extra->springs = sdf.springs;
+  extra->static_links = sdf.static_links;
+  extra->models = sdf.models;
   extra->links.insert(sdf.links.begin(), sdf.links.end());
   extra->no_contact.insert(extra->no_contact.end(), sdf.no_contact.begin(), sdf.no_contact.end());
   extra->constraints.insert(extra->constraints.begin(), sdf.constraints.begin(),

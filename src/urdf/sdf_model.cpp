@@ -171,16 +171,19 @@ class SdfReader {
           given.Element()->Get<std::string>("gearbox_reference_body", "").first;
       joint.reference_body = body == "world" ? body : prefix + name_of_scoped(body);
     } else if (joint.kind == SdfJointKind::kScrew) {
-      joint.ratio = pitch_of(given);
+      joint.ratio = pitch_of(given, owner);
     }
     check_joint(joint, owner);
     result_.joints.push_back(std::move(joint));
   }
 
-  static double pitch_of(const sdf::Joint& given) {
+  static double pitch_of(const sdf::Joint& given, const std::string& owner) {
 #if SDF_MAJOR_VERSION >= 13
+    (void)owner;
     return given.ScrewThreadPitch();
 #else
+    if (given.Element()->HasElement("screw_thread_pitch"))
+      refuse(owner + ": screw_thread_pitch: needs libsdformat 13; use thread_pitch");
     return -2.0 * engine::kPi / given.ThreadPitch();  // SDF: angle = −thread_pitch · translation
 #endif
   }

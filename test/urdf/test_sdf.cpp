@@ -586,6 +586,26 @@ TEST_F(Sdf, WorldOfSeveralModels) {
   EXPECT_EQ(bar.friction, 1.0);  // default of SDF
 }
 
+// The slider begins 1e-4 m in the ground, and its joint to the world leaves its contacts. The
+// ground has a second shape, as a body of its own.
+TEST_F(Sdf, ModelsOfAWorldCollideThoughTheyOverlap) {
+  World world = world_with_gravity();
+  const Robot robot = add_robot(
+      sdf_of("<world name='w'><model name='ground'><static>true</static><link name='link'>" +
+             shape("plane", "<normal>0 0 1</normal>") +
+             shape("box", "<size>0.1 1 1</size>", "", "wall") +
+             "</link></model><model name='slider'>" +
+             link_of("link", "0.8 0 0.0999 0 0 0",
+                     kInertial + shape("sphere", "<radius>0.1</radius>")) +
+             joint_of("j", "prismatic", "world", "link", axis_of("0 0 1")) + "</model></world>"),
+      {}, &world);
+  EXPECT_EQ(all_warnings(robot), "");
+  EXPECT_EQ(robot.constraints, std::vector<std::string>{"slider/j"});
+  run_for(&world, 200);
+  EXPECT_NEAR(frame_named(world, robot, "slider/link").translation().z(), 0.1, 1e-3);
+  EXPECT_EQ(world.body(world.find_body("ground/link/2/com")).type, engine::BodyType::kStatic);
+}
+
 TEST_F(Sdf, StaticModelsDoNotMove) {
   World world = world_with_gravity();
   const Robot robot =

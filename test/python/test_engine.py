@@ -850,6 +850,26 @@ def test_bodies_in_a_region():
             world.bodies_in(*corners)
 
 
+def test_a_robot_of_an_sdf(tmp_path):
+    """A file of SDF is added as one of a URDF is, with the YAML beside it."""
+    world = engine.World(time_step=0.01)
+    path = tmp_path / 'model.sdf'
+    path.write_text('<sdf version="1.7"><model name="m"><plugin name="p" filename="p.so"/><link name="a"/>'
+                    '<joint name="j" type="revolute"><parent>world</parent><child>a</child><axis><xyz>0 0 1</xyz>'
+                    '</axis></joint></model></sdf>')
+    (tmp_path / 'model.yaml').write_text('motors: {j: {bias: 0.5}}')
+    try:
+        robot = world.add_urdf_file(str(path), prefix='r/')
+    except ValueError as error:
+        if 'built without libsdformat' in str(error):
+            pytest.skip(str(error))
+        raise
+    assert robot['name'] == 'm' and robot['constraints'] == ['r/j']
+    assert any('<plugin> in <model>' in warning for warning in robot['warnings'])
+    world.run(1.0)
+    assert abs(world.joint_state('r/j')['coordinates'][0]['position'] - 0.5) < 1e-9  # a rigid motor
+
+
 def test_stubs_name_what_there_is():
     """engine.pyi has every class, method, property and function of the module, and no others."""
     stubs = ast.parse((SOURCES / 'python/constraint_sim/engine.pyi').read_text())

@@ -8,6 +8,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "robots.h"
 #include "temporary_folder.h"
+#include "urdf/sdf_model.h"
 
 namespace constraint_sim {
 namespace {
@@ -91,6 +92,15 @@ TEST_F(RunRobot, DeviationsArePrintedAndFaultsRejected) {
   EXPECT_EQ(run("model.sdf --duration 1"), 2);
   EXPECT_NE(read_text(file("err.txt")).find("SDF"), std::string::npos)
       << read_text(file("err.txt"));
+  std::ofstream(file("model.sdf"))
+      << "<sdf version='1.7'><model name='m'><link name='a'/><joint name='j' type='ball'>"
+         "<parent>world</parent><child>a</child></joint></model></sdf>";
+  EXPECT_EQ(run("model.sdf --duration 0 --save model.yaml"), reads_sdf() ? 0 : 2)
+      << read_text(file("err.txt"));
+  if (reads_sdf()) {
+    const engine::World world = engine::load_scene_file(file("model.yaml"));
+    EXPECT_EQ(world.joint(world.find_joint("j")).kind, engine::JointKind::kBall);
+  }
   EXPECT_EQ(run("pendulum --duration 1 --robot-fixed"), 2);
   EXPECT_NE(read_text(file("err.txt")).find("are for URDFs, and 'pendulum' is none"),
             std::string::npos)

@@ -30,16 +30,6 @@ urdf::Pose to_urdf_pose(const Isometry3d& pose) {
   return converted;
 }
 
-/// Converts a pose of libsdformat.
-template <class Pose>
-Isometry3d sdf_pose(const Pose& pose, const std::string& owner) {
-  const Vector3d p(pose.Pos().X(), pose.Pos().Y(), pose.Pos().Z());
-  const Eigen::Quaterniond q(pose.Rot().W(), pose.Rot().X(), pose.Rot().Y(), pose.Rot().Z());
-  if (!p.allFinite() || !q.coeffs().allFinite() || !(q.norm() > 0.5))
-    refuse(owner + " has a pose that is not finite");
-  return Eigen::Translation3d(p) * q.normalized();
-}
-
 /// Returns the element at the end of a path of child elements; null where there is none.
 sdf::ElementPtr element_at(sdf::ElementPtr element, std::initializer_list<const char*> path) {
   for (const char* name : path) {

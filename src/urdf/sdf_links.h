@@ -6,6 +6,7 @@
 #include <sdf/sdf.hh>
 #include <string>
 
+#include "urdf/parse.h"
 #include "urdf/sdf_model.h"
 
 namespace constraint_sim {
@@ -14,6 +15,17 @@ namespace constraint_sim {
 
 /// Throws std::invalid_argument with the first error of libsdformat, if there is any.
 void check_sdf_errors(const sdf::Errors& errors);
+
+/// Converts a pose of libsdformat. Throws std::invalid_argument that names `owner` where a number
+/// is not finite.
+template <class Pose>
+Eigen::Isometry3d sdf_pose(const Pose& pose, const std::string& owner) {
+  const Eigen::Vector3d p(pose.Pos().X(), pose.Pos().Y(), pose.Pos().Z());
+  const Eigen::Quaterniond q(pose.Rot().W(), pose.Rot().X(), pose.Rot().Y(), pose.Rot().Z());
+  if (!p.allFinite() || !q.coeffs().allFinite() || !(q.norm() > 0.5))
+    refuse(owner + " has a pose that is not finite");
+  return Eigen::Translation3d(p) * q.normalized();
+}
 
 /// Returns a pose in the frame `resolve_to`; empty: in the default frame. Throws
 /// std::invalid_argument that names `owner` where the pose does not resolve or is not finite.

@@ -22,10 +22,14 @@ using Eigen::Vector3d;
 
 constexpr double kUnlimited = 1e16;  // limits of SDF from here on are none
 
-/// Collects the messages that libsdformat else prints to the standard error.
+/// Collects the messages that libsdformat else prints to the standard error; version 9 drops them.
 class SdfMessages {
  public:
+#if SDF_MAJOR_VERSION >= 11
   SdfMessages() { sdf::Console::Instance()->GetMsgStream().SetStream(&text_); }
+#else
+  SdfMessages() { sdf::Console::Instance()->SetQuiet(true); }
+#endif
   ~SdfMessages() { sdf::Console::Instance()->SetQuiet(false); }
   SdfMessages(const SdfMessages&) = delete;
   SdfMessages& operator=(const SdfMessages&) = delete;
@@ -115,7 +119,7 @@ class SdfReader {
   void add_model(const sdf::Model& model, const std::string& prefix, const Isometry3d& parent,
                  bool is_static) {
     const std::string owner = "model '" + shortened(model.Name(), 100) + "'";
-    const Isometry3d pose = parent * resolved_pose(model.SemanticPose(), owner);
+    const Isometry3d pose = parent * pose_of_model(model, owner);
     for (std::size_t i = 0; i < model.LinkCount(); ++i) {
       const sdf::Link& given = *model.LinkByIndex(i);
       const std::string name = prefix + name_of_scoped(given.Name());
@@ -135,6 +139,14 @@ class SdfReader {
       const sdf::Model& nested = *model.ModelByIndex(i);
       add_model(nested, prefix + name_of_scoped(nested.Name()) + "/", pose, is_static);
     }
+  }
+
+  static Isometry3d pose_of_model(const sdf::Model& model, const std::string& owner) {
+#if SDF_MAJOR_VERSION < 11
+    // does not resolve the pose of a model without a world
+    if (model.PoseRelativeTo().empty()) return sdf_pose(model.RawPose(), owner);
+#endif
+    return resolved_pose(model.SemanticPose(), owner);
   }
 
   static void resolve_ends(const sdf::Model& model, const sdf::Joint& given, std::string* parent,
@@ -263,7 +275,7 @@ class SdfReader {
 
 }  // namespace
 
-bool reads_sdf() { return true; }
+int sdformat_version() { return SDF_MAJOR_VERSION; }
 
 SdfModel read_sdf_model(const std::string& text, const std::string& folder) {
   SdfModel model;
@@ -288,7 +300,7 @@ SdfModel read_sdf_model(const std::string& text, const std::string& folder) {
 
 namespace constraint_sim {
 
-bool reads_sdf() { return false; }
+int sdformat_version() { return 0; }
 
 SdfModel read_sdf_model(const std::string& /*text*/, const std::string& /*folder*/) {
   refuse(

@@ -59,8 +59,9 @@ struct SdfModel {
   std::vector<std::string> warnings;                 ///< parts that are not carried over
 };
 
-/// Whether the program was built with libsdformat.
-bool reads_sdf();
+/// Returns the major version of libsdformat that the program was built with; 0: none.
+int sdformat_version();
+inline bool reads_sdf() { return sdformat_version() > 0; }
 
 /// Reads an SDF by libsdformat, which fetches nothing and opens no further files. `folder`:
 /// absolute path of the folder of the SDF, where meshes named `model://` are searched; may be

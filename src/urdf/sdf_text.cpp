@@ -1,7 +1,11 @@
 #include "urdf/sdf_text.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstddef>
+#include <cstdlib>
+#include <sstream>
 
 #include "sim/words.h"
 #include "urdf/parse.h"
@@ -30,6 +34,38 @@ std::string line_of(const std::string& text, std::size_t place) {
   return "line " + std::to_string(1 + std::count(text.begin(), end, '\n'));
 }
 
+/// Elements that hold vectors, and the numbers of components that they may have. libsdformat 9
+/// leaves components that do not parse without a value.
+struct VectorElement {
+  const char* name;
+  std::size_t least, most;
+};
+constexpr std::array<VectorElement, 5> kVectorElements{
+    {{"pose", 6, 7}, {"xyz", 3, 3}, {"normal", 3, 3}, {"scale", 3, 3}, {"size", 2, 3}}};
+
+/// Throws where the tag opens an element of a vector that is not empty, and its content has another
+/// number of components or one that is not a finite number.
+void check_vector(const std::string& text, const XmlTags& tag) {
+  const std::string name = tag.name();
+  const auto element =
+      std::find_if(kVectorElements.begin(), kVectorElements.end(),
+                   [&](const VectorElement& candidate) { return name == candidate.name; });
+  if (element == kVectorElements.end()) return;
+  const std::size_t begin = tag.place() + tag.text().size() + 1;
+  const std::string content = text.substr(begin, text.find('<', begin) - begin);
+  std::istringstream words(content);
+  std::size_t count = 0;
+  bool are_numbers = true;
+  for (std::string word; words >> word; ++count) {
+    char* end = nullptr;
+    const double number = std::strtod(word.c_str(), &end);
+    are_numbers = are_numbers && *end == '\0' && std::isfinite(number);
+  }
+  if (are_numbers && (count == 0 || (count >= element->least && count <= element->most))) return;
+  refuse("<" + name + "> (" + line_of(text, tag.place()) + ") must have " +
+         std::to_string(element->least) + " finite numbers, got '" + shortened(content) + "'");
+}
+
 }  // namespace
 
 bool is_sdf(const std::string& text) {
@@ -43,6 +79,7 @@ void check_sdf_text(const std::string& text) {
   check_markup(text);
   int depth = 0;
   bool has_version = false;
+  int plugin_depth = 0;  // depth of the plugin around the element; 0: none
   std::size_t elements = 0, named = 0;
   XmlTags tags(text);
   while (tags.next()) {
@@ -54,6 +91,7 @@ void check_sdf_text(const std::string& text) {
     }
     if (tags.kind() == XmlTags::Kind::kEnd) {
       depth = std::max(depth - 1, 0);
+      if (depth < plugin_depth) plugin_depth = 0;
       continue;
     }
     if (elements == 0) has_version = !tags.attribute("version").empty();
@@ -66,8 +104,11 @@ void check_sdf_text(const std::string& text) {
     if (!tags.attribute("name").empty() && ++named > kMostNamedElements)
       refuse("the SDF has more than " + std::to_string(kMostNamedElements) +
              " elements with names, such as links and joints");
-    if (tags.kind() == XmlTags::Kind::kStart && ++depth > kMostSdfDepth)
+    if (tags.kind() != XmlTags::Kind::kStart) continue;
+    if (++depth > kMostSdfDepth)
       refuse("elements are nested more than " + std::to_string(kMostSdfDepth) + " deep");
+    if (plugin_depth == 0 && tags.name() == "plugin") plugin_depth = depth;
+    if (plugin_depth == 0) check_vector(text, tags);
   }
   if (!has_version) refuse("<sdf> needs the attribute version");
 }

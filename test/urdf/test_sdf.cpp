@@ -523,7 +523,8 @@ TEST_F(Sdf, PosesResolveAlongChains) {
       joint_of("j", "revolute", "a", "b",
                "<pose relative_to='a'>0 0 0.25 0 0 0</pose>"
                "<axis><xyz expressed_in='__model__'>0 1 0</xyz></axis>") +
-      joint_of("k", "fixed", "b", "c") + joint_of("l", "ball", "c", "n::d");
+      joint_of("k", "fixed", "b", "c") +
+      (sdformat_version() < 11 ? "" : joint_of("l", "ball", "c", "n::d"));
   World world;
   RobotOptions options;
   options.pose.position = {10.0, 0.0, 0.0};
@@ -579,6 +580,7 @@ TEST_F(Sdf, WorldOfSeveralModels) {
   EXPECT_EQ(robot.name, "w");
   run_for(&world, 300);
   EXPECT_NEAR(frame_named(world, robot, "ball/link").translation().z(), 0.2, 1e-3);  // contact
+  if (sdformat_version() < 11) return;  // has no capsules
   EXPECT_NEAR(frame_named(world, robot, "bar/link").translation().z(), 0.1, 1e-3);
   const engine::Body& bar = world.body(world.find_body("bar/link/com"));
   ASSERT_TRUE(std::holds_alternative<engine::Capsule>(bar.shape));
@@ -724,10 +726,11 @@ TEST_F(Sdf, DescriptionForOtherProgramsIsAUrdf) {
   const BuiltRobot built = build_robot(sdf_of(text), options);
   World by_sdf, by_urdf;
   const Robot robot = add_robot(built, &by_sdf);
-  EXPECT_EQ(robot.visuals.size(), 3u);  // a cylinder and two spheres
+  // a cylinder and two spheres
+  EXPECT_EQ(robot.visuals.size(), sdformat_version() < 11 ? 0u : 3u);
   const Robot again = add_robot(built.urdf, options, &by_urdf);
   EXPECT_EQ(again.bodies, robot.bodies);
-  EXPECT_EQ(again.visuals.size(), 3u);
+  EXPECT_EQ(again.visuals.size(), robot.visuals.size());
   EXPECT_LE(largest_difference(by_sdf, robot, by_urdf, again), 1e-14);  // rounding
 }
 
@@ -765,8 +768,10 @@ TEST_F(Sdf, InvalidTextsAreRejected) {
       {model_of(link_of("world")), "world"},
       {model_of(link_of("a b")), "link 'a b': names have letters, digits, _, ., / and -"},
       {model_of(link_of("a", "nan 0 0 0 0 0")),
-       "Pose values must be finite.; Error reading element <pose>"},
-      {model_of(link_of("a", "1e400 0 0 0 0 0")), "urdf: "},
+       "<pose> (line 2) must have 6 finite numbers, got 'nan 0 0 0 0 0'"},
+      {model_of(link_of("a", "1e400 0 0 0 0 0")), "<pose> (line 2) must have 6 finite numbers"},
+      {model_of(link_of("a", "1 2 3")), "<pose> (line 2) must have 6 finite numbers"},
+      {hinge(axis_of("1 x 0")), "<xyz> (line 2) must have 3 finite numbers, got '1 x 0'"},
       {model_of("<link name='a'><pose relative_to='b'/></link><link name='b'><pose "
                 "relative_to='a'/></link>"),
        "urdf: libsdformat rejects the SDF: "},
@@ -780,7 +785,9 @@ TEST_F(Sdf, InvalidTextsAreRejected) {
                         kInertial + shape("sphere", "<radius>1</radius>",
                                           "<surface><friction><ode><mu>-1</mu></ode></friction>"
                                           "</surface>"))),
-       "The value [-1] is less than the minimum allowed value of [0] for key [mu]"},
+       sdformat_version() < 11
+           ? "link 'a' must have a friction >= 0"
+           : "The value [-1] is less than the minimum allowed value of [0] for key [mu]"},
       {hinge(axis_of("0 0 0")), "urdf: "},
       {hinge(axis_of("nan 0 0")), "urdf: "},
       {hinge(axis_of("0 0 1", "<dynamics><damping>nan</damping></dynamics>")),

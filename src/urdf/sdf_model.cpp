@@ -80,14 +80,7 @@ class SdfReader {
 
   SdfModel read(const std::string& text) {
     sdf::Root root;
-#if SDF_MAJOR_VERSION >= 11
-    sdf::ParserConfig config;
-    config.SetFindCallback([](const std::string&) { return std::string(); });
-    const sdf::Errors errors = root.LoadSdfString(text, config);
-#else
-    sdf::setFindCallback([](const std::string&) { return std::string(); });
-    const sdf::Errors errors = root.LoadSdfString(text);
-#endif
+    const sdf::Errors errors = load(text, &root);
     if (!errors.empty()) refuse("libsdformat rejects the SDF: " + parse_errors(errors, messages_));
     add_tops(root);
     if (tops_.empty()) refuse("the SDF has no <model>");
@@ -101,6 +94,22 @@ class SdfReader {
   }
 
  private:
+  static sdf::Errors load(const std::string& text, sdf::Root* root) {
+    const auto find_no_file = [](const std::string&) { return std::string(); };
+    try {
+#if SDF_MAJOR_VERSION >= 11
+      sdf::ParserConfig config;
+      config.SetFindCallback(find_no_file);
+      return root->LoadSdfString(text, config);
+#else
+      sdf::setFindCallback(find_no_file);
+      return root->LoadSdfString(text);
+#endif
+    } catch (const std::exception& error) {
+      refuse("libsdformat fails to read a number or a name: " + shortened(error.what(), 300));
+    }
+  }
+
   void add_tops(const sdf::Root& root) {
     if (root.WorldCount() > 1) refuse("the SDF has more than one <world>");
     for (std::size_t w = 0; w < root.WorldCount(); ++w)

@@ -34,6 +34,13 @@ std::string line_of(const std::string& text, std::size_t place) {
   return "line " + std::to_string(1 + std::count(text.begin(), end, '\n'));
 }
 
+void check_version(const std::string& version) {
+  const bool is_number =
+      version.find_first_not_of("0123456789.") == std::string::npos && version.size() < 10;
+  if (version.empty() || !is_number || version.front() == '.' || version.back() == '.')
+    refuse("<sdf> needs the attribute version, such as '1.7', got '" + shortened(version) + "'");
+}
+
 /// Elements that hold vectors, and the numbers of components that they may have. libsdformat 9
 /// leaves components that do not parse without a value.
 struct VectorElement {
@@ -78,7 +85,6 @@ bool is_sdf(const std::string& text) {
 void check_sdf_text(const std::string& text) {
   check_markup(text);
   int depth = 0;
-  bool has_version = false;
   int plugin_depth = 0;  // depth of the plugin around the element; 0: none
   std::size_t elements = 0, named = 0;
   XmlTags tags(text);
@@ -94,7 +100,7 @@ void check_sdf_text(const std::string& text) {
       if (depth < plugin_depth) plugin_depth = 0;
       continue;
     }
-    if (elements == 0) has_version = !tags.attribute("version").empty();
+    if (elements == 0) check_version(tags.attribute("version"));
     if (tags.name() == "include")
       refuse("the SDF has <include> (" + line_of(text, tags.place()) +
              "), which is not read: include the model in the text, as `gz sdf -p FILE` and `ign "
@@ -110,7 +116,6 @@ void check_sdf_text(const std::string& text) {
     if (plugin_depth == 0 && tags.name() == "plugin") plugin_depth = depth;
     if (plugin_depth == 0) check_vector(text, tags);
   }
-  if (!has_version) refuse("<sdf> needs the attribute version");
 }
 
 }  // namespace constraint_sim

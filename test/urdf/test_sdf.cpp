@@ -749,7 +749,8 @@ TEST_F(Sdf, InvalidTextsAreRejected) {
   for (int i = 0; i < 21000; ++i) elements += "<x/>";
   const std::pair<std::string, const char*> cases[] = {
       {"<sdf version='1.7'", "urdf: "},
-      {"<sdf/>", "urdf: <sdf> needs the attribute version"},
+      {"<sdf/>", "urdf: <sdf> needs the attribute version, such as '1.7', got ''"},
+      {"<sdf version='x.y'><model name='m'><link name='a'/></model></sdf>", "got 'x.y'"},
       {sdf_of(""), "urdf: "},
       {sdf_of("<world name='w'/>"), "the SDF has no <model>"},
       {model_of(""), "A model must have at least one link"},

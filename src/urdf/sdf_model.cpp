@@ -57,7 +57,9 @@ std::string parse_errors(const sdf::Errors& errors, const SdfMessages& messages)
   for (const sdf::Error& error : errors) {
     const std::string& message = error.Message();
     const bool is_element = message.compare(0, 14, "Error reading ") == 0;
-    if (message.compare(0, 15, "Unable to read ") == 0 || (is_element && has_element)) continue;
+    const bool is_text = message.compare(0, 10, "Unable to ") == 0 &&
+                         message.find("SDF string: ") != std::string::npos;
+    if (is_text || (is_element && has_element)) continue;
     has_element = has_element || is_element;
     text += (text.empty() ? "" : "; ") + message;
   }

@@ -32,12 +32,12 @@ std::string model_of(const std::string& inside, const std::string& name = "m") {
   return sdf_of("<model name='" + name + "'>" + inside + "</model>");
 }
 
-const char* const kInertial =
+const char* const kUnitInertial =
     "<inertial><mass>1</mass><inertia><ixx>0.1</ixx><iyy>0.1</iyy><izz>0.1</izz></inertia>"
     "</inertial>";
 
 std::string link_of(const std::string& name, const std::string& pose = "0 0 0 0 0 0",
-                    const std::string& inside = kInertial) {
+                    const std::string& inside = kUnitInertial) {
   return "<link name='" + name + "'><pose>" + pose + "</pose>" + inside + "</link>";
 }
 
@@ -567,15 +567,16 @@ std::string shape(const std::string& kind, const std::string& inside, const std:
 TEST_F(Sdf, WorldOfSeveralModels) {
   World world = world_with_gravity();
   const Robot robot = add_robot(
-      sdf_of("<world name='w'><model name='ground'><static>true</static><link name='link'>" +
-             shape("plane", "<normal>0 0 1</normal>") +
-             "</link></model><model name='ball'>"
-             "<pose>0 0 1 0 0 0</pose>" +
-             link_of("link", "0 0 0 0 0 0", kInertial + shape("sphere", "<radius>0.2</radius>")) +
-             "</model><model name='bar'><pose>2 0 0.3 0 1.5707963267948966 0</pose>" +
-             link_of("link", "0 0 0 0 0 0",
-                     kInertial + shape("capsule", "<radius>0.1</radius><length>0.5</length>")) +
-             "</model></world>"),
+      sdf_of(
+          "<world name='w'><model name='ground'><static>true</static><link name='link'>" +
+          shape("plane", "<normal>0 0 1</normal>") +
+          "</link></model><model name='ball'>"
+          "<pose>0 0 1 0 0 0</pose>" +
+          link_of("link", "0 0 0 0 0 0", kUnitInertial + shape("sphere", "<radius>0.2</radius>")) +
+          "</model><model name='bar'><pose>2 0 0.3 0 1.5707963267948966 0</pose>" +
+          link_of("link", "0 0 0 0 0 0",
+                  kUnitInertial + shape("capsule", "<radius>0.1</radius><length>0.5</length>")) +
+          "</model></world>"),
       {}, &world);
   EXPECT_EQ(robot.name, "w");
   run_for(&world, 300);
@@ -598,7 +599,7 @@ TEST_F(Sdf, ModelsOfAWorldCollideThoughTheyOverlap) {
              shape("box", "<size>0.1 1 1</size>", "", "wall") +
              "</link></model><model name='slider'>" +
              link_of("link", "0.8 0 0.0999 0 0 0",
-                     kInertial + shape("sphere", "<radius>0.1</radius>")) +
+                     kUnitInertial + shape("sphere", "<radius>0.1</radius>")) +
              joint_of("j", "prismatic", "world", "link", axis_of("0 0 1")) + "</model></world>"),
       {}, &world);
   EXPECT_EQ(all_warnings(robot), "");
@@ -631,7 +632,7 @@ TEST_F(Sdf, StaticModelsDoNotMove) {
 TEST_F(Sdf, SurfacesAndSelfCollisions) {
   const auto box_link = [](const std::string& name, const std::string& x, const std::string& more) {
     return link_of(name, x + " 0 0 0 0 0",
-                   kInertial +
+                   kUnitInertial +
                        shape("box", "<size>0.1 0.1 0.1</size>",
                              "<surface><friction><ode><mu>0.3</mu></ode></friction><bounce>"
                              "<restitution_coefficient>0.5</restitution_coefficient>"
@@ -661,9 +662,9 @@ TEST_F(Sdf, MeshesOfModelsAreFoundBesideTheFolder) {
   const auto built = [&](const std::string& uri, const std::string& where) {
     RobotOptions options;
     options.folder = where;
-    return build_robot(
-        model_of(link_of("a", "0 0 0 0 0 0", kInertial + shape("mesh", "<uri>" + uri + "</uri>"))),
-        options);
+    return build_robot(model_of(link_of("a", "0 0 0 0 0 0",
+                                        kUnitInertial + shape("mesh", "<uri>" + uri + "</uri>"))),
+                       options);
   };
   for (const char* uri : {"model://robot/meshes/hook.stl", "meshes/hook.stl"}) {
     const BuiltRobot robot = built(uri, folder.path() + "/robot");
@@ -687,7 +688,7 @@ TEST_F(Sdf, PartsThatAreNotCarriedOverAreNamed) {
           "<world name='w'><physics type='ode'/>\n<light name='sun' type='directional'/>"
           "<model name='m'><plugin name='p' filename='p.so'/>\n" +
           link_of("a", "0 0 0 0 0 0",
-                  kInertial + std::string("<sensor name='s' type='imu'/><gravity>0</gravity>") +
+                  kUnitInertial + std::string("<sensor name='s' type='imu'/><gravity>0</gravity>") +
                       "<visual name='v'><geometry><heightmap><uri>h.png</uri></heightmap>"
                       "</geometry></visual>" +
                       shape("plane", "<normal>0 0 1</normal>")) +
@@ -780,12 +781,13 @@ TEST_F(Sdf, InvalidTextsAreRejected) {
        "A link named a has invalid inertia"},
       {model_of(link_of("a", "0 0 0 0 0 0", "<inertial><mass>-1</mass></inertial>")),
        "A link named a has invalid inertia"},
-      {model_of(link_of("a", "0 0 0 0 0 0", kInertial + shape("sphere", "<radius>-1</radius>"))),
+      {model_of(
+           link_of("a", "0 0 0 0 0 0", kUnitInertial + shape("sphere", "<radius>-1</radius>"))),
        "link 'a'"},
       {model_of(link_of("a", "0 0 0 0 0 0",
-                        kInertial + shape("sphere", "<radius>1</radius>",
-                                          "<surface><friction><ode><mu>-1</mu></ode></friction>"
-                                          "</surface>"))),
+                        kUnitInertial + shape("sphere", "<radius>1</radius>",
+                                              "<surface><friction><ode><mu>-1</mu></ode></friction>"
+                                              "</surface>"))),
        sdformat_version() < 11
            ? "link 'a' must have a friction >= 0"
            : "The value [-1] is less than the minimum allowed value of [0] for key [mu]"},

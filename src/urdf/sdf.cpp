@@ -1,7 +1,6 @@
 #include "urdf/sdf.h"
 
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -10,6 +9,7 @@
 #include "sim/words.h"
 #include "urdf/lumps.h"
 #include "urdf/parse.h"
+#include "urdf/sdf_constraints.h"
 
 namespace constraint_sim {
 namespace {
@@ -22,12 +22,6 @@ using Eigen::Vector3d;
 const std::string kSdfWorld = "world";
 
 std::string joint_named(const std::string& name) { return "joint '" + shortened(name, 100) + "'"; }
-
-std::string exact_number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.17g", value);
-  return text;
-}
 
 urdf::Pose urdf_pose_of(const Isometry3d& pose) {
   const Vector3d& p = pose.translation();
@@ -47,71 +41,6 @@ Matrix3d frame_of_axes(const Vector3d& z, const Vector3d& x) {
   return frame;
 }
 
-/// Writes constraints as the list `constraints` of an extra YAML.
-class ConstraintWriter {
- public:
-  /// An end of a constraint: a link, and the pose of the constraint's frame in the link's frame.
-  struct End {
-    std::string link;
-    Isometry3d frame;
-  };
-
-  void begin(const std::string& name, const char* type) {
-    text_ += "- name: \"" + name + "\"\n  type: " + type + "\n";
-  }
-  void add_end(const char* side, const End& end, bool has_frame) {
-    const Vector3d& p = end.frame.translation();
-    const Quaterniond q(end.frame.linear());
-    text_ += std::string("  body_") + side + ": \"" + end.link + "\"\n  anchor_" + side + ": " +
-             list({p.x(), p.y(), p.z()}) + "\n";
-    if (has_frame)
-      text_ += std::string("  frame_") + side + ": " + list({q.x(), q.y(), q.z(), q.w()}) + "\n";
-  }
-  void add(const char* key, double value) {
-    text_ += std::string("  ") + key + ": " + exact_number(value) + "\n";
-  }
-  void add_coordinates(const std::vector<SdfAxis>& axes) {
-    text_ += "  coordinates:\n";
-    for (const SdfAxis& axis : axes) text_ += "  - {" + laws(axis) + "}\n";
-  }
-  void add_joints(const std::string& first, const std::string& second) {
-    text_ += "  joints: [\"" + first + "\", \"" + second + "\"]\n";
-  }
-
-  std::vector<engine::YamlElement> take() const {
-    std::vector<engine::YamlElement> elements;
-    if (text_.empty()) return elements;
-    for (const engine::YamlElement& item :
-         engine::YamlElement::parse("constraints:\n" + text_, "sdf").at("constraints").items())
-      elements.push_back(item);
-    return elements;
-  }
-
- private:
-  static std::string list(const std::vector<double>& values) {
-    std::string text;
-    for (const double value : values) text += (text.empty() ? "" : ", ") + exact_number(value);
-    return "[" + text + "]";
-  }
-  static std::string laws(const SdfAxis& axis) {
-    std::string text;
-    const auto law = [&](const char* key, double value) {
-      text += (text.empty() ? "" : ", ") + std::string(key) + ": " + exact_number(value);
-    };
-    if (std::isfinite(axis.lower)) law("lower", axis.lower);
-    if (std::isfinite(axis.upper)) law("upper", axis.upper);
-    if (axis.damping != 0.0) law("damping", axis.damping);
-    if (axis.friction != 0.0) law("friction", axis.friction);
-    if (axis.spring.stiffness != 0.0) {
-      law("stiffness", axis.spring.stiffness);
-      law("rest", axis.spring.rest);
-    }
-    return text;
-  }
-
-  std::string text_;
-};
-
 class SdfConverter {
  public:
   SdfConverter(const SdfModel& given, const engine::BodyState& pose, bool is_fixed)
@@ -127,7 +56,6 @@ class SdfConverter {
   SdfRobot convert() {
     for (const SdfLink& link : given_.links) add_link(link);
     attach_static_links();
-    std::vector<const SdfJoint*> beside;  // constraints beside the tree, in the order of the text
     for (const SdfJoint& joint : given_.joints) {
       check_ends(joint);
       if (joint.kind == SdfJointKind::kGearbox) continue;
@@ -143,7 +71,7 @@ class SdfConverter {
       if (joint.kind == SdfJointKind::kGearbox) add_gearbox(joint);
     add_root();
     add_no_contact();
-    result_.extra.constraints = writer_.take();
+    result_.extra.constraints = constraints_.take();
     std::map<std::string, std::string> tree;
     result_.model->initTree(tree);
     result_.model->initRoot(tree);
@@ -321,14 +249,14 @@ class SdfConverter {
   // Writes a joint that closes a loop, or of a kind that URDF lacks.
   void add_constraint(const SdfJoint& given) {
     const auto write = [&](const char* type, const Matrix3d& on_a, const Matrix3d& on_b) {
-      writer_.begin(given.name, type);
+      constraints_.begin(given.name, type);
       const bool has_frame = given.kind != SdfJointKind::kBall;
-      writer_.add_end("a",
-                      {given.parent, in_link(given.parent, at_ * given.frame * Isometry3d(on_a))},
-                      has_frame);
-      writer_.add_end("b",
-                      {given.child, in_link(given.child, at_ * given.frame * Isometry3d(on_b))},
-                      has_frame);
+      constraints_.add_end(
+          "a", {given.parent, in_link(given.parent, at_ * given.frame * Isometry3d(on_a))},
+          has_frame);
+      constraints_.add_end(
+          "b", {given.child, in_link(given.child, at_ * given.frame * Isometry3d(on_b))},
+          has_frame);
     };
     const auto along = [&] {
       return engine::frame_along(given.axes.at(0).direction).toRotationMatrix();
@@ -341,7 +269,7 @@ class SdfConverter {
       case SdfJointKind::kHinge:
       case SdfJointKind::kSlider:
         write(given.kind == SdfJointKind::kHinge ? "hinge" : "slider", along(), along());
-        return writer_.add_coordinates({given.axes[0]});
+        return constraints_.add_coordinates({given.axes[0]});
       case SdfJointKind::kUniversal: {
         const Vector3d first = given.axes.at(0).direction.normalized();
         const Vector3d second = given.axes.at(1).direction.normalized();
@@ -349,14 +277,14 @@ class SdfConverter {
         if (!(std::abs(first.dot(second)) < kRightAngle))
           refuse(joint_named(given.name) +
                  ": axis2: must be at a right angle to axis, got a cosine of " +
-                 exact_number(first.dot(second)));
+                 std::to_string(first.dot(second)));
         write("universal", frame_of_axes(first, second), frame_of_axes(second, first));
-        return writer_.add_coordinates({given.axes[0], given.axes[1]});
+        return constraints_.add_coordinates({given.axes[0], given.axes[1]});
       }
       case SdfJointKind::kScrew:
         write("screw", along(), along());
-        writer_.add("pitch", given.ratio);
-        return writer_.add_coordinates({SdfAxis{}, given.axes[0]});
+        constraints_.add("pitch", given.ratio);
+        return constraints_.add_coordinates({SdfAxis{}, given.axes[0]});
       default:
         return;
     }
@@ -374,9 +302,9 @@ class SdfConverter {
                                  shortened(given.reference_body) + "' and each of its links");
       return;
     }
-    writer_.begin(given.name, "gear");
-    writer_.add_joints(second->joint, first->joint);
-    writer_.add("ratio", given.ratio * first->sign * second->sign);
+    constraints_.begin(given.name, "gear");
+    constraints_.add_joints(second->joint, first->joint);
+    constraints_.add("ratio", given.ratio * first->sign * second->sign);
   }
 
   /// Hinge between the reference body of a gearbox and a link.
@@ -406,7 +334,7 @@ class SdfConverter {
   bool is_fixed_;
   Isometry3d at_;  // pose of the frame of the SDF
   SdfRobot result_;
-  ConstraintWriter writer_;
+  SdfConstraints constraints_;
   std::map<std::string, const SdfLink*> links_;
   std::map<std::string, Isometry3d> poses_;     // of links
   std::map<std::string, std::string> parents_;  // parents in the tree, by link

@@ -258,6 +258,11 @@ class SdfReader {
       if (!std::isfinite(value))
         refuse(owner + ": " + field + ": must be finite, got " + std::to_string(value));
     };
+    const auto check_law = [&](double value, const char* field) {
+      check(value, field);
+      if (value < 0.0)
+        refuse(owner + ": " + field + ": must be >= 0, got " + std::to_string(value));
+    };
     const std::size_t needed =
         joint.kind == SdfJointKind::kFixed || joint.kind == SdfJointKind::kBall          ? 0
         : joint.kind == SdfJointKind::kUniversal || joint.kind == SdfJointKind::kGearbox ? 2
@@ -268,9 +273,9 @@ class SdfReader {
     for (const SdfAxis& axis : joint.axes) {
       if (std::isnan(axis.lower)) check(axis.lower, "lower");
       if (std::isnan(axis.upper)) check(axis.upper, "upper");
-      check(axis.damping, "damping");
-      check(axis.friction, "friction");
-      check(axis.spring.stiffness, "spring_stiffness");
+      check_law(axis.damping, "damping");
+      check_law(axis.friction, "friction");
+      check_law(axis.spring.stiffness, "spring_stiffness");
       check(axis.spring.rest, "spring_reference");
       if (!axis.direction.allFinite() || !(axis.direction.norm() > 0.0))
         refuse(owner + " has an axis without direction");

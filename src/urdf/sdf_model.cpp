@@ -39,7 +39,9 @@ class SdfMessages {
     std::istringstream lines(text_.str());
     for (std::string line; std::getline(lines, line);) {
       const std::size_t place = line.find("Error ["), color = line.find("[0m");
-      if (line.find("parseURDF") != std::string::npos) continue;  // tried after SDF
+      const bool is_later = line.find("parseURDF") != std::string::npos ||
+                            line.find("old deprecated") != std::string::npos;
+      if (is_later) continue;  // formats that libsdformat tries after SDF
       if (place != std::string::npos && color != std::string::npos) return line.substr(color + 3);
     }
     return "";

@@ -227,7 +227,7 @@ class Docs(unittest.TestCase):
             support.wait_until(lambda: abs(upwards(imu, "linear_acceleration") - 9.81) < 0.1, imu)
             support.wait_until(lambda: 5 < upwards(foot, "wrench", "force") < 100, foot)
             self.assertAlmostEqual(self.shown(belly, folder)["range"], 0.3, delta=0.05)
-            ranges = self.shown(scan, folder)["ranges"]
+            ranges = [float(text) for text in self.shown(scan, folder)["ranges"]]  # YAML has .inf, rostopic inf
             self.assertAlmostEqual(ranges[2], 1.9, delta=0.05)
             self.assertEqual(ranges[:2] + ranges[3:], [math.inf] * 4)
 

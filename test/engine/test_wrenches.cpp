@@ -1,5 +1,6 @@
 // Forces and torques on bodies: impulse is force times time, at any tick.
 
+#include "constraint_sim/engine/scene.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -203,6 +204,20 @@ TEST(Wrenches, TooShortForTheTimeThatIsSetAreDropped) {
   floating.world.add_wrench(force(floating.box, {1.0, 0.0, 0.0}, 0.5, 0.5 + 1e-15));
   floating.world.set_time(100.0, 0);
   EXPECT_TRUE(floating.world.wrenches().empty());
+}
+
+// A scene or snapshot could not be loaded with them.
+TEST(Wrenches, AreNotMovedBeyondTheBounds) {
+  Floating floating(1e6);  // shorter ticks are lost beside such times
+  floating.world.add_wrench(force(floating.box, {1.0, 0.0, 0.0}, 1e7, 2e7));
+  EXPECT_NE(refusal([&] {
+              floating.world.set_time(1e20, 0);
+            }).find("moves a wrench on 'box' beyond 1e20 s, got 1e+20"),
+            std::string::npos);
+  EXPECT_EQ(floating.world.time(), 0.0);
+  EXPECT_EQ(floating.world.wrenches().front().start, 1e7);
+  floating.world.set_time(9e19, 0);
+  EXPECT_EQ(save_scene(load_scene(save_scene(floating.world))), save_scene(floating.world));
 }
 
 TEST(Wrenches, KeepTheirSpanWhenTheTickChanges) {

@@ -104,6 +104,11 @@ void World::set_time(double time, std::uint64_t step_count) {
   check_finite("time", time);
   check_next_tick("time", time, impl_->options.time_step);
   const double now = this->time();
+  for (const Wrench& wrench : impl_->wrenches)
+    for (const double moment : {wrench.start + (time - now), wrench.end + (time - now)})
+      if (std::isfinite(moment) && std::abs(moment) > kMostMagnitude)
+        refuse("time", "moves a wrench on " + in_quotes(this->body(wrench.body).name) +
+                           " beyond 1e20 s, got " + shortest(time));
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     JointState& state = impl_->joint_states[j];
     // A motor that was set just now keeps its timeout to the bit.

@@ -23,8 +23,8 @@ class PlotTopics {
  public:
   PlotTopics(const ros::NodeHandle& private_handle, ros::SubscriberStatusCallback welcome);
 
-  /// Advertises topics of new robots, and anew those of robots whose joints have changed; ends
-  /// those of removed ones.
+  /// Advertises topics of new robots, and new topics for robots whose joints have changed. Ends the
+  /// topics of removed robots.
   void update(const std::vector<RobotDescription>& robots, const engine::World& world);
   bool anybody_listens() const;
   void publish(const engine::World& world, const ros::Time& stamp, const std::string& frame) const;

@@ -23,8 +23,8 @@ struct ContactExceptions {
 
 /// Finds the exceptions of a robot whose bodies and joints have the ids of an empty world. Links on
 /// fixed joints count as one: a joint to one of them makes all of them neighbours. Excepted are
-/// neighbours, bodies that overlap in their present states, and the `listed` pairs of links. Links
-/// of two different `models` may overlap and collide.
+/// neighbours, bodies that overlap in their present states, and the `listed` pairs of links. Two
+/// links that are in different `models` may overlap and collide.
 ContactExceptions contact_exceptions(const Lumps& lumps, const std::vector<engine::Body>& bodies,
                                      const std::vector<engine::Joint>& joints,
                                      const std::vector<LinkPair>& listed,

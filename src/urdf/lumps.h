@@ -20,8 +20,8 @@ struct LumpShape {
   std::string link;  ///< link that the shape belongs to
 };
 
-/// Returns the name of the empty link that converted formats put in the frame of a joint. A lump
-/// that begins with this link has the name of the link behind it.
+/// Returns the name of the empty link that converted formats put in the frame of a joint. Where it
+/// is the first link of a lump, the lump has the name of the second.
 inline std::string joint_frame_link(const std::string& joint) { return joint + "/frame"; }
 
 /// Links that fixed joints unite to one body. The lump's frame is that of its first link.

@@ -21,8 +21,8 @@ struct HalfSpace {
   Exact offset;
 };
 
-/// A shape, the planes of a hull, and its size [m]. Planes of hulls are those through three points
-/// that have all others on one side, without Qhull.
+/// A shape, the planes of a hull, and its size [m]. A plane of a hull goes through three
+/// points and has all others on one side; Qhull is not used.
 struct OracleShape {
   Shape shape;
   std::vector<HalfSpace> planes;

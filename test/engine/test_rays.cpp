@@ -72,8 +72,8 @@ TEST(RaysAgainstShapes, EnterWhereTheOracleSays) {
     const ExactLine line(target, pose, origin, direction);
     const std::optional<LinePart> part =
         line_part_in(target.shape, pose, origin, direction.normalized());
-    // Rounding of the coordinates of body and origin, of the unit direction over the distance, and
-    // of some operations on each: the largest error seen is 4e-16 of their sum.
+    // Coordinates of body and origin are rounded, as are the unit direction over the distance and
+    // the results of some operations: the largest error seen is 4e-16 of their sum.
     const double end = 4.0 * (away + scale);
     const bool is_plane = std::holds_alternative<Plane>(target.shape);
     double way = end, middle = 0.0;

@@ -9,9 +9,8 @@ namespace constraint_sim::engine {
 class World;
 
 /// Closest points of two bodies, world frame: p_a − p_b = distance · normal, to 1e-9 of the size of
-/// the larger body. Where a cylinder overlaps another shape, the axis of least depth is missed in 1
-/// of 100 000 random poses; p_a and p_b, on their surfaces, are then up to 0.1 of the size apart
-/// across the normal.
+/// the larger body. Where a cylinder overlaps another shape, the axis of least depth is rarely
+/// missed; p_a and p_b, on their surfaces, are then up to 0.1 of the size apart across the normal.
 struct ClosestPoints {
   double distance = 0.0;  ///< gap [m]; negative: least translation that separates the bodies
   Eigen::Vector3d p_a = Eigen::Vector3d::Zero();      ///< on A's surface [m]

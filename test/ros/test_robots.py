@@ -207,14 +207,14 @@ class Robots(support.ServiceCase):
             states = Listener(space + "joint_states", JointState)
             call("unpause_physics")
 
+            header = plots.find(what="a plot")._connection_header
+            made = genpy.dynamic.generate_dynamic(header["type"], header["message_definition"])[header["type"]]
+            self.assertEqual(made._md5sum, header["md5sum"])
+
             def same():
                 """Returns a plot and joint states with the same stamp, once there are both after 0.1 s of motion."""
-                stamps = {message.header.stamp: message for message in states.messages[5:]}
-                for plot in plots.messages:
-                    header = plot._connection_header
-                    made = genpy.dynamic.generate_dynamic(
-                        header["type"], header["message_definition"])[header["type"]]
-                    self.assertEqual(made._md5sum, header["md5sum"])
+                stamps = {message.header.stamp: message for message in list(states.messages)[5:]}
+                for plot in list(plots.messages):
                     message = made().deserialize(plot._buff)
                     if message.header.stamp in stamps:
                         return message, stamps[message.header.stamp]

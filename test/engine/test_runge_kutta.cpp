@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 
+#include "constraint_sim/engine/snapshot.h"
 #include "engine/math/embedded_pairs.h"
 #include "problems.h"
 #include "support.h"
@@ -611,6 +612,28 @@ TEST(RungeKutta, ABodyHeldAtItsCentreAtTheOriginStays) {
   run_exactly(world, 1.0);
   EXPECT_LE(world.state(id).position.norm(), 1e-15);
   EXPECT_NEAR(world.joint_state(world.joint_ids().front()).force, 0.3 * 9.81, 1e-12);
+}
+
+// With a tolerance that allows any error, stages of a step reach numbers whose squares overflow.
+TEST(RungeKutta, OrientationsHaveUnitLengthHoweverLongTheSteps) {
+  Random random;
+  int integrated = 0;
+  for (int i = 0; i < 60; ++i) {
+    World world =
+        with_tolerance(without_weight(), 1e6, i % 2 == 0 ? 0.0 : 1e20, i % 3 == 0 ? 5 : 8);
+    Body body = make_body("spinning", Box{{0.1, 0.2, 0.3 + 0.2 * random()}}, 1.0, Vector3d::Zero());
+    body.state.orientation = random.orientation();
+    body.state.angular_velocity = std::exp(44.0 * random()) * random.vector();
+    world.add_body(body);
+    for (int k = 0; k < 3 && !world.step().failed; ++k) {
+      ++integrated;
+      const Quaterniond& q = world.state(world.body_ids().front()).orientation;
+      // of a quotient that is rounded in each of its numbers
+      EXPECT_NEAR(q.norm(), 1.0, 4.0 * kEpsilon) << "scene " << i;
+    }
+    EXPECT_EQ(read_snapshot(write_snapshot(world)).state_hash(), world.state_hash());
+  }
+  EXPECT_GT(integrated, 20);
 }
 
 TEST(RungeKutta, RowsThatContradictEachOtherStayFinite) {

@@ -389,7 +389,7 @@ bool EquationsOfMotion::fit_positions(double t, double* y) {
   double rounding = 0.0;
   bool factors_are_near = true;
   for (int i = 0;; ++i) {
-    for (std::size_t k = 0; k < rotating_; ++k) Eigen::Map<Eigen::Vector4d>(q + 4 * k).normalize();
+    if (!normalize_quaternions(q, rotating_)) return false;
     kinematics_.place(*this, t, y, &inputs_);
     const double error = find_values();
     if (i == 0) rounding = kEpsilon * std::max(scale_, error);  // scale_ is 0 for a single point

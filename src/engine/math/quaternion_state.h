@@ -2,6 +2,10 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
+#include <cstddef>
+
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 
@@ -21,6 +25,18 @@ inline void write_quaternion_rate(const Eigen::Vector3d& w, const double* q, dou
   rate[1] = 0.5 * (w.y() * q[3] + w.z() * q[0] - w.x() * q[2]);
   rate[2] = 0.5 * (w.z() * q[3] + w.x() * q[1] - w.y() * q[0]);
   rate[3] = -0.5 * (w.x() * q[0] + w.y() * q[1] + w.z() * q[2]);
+}
+
+/// Gives quaternions, one behind the other, unit length. Returns false, with some as they were,
+/// where the square of a length overflows or is 0.
+inline bool normalize_quaternions(double* q, std::size_t count) {
+  for (const double* const end = q + 4 * count; q != end; q += 4) {
+    Eigen::Map<Eigen::Vector4d> quaternion(q);
+    const double square = quaternion.squaredNorm();
+    if (!(square > 0.0 && square < kInfinity)) return false;
+    quaternion /= std::sqrt(square);
+  }
+  return true;
 }
 
 }  // namespace constraint_sim::engine

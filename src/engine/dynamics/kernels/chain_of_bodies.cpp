@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "engine/math/list.h"
+#include "engine/math/quaternion_state.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -238,8 +240,8 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
 
 // Sets solution to −C, and the arms. Returns the largest error of a joint [m].
 double ChainOfBodies::find_values(double* y) {
-  for (std::size_t i = 0; i < equations_.bodies().size(); ++i)
-    Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * i).normalize();
+  if (!normalize_quaternions(y + view_.q_at, equations_.bodies().size()))
+    return std::numeric_limits<double>::quiet_NaN();
   double worst = 0.0;
   const auto set_value = [&](std::size_t e, const Lanes3& d) {
     ChainPair& pair = pairs_[e];

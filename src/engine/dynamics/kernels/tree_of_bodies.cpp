@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "engine/math/larger.h"
 #include "engine/math/list.h"
@@ -409,8 +410,8 @@ bool TreeOfBodies::project(double t, double* y) {
 
 // Evaluates all positions. Returns the largest error of a row [m].
 double TreeOfBodies::find_values(double t, double* y) {
-  for (std::size_t i = 0; i < bodies_; ++i)
-    Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * i).normalize();
+  if (!normalize_quaternions(y + view_.q_at, bodies_))
+    return std::numeric_limits<double>::quiet_NaN();
   place(t, y);
   double worst = 0.0;
   const auto consider = [&](double error) { worst = larger(worst, error); };

@@ -10,6 +10,7 @@
 #include "engine/dynamics/kernels/tree_of_bodies.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
+#include "engine/math/quaternion_state.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -55,8 +56,7 @@ class Turning {
   }
   bool project(double t, double* y) {
     end_ = t;
-    Eigen::Map<Eigen::Vector4d>(y).normalize();
-    return true;
+    return normalize_quaternions(y, 1);
   }
   template <class Pair>
   void accept(double) {}
@@ -243,9 +243,10 @@ IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,
   }
   const bool goes_on = state->angular_velocity == after_.angular_velocity &&
                        state->orientation.coeffs() == after_.orientation.coeffs();
-  if (!goes_on)  // otherwise momentum_ is continued, to the last bit
-    momentum_ = apply_inertia(mass.inertia, state->orientation, state->angular_velocity);
-  Turning turning(mass, momentum_, torque);
+  const Vector3d momentum =  // continued to the last bit
+      goes_on ? momentum_
+              : apply_inertia(mass.inertia, state->orientation, state->angular_velocity);
+  Turning turning(mass, momentum, torque);
   std::array<double, StageMemory::kRows * Turning::size()> numbers;
   const StageMemory memory(numbers.data(), Turning::size());
   Eigen::Map<Eigen::Vector4d> q(memory.state());
@@ -258,7 +259,7 @@ IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,
   const IntegrationResult progress = integrate(turning, memory, 0.0, h, accuracy, stop, step_);
   if (!progress.done) return progress;
   state->orientation.coeffs() = q;
-  momentum_ += h * torque;
+  momentum_ = momentum + h * torque;
   state->angular_velocity = apply_inertia(mass.inverse_inertia, state->orientation, momentum_);
   after_ = *state;
   torque_ = torque;

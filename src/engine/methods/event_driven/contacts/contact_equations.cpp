@@ -173,7 +173,8 @@ bool ContactEquations::project(double t, double* y) {
   bodies_.set_time(t);
   double before = kInfinity;
   for (int k = 0;; ++k) {
-    for (std::size_t i = 0; i < bodies_.movable(); ++i) GroupBodies::normalize(i, y);
+    for (std::size_t i = 0; i < bodies_.movable(); ++i)
+      if (!GroupBodies::normalize(i, y)) return false;
     bodies_.place(y);
     set_rows(false, false);
     double error = 0.0;

@@ -211,8 +211,8 @@ void GroupBodies::displace(std::size_t i, const Vector3d& moved, const Vector3d&
   q = rotation(turned) * Eigen::Quaterniond(q);
 }
 
-void GroupBodies::normalize(std::size_t i, double* y) {
-  Eigen::Map<Eigen::Vector4d>(y + kNumbers * i + kQ).normalize();
+bool GroupBodies::normalize(std::size_t i, double* y) {
+  return normalize_quaternions(y + kNumbers * i + kQ, 1);
 }
 
 bool GroupBodies::is_still(const double* dydt) const {

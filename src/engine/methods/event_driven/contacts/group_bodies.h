@@ -106,7 +106,7 @@ class GroupBodies {
   /// Adds a displacement of a body, and its rotation vector, to y.
   static void displace(std::size_t body, const Eigen::Vector3d& moved,
                        const Eigen::Vector3d& turned, double* y);
-  static void normalize(std::size_t body, double* y);
+  static bool normalize(std::size_t body, double* y);
   /// Whether a derivative is zero to rounding.
   bool is_still(const double* dydt) const;
   /// Squared size of a change of y over h, defined as in EquationsOfMotion.

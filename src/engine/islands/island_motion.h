@@ -72,7 +72,10 @@ class IslandMotion {
   void change_way();
   /// Returns to the state after compilation.
   void restart();
-  /// The method energy_momentum. Undefined before its first use.
+  /// Whether energy_momentum was used since compilation, or has memory in the snapshot that was
+  /// read.
+  bool has_gradients() const { return gradients_.has_value(); }
+  /// The method energy_momentum. Undefined where has_gradients() is false.
   const EnergyMomentum& gradients() const { return *gradients_; }
   /// Whether inconsistent joints could be met at the end of the last span.
   bool can_be_met() const { return inconsistent_->can_be_met(); }

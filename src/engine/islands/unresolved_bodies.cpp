@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/methods/energy_momentum/energy_momentum.h"
@@ -53,7 +54,9 @@ std::uint32_t find_spinning(const Model& model, const State& state, const Rollba
 std::uint32_t find_unresolved(const Model& model, const State& state, const Rollback& rollback,
                               const IslandMembers& members, const IslandMotion& motion,
                               List<std::size_t>* bodies) {
-  const EnergyMomentum& method = motion.gradients();
+  std::optional<EnergyMomentum> fresh;  // a snapshot has no memory where nothing goes on from it
+  const EnergyMomentum& method =
+      motion.has_gradients() ? motion.gradients() : fresh.emplace(motion.equations());
   const double h = model.options.time_step;
   const auto turns_too_far = [&](double spin) {
     return method.turn_error(h * spin, model.options.tolerance) > EnergyMomentum::kResolvedTurn;

@@ -11,11 +11,17 @@ namespace {
 using engine::YamlElement;
 
 LinkProperties read_link(const YamlElement& item) {
-  item.expect_keys({"friction", "restitution", "no_collision"});
+  item.expect_keys({"friction", "restitution", "no_collision", "convex_parts"});
   LinkProperties link;
   item.read("friction", &link.friction);
   item.read("restitution", &link.restitution);
   item.read("no_collision", &link.no_collision);
+  int parts = static_cast<int>(kMostMeshParts);
+  item.read("convex_parts", &parts);
+  if (parts < 1 || parts > static_cast<int>(kMostMeshParts))
+    item.at("convex_parts")
+        .fail("must be 1 to " + std::to_string(kMostMeshParts) + ", got " + std::to_string(parts));
+  link.convex_parts = static_cast<std::size_t>(parts);
   item.attempt([&] {
     engine::check_not_negative("friction", link.friction);
     engine::check_share("restitution", link.restitution);
@@ -55,6 +61,12 @@ void for_each(const YamlElement& item, const char* key, Do do_with) {
 }
 
 }  // namespace
+
+std::map<std::string, std::size_t> most_parts(const RobotExtra& extra) {
+  std::map<std::string, std::size_t> most;
+  for (const auto& [link, properties] : extra.links) most[link] = properties.convex_parts;
+  return most;
+}
 
 RobotExtra read_extra(const std::string& text) {
   RobotExtra extra;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/scene/yaml_element.h"
+#include "urdf/mesh_shapes.h"
 
 namespace constraint_sim {
 
@@ -19,6 +20,7 @@ struct LinkProperties {
   double friction = 0.0;
   double restitution = 0.0;
   bool no_collision = false;
+  std::size_t convex_parts = kMostMeshParts;  ///< most of each collision mesh
 };
 
 /// Spring of a joint, which an SDF may have.
@@ -40,6 +42,9 @@ struct RobotExtra {
   std::vector<engine::YamlElement> constraints;  ///< constraints between links, as in scenes
   std::vector<std::pair<std::string, std::string>> no_contact;  ///< links that do not collide
 };
+
+/// Returns the greatest number of convex parts of each collision mesh, by link.
+std::map<std::string, std::size_t> most_parts(const RobotExtra& extra);
 
 /// Reads the YAML; does not check whether joints and links exist. Throws engine::SceneError.
 RobotExtra read_extra(const std::string& text);

@@ -19,11 +19,6 @@ using Eigen::Vector3d;
   throw std::invalid_argument("urdf: link '" + link + "' " + why);
 }
 
-/// Returns the inertia of a point of unit mass about the origin [m²].
-Matrix3d point_inertia(const Vector3d& r) {
-  return r.squaredNorm() * Matrix3d::Identity() - r * r.transpose();
-}
-
 bool has_mass(const urdf::Link& link) { return link.inertial && link.inertial->mass > 0.0; }
 
 void add_inertial(const urdf::Link& link, const Isometry3d& in_lump, Lump* lump) {
@@ -45,15 +40,6 @@ void add_inertial(const urdf::Link& link, const Isometry3d& in_lump, Lump* lump)
       R * inertia * R.transpose() + inertial.mass * point_inertia(at.translation());
 }
 
-/// Returns the shape of a mesh in the frame of its link, and reports how it collides.
-std::optional<LumpShape> shape_of_mesh(const urdf::Link& link, const urdf::Collision& collision,
-                                       MeshHulls* meshes, std::vector<std::string>* warnings) {
-  const MeshHull& found = meshes->of(static_cast<const urdf::Mesh&>(*collision.geometry));
-  warnings->push_back("link '" + link.name + "': " + found.sentence);
-  if (!found.hull.surface) return std::nullopt;
-  return LumpShape{found.hull, to_isometry(collision.origin) * found.in_mesh, link.name};
-}
-
 std::optional<engine::Shape> shape_of(const urdf::Geometry& geometry) {
   switch (geometry.type) {
     case urdf::Geometry::SPHERE:
@@ -73,13 +59,18 @@ std::optional<engine::Shape> shape_of(const urdf::Geometry& geometry) {
 }
 
 /// Returns the shapes of the collisions with a supported geometry.
-std::vector<LumpShape> shapes_of(const urdf::Link& link, MeshHulls* meshes,
+std::vector<LumpShape> shapes_of(const urdf::Link& link, MeshShapes* meshes,
                                  std::vector<std::string>* warnings) {
   std::vector<LumpShape> shapes;
-  for (const auto& collision : link.collision_array) {
+  for (std::size_t i = 0; i < link.collision_array.size(); ++i) {
+    const auto& collision = link.collision_array[i];
+    const Isometry3d in_link = to_isometry(collision->origin);
     if (collision->geometry->type == urdf::Geometry::MESH) {
-      if (auto shape = shape_of_mesh(link, *collision, meshes, warnings))
-        shapes.push_back(std::move(*shape));
+      const MeshShape& mesh =
+          meshes->of(link.name, static_cast<const urdf::Mesh&>(*collision->geometry));
+      warnings->push_back("link '" + link.name + "': " + mesh.sentence);
+      for (const MeshHull& hull : mesh.hulls)
+        shapes.push_back({hull.hull, in_link * hull.in_mesh, link.name, i});
       continue;
     }
     const auto shape = shape_of(*collision->geometry);
@@ -89,7 +80,7 @@ std::vector<LumpShape> shapes_of(const urdf::Link& link, MeshHulls* meshes,
     } catch (const std::invalid_argument& error) {
       refuse_link(link.name, std::string("has a collision with ") + error.what());
     }
-    shapes.push_back({*shape, to_isometry(collision->origin), link.name});
+    shapes.push_back({*shape, in_link, link.name, i});
   }
   return shapes;
 }
@@ -97,7 +88,7 @@ std::vector<LumpShape> shapes_of(const urdf::Link& link, MeshHulls* meshes,
 /// Walks the tree of links from the root.
 class Walk {
  public:
-  Walk(const urdf::ModelInterface& model, MeshHulls* meshes) : meshes_(meshes) {
+  Walk(const urdf::ModelInterface& model, MeshShapes* meshes) : meshes_(meshes) {
     begin(*model.getRoot(), nullptr, 0);
   }
 
@@ -149,15 +140,19 @@ class Walk {
         shapes_of(child, meshes_, &lumps_.warnings));
   }
 
-  MeshHulls* meshes_;
+  MeshShapes* meshes_;
   Lumps lumps_;
 };
 
 }  // namespace
 
+Matrix3d point_inertia(const Vector3d& r) {
+  return r.squaredNorm() * Matrix3d::Identity() - r * r.transpose();
+}
+
 Matrix3d Lump::inertia() const { return second_moment - mass * point_inertia(centre_of_mass()); }
 
-Lumps lump_links(const urdf::ModelInterface& model, MeshHulls* meshes) {
+Lumps lump_links(const urdf::ModelInterface& model, MeshShapes* meshes) {
   return Walk(model, meshes).take();
 }
 

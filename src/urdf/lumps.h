@@ -9,15 +9,19 @@
 #include <vector>
 
 #include "constraint_sim/engine/body.h"
-#include "urdf/mesh_hulls.h"
+#include "urdf/mesh_shapes.h"
 
 namespace constraint_sim {
+
+/// Returns the inertia of a point of unit mass about the origin [m²].
+Eigen::Matrix3d point_inertia(const Eigen::Vector3d& r);
 
 /// Collision geometry as a shape of the engine.
 struct LumpShape {
   engine::Shape shape;
   Eigen::Isometry3d in_lump;
-  std::string link;  ///< link that the shape belongs to
+  std::string link;           ///< link that the shape belongs to
+  std::size_t collision = 0;  ///< number of the link's collision; convex parts of a mesh share it
 };
 
 /// Returns the name of the empty link that converted formats put in the frame of a joint. Where it
@@ -58,7 +62,7 @@ struct Lumps {
 /// Lumps links connected by fixed joints. A body has one shape; so a link with a mass and a shape,
 /// below a parent that has a shape, becomes a separate welded body. Throws std::invalid_argument
 /// for invalid masses and dimensions.
-Lumps lump_links(const urdf::ModelInterface& model, MeshHulls* meshes);
+Lumps lump_links(const urdf::ModelInterface& model, MeshShapes* meshes);
 
 /// Most bodies of a robot that carry further shapes; each costs a weld in each step.
 constexpr std::size_t kMostParts = 100;

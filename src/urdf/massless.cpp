@@ -69,7 +69,7 @@ std::set<std::string> names_in(const std::vector<engine::YamlElement>& constrain
 class MassTree {
  public:
   MassTree(const urdf::ModelInterface& model, const RobotExtra& extra, bool is_fixed,
-           MeshHulls* meshes)
+           MeshShapes* meshes)
       : lumps_(lump_links(model, meshes)),
         is_fixed_(is_fixed),
         static_links_(extra.static_links),
@@ -132,7 +132,7 @@ class MassTree {
 /// Finds the joints that move no mass, and makes them fixed.
 class MasslessJoints {
  public:
-  MasslessJoints(bool is_fixed, urdf::ModelInterface* model, RobotExtra* extra, MeshHulls* meshes)
+  MasslessJoints(bool is_fixed, urdf::ModelInterface* model, RobotExtra* extra, MeshShapes* meshes)
       : tree_(*model, *extra, is_fixed, meshes), model_(*model), extra_(*extra) {}
 
   MasslessLinks fix() {
@@ -228,7 +228,7 @@ class MasslessJoints {
 class SubstituteMasses {
  public:
   SubstituteMasses(bool is_fixed, urdf::ModelInterface* model, const RobotExtra& extra,
-                   MeshHulls* meshes, std::vector<std::string>* warnings)
+                   MeshShapes* meshes, std::vector<std::string>* warnings)
       : tree_(*model, extra, is_fixed, meshes),
         model_(*model),
         extra_(extra),
@@ -448,7 +448,7 @@ class SubstituteMasses {
 
 }  // namespace
 
-MasslessLinks treat_massless_links(bool is_fixed, urdf::ModelInterface* model, MeshHulls* meshes,
+MasslessLinks treat_massless_links(bool is_fixed, urdf::ModelInterface* model, MeshShapes* meshes,
                                    RobotExtra* extra) {
   MasslessLinks result = MasslessJoints(is_fixed, model, extra, meshes).fix();
   SubstituteMasses(is_fixed || result.is_root_fixed, model, *extra, meshes, &result.warnings).add();

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "urdf/extra.h"
-#include "urdf/mesh_hulls.h"
+#include "urdf/mesh_shapes.h"
 
 namespace constraint_sim {
 
@@ -28,7 +28,7 @@ struct MasslessLinks {
 /// `extra`. A massless link between joints gets kMasslessShare of a neighbour's mass. Throws
 /// std::invalid_argument where no link that moves has a mass, and where joints can move a massless
 /// link although all masses rest.
-MasslessLinks treat_massless_links(bool is_fixed, urdf::ModelInterface* model, MeshHulls* meshes,
+MasslessLinks treat_massless_links(bool is_fixed, urdf::ModelInterface* model, MeshShapes* meshes,
                                    RobotExtra* extra);
 
 }  // namespace constraint_sim

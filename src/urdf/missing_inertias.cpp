@@ -3,6 +3,8 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <cstddef>
+#include <variant>
+#include <vector>
 
 #include "engine/math/numbers.h"
 #include "urdf/lumps.h"
@@ -30,21 +32,45 @@ bool has_no_moment(const Lump& lump) {
   return moments.minCoeff() <= kRounding * size;
 }
 
-/// Returns the first shape of a link in its lump; null where the link has none.
-const LumpShape* shape_of_link(const Lump& lump, const std::string& link) {
-  if (lump.shape && lump.shape->link == link) return &*lump.shape;
-  for (const LumpShape& shape : lump.more_shapes)
-    if (shape.link == link) return &shape;
-  return nullptr;
+/// Returns the first shape of a link in its lump, which are several where it is a mesh of convex
+/// parts; none where the link has no shape.
+std::vector<const LumpShape*> first_shape_of(const Lump& lump, const std::string& link) {
+  std::vector<const LumpShape*> found;
+  const auto add = [&](const LumpShape& shape) {
+    if (shape.link == link && (found.empty() || found.front()->collision == shape.collision))
+      found.push_back(&shape);
+  };
+  if (lump.shape) add(*lump.shape);
+  for (const LumpShape& shape : lump.more_shapes) add(shape);
+  return found;
 }
 
-/// Sets the inertia of a shape; `in_lump` is the pose of the link.
-void fill_in_by_shape(const LumpShape& shape, const Eigen::Isometry3d& in_lump,
+/// Volume of a convex part of a mesh [m³]; 1 for other shapes, which stand alone.
+double volume_of(const LumpShape& shape) {
+  const auto* hull = std::get_if<engine::Hull>(&shape.shape);
+  return hull != nullptr ? hull->surface->volume() : 1.0;
+}
+
+/// Sets the inertia of a shape, whose parts have one density, about the centre of all; `in_lump` is
+/// the pose of the link.
+void fill_in_by_shape(const std::vector<const LumpShape*>& parts, const Eigen::Isometry3d& in_lump,
                       urdf::Inertial* inertial) {
   const Eigen::Isometry3d frame = in_lump * to_isometry(inertial->origin);
-  const Matrix3d R = frame.linear().transpose() * shape.in_lump.linear();
-  const Vector3d moments = inertial->mass * engine::unit_inertia(shape.shape);
-  const Matrix3d inertia = R * moments.asDiagonal() * R.transpose();
+  double volume = 0.0;
+  Vector3d moment = Vector3d::Zero();
+  for (const LumpShape* part : parts) {
+    volume += volume_of(*part);
+    moment += volume_of(*part) * part->in_lump.translation();
+  }
+  Matrix3d inertia = Matrix3d::Zero();
+  for (const LumpShape* part : parts) {
+    const double mass = inertial->mass * volume_of(*part) / volume;
+    const Matrix3d R = frame.linear().transpose() * part->in_lump.linear();
+    const Vector3d off =
+        frame.linear().transpose() * (part->in_lump.translation() - moment / volume);
+    inertia += R * (mass * engine::unit_inertia(part->shape)).asDiagonal() * R.transpose() +
+               mass * point_inertia(off);
+  }
   inertial->ixx = inertia(0, 0);
   inertial->iyy = inertia(1, 1);
   inertial->izz = inertia(2, 2);
@@ -63,7 +89,7 @@ double fill_in_by_sphere(urdf::Inertial* inertial) {
 
 }  // namespace
 
-std::vector<std::string> fill_in_inertias(bool is_root_fixed, MeshHulls* meshes,
+std::vector<std::string> fill_in_inertias(bool is_root_fixed, MeshShapes* meshes,
                                           urdf::ModelInterface* model) {
   std::vector<std::string> sentences;
   const Lumps lumps = lump_links(*model, meshes);
@@ -73,8 +99,8 @@ std::vector<std::string> fill_in_inertias(bool is_root_fixed, MeshHulls* meshes,
     for (const std::string& name : lump.links) {
       urdf::Link& link = *model->links_.at(name);
       if (!has_zero_inertia(link)) continue;
-      if (const LumpShape* shape = shape_of_link(lump, name)) {
-        fill_in_by_shape(*shape, lumps.places.at(name).in_lump, &*link.inertial);
+      if (const auto shape = first_shape_of(lump, name); !shape.empty()) {
+        fill_in_by_shape(shape, lumps.places.at(name).in_lump, &*link.inertial);
         sentences.push_back("link '" + name +
                             "' has a mass and an inertia of 0: it gets that of its shape");
       } else {

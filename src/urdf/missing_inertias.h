@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "urdf/mesh_hulls.h"
+#include "urdf/mesh_shapes.h"
 
 namespace constraint_sim {
 
@@ -13,7 +13,7 @@ namespace constraint_sim {
 /// first collision shape, about the centre of mass, else of a sphere with the density of water.
 /// Links stay that get an inertia from links on fixed joints. Returns a sentence for each filled in
 /// link.
-std::vector<std::string> fill_in_inertias(bool is_root_fixed, MeshHulls* meshes,
+std::vector<std::string> fill_in_inertias(bool is_root_fixed, MeshShapes* meshes,
                                           urdf::ModelInterface* model);
 
 }  // namespace constraint_sim

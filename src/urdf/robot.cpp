@@ -117,7 +117,7 @@ bool fill_in_thin_rod(Vector3d* moments) {
 class Builder {
  public:
   Builder(const urdf::ModelInterface& model, const RobotOptions& options, RobotExtra extra,
-          bool is_root_fixed, MeshHulls* meshes)
+          bool is_root_fixed, MeshShapes* meshes)
       : model_(model),
         options_(options),
         extra_(std::move(extra)),
@@ -606,7 +606,7 @@ BuiltRobot build_robot(const std::string& text, const RobotOptions& given) {
   add_sdf_extra(sdf_extra, &extra);
   const std::string description = from_sdf ? urdf_text(*model) : "";
   const bool is_fixed = options.fixed || model->getRoot()->name == "world";
-  MeshHulls meshes(options.mesh_path);
+  MeshShapes meshes(options.mesh_path, most_parts(extra));
   const std::vector<std::string> inertias = fill_in_inertias(is_fixed, &meshes, model.get());
   const MasslessLinks massless = treat_massless_links(is_fixed, model.get(), &meshes, &extra);
   BuiltRobot built =

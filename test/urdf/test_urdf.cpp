@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstdio>
-#include <fstream>
 
 #include "constraint_sim/engine/scene.h"
 #include "draw.h"
@@ -10,7 +9,6 @@
 #include "memory_peak.h"
 #include "robots.h"
 #include "urdf/contact_exceptions.h"
-#include "urdf/mesh_points.h"
 #include "urdf/meshes.h"
 #include "urdf/parse.h"
 #include "urdf/prefixed.h"
@@ -183,54 +181,6 @@ TEST(Urdf, ShapesLieWhereTheUrdfHasThem) {
   ASSERT_EQ(r.warnings.size(), 1u);
   EXPECT_EQ(r.warnings[0],
             "link 'c': the mesh 'package://x/y.stl' does not collide: its file is not known");
-}
-
-/// Writes the faces of a triangulated solid as an STL in text.
-std::string write_stl(const std::string& name, const std::vector<std::array<Vector3d, 3>>& faces) {
-  const std::string path = testing::TempDir() + name;
-  std::ofstream file(path);
-  file << "solid s\n";
-  for (const auto& face : faces) {
-    file << "facet normal 0 0 0\nouter loop\n";
-    for (const Vector3d& p : face)
-      file << "vertex " << p.x() << ' ' << p.y() << ' ' << p.z() << '\n';
-    file << "endloop\nendfacet\n";
-  }
-  file << "endsolid s\n";
-  return path;
-}
-
-// A right tetrahedron with legs 1, 2, 3 beside the origin: its centre is at a quarter of each leg.
-TEST(Urdf, CollisionMeshesAreConvexHulls) {
-  if (!reads_meshes()) GTEST_SKIP() << "built without assimp";
-  const Vector3d o(0, 0, 0), x(1, 0, 0), y(0, 2, 0), z(0, 0, 3);
-  const std::string path =
-      write_stl("tetrahedron.stl", {{o, y, x}, {o, x, z}, {o, z, y}, {x, y, z}});
-  const std::string flat = write_stl("flat.stl", {{o, x, y}, {o, y, x}});
-  const auto mesh = [](const std::string& file, const char* scale) {
-    return "<collision><origin xyz='0 0 5'/><geometry><mesh filename='file://" + file +
-           "' scale='" + scale + "'/></geometry></collision>";
-  };
-  World world;
-  const Robot r =
-      add(link("a", kInertial + mesh(path, "0.1 0.1 0.2")) +
-              link("b", kInertial + mesh(flat, "1 1 1")) + joint("j", "floating", "a", "b"),
-          &world);
-  const engine::Body& body = world.body(world.find_body("a/com"));
-  const auto& surface = *std::get<engine::Hull>(body.shape).surface;
-  EXPECT_EQ(surface.vertices().size(), 4u);
-  EXPECT_NEAR(surface.volume(), 0.1 * 0.1 * 0.2, 1e-9);  // single precision of meshes
-  EXPECT_TRUE(surface.is_centred());
-  ASSERT_TRUE(body.shape_pose);
-  EXPECT_TRUE(std::holds_alternative<engine::Point>(world.body(world.find_body("b/com")).shape));
-  const Vector3d centre =
-      world.state(world.find_body("a/com")).position +
-      world.state(world.find_body("a/com")).orientation * body.shape_pose->position;
-  EXPECT_LT((centre - Vector3d(0.025, 0.05, 5.15)).norm(), 1e-7);
-  ASSERT_EQ(r.warnings.size(), 2u);
-  EXPECT_EQ(r.warnings[0],
-            "link 'a': the mesh 'file://" + path + "' collides as its convex hull with 4 vertices");
-  EXPECT_EQ(r.warnings[1].find("link 'b': the mesh 'file://" + flat + "' does not collide: "), 0u);
 }
 
 // Further shapes of a link, and shapes of massless links on fixed joints, are on bodies that share

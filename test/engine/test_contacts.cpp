@@ -13,6 +13,32 @@ double total_normal_force(const World& world) {
   return sum;
 }
 
+// ---- reported
+
+// A point is reported once its gap is closed, though its row is there before.
+TEST(Reported, ContactsAreThoseThatTouched) {
+  for (const Method method : {Method::kTimeStepping, Method::kSequentialImpulses}) {
+    WorldOptions chosen = options(0.01);
+    chosen.method = method;
+    chosen.gravity = Vector3d::Zero();
+    World world(chosen);
+    world.add_body(make_floor(0.5));
+    const double gap = 4e-4;
+    const BodyId ball = world.add_body(make_body("ball", Sphere{0.2}, 3.0, {0.0, 0.0, 0.2 + gap}));
+    run(world, 3);
+    EXPECT_TRUE(world.contacts().empty());
+    BodyState state = world.state(ball);
+    state.linear_velocity.z() = -0.01;  // closes the gap in 4 steps
+    world.set_state(ball, state);
+    int steps = 0;
+    while (world.contacts().empty() && steps < 10) world.step(), ++steps;
+    EXPECT_GE(steps, 4) << name(method);
+    EXPECT_LE(steps, 6) << name(method);
+    ASSERT_EQ(world.contacts().size(), 1u);
+    EXPECT_GT(world.contacts()[0].normal_force, 0.0);
+  }
+}
+
 // ---- at rest
 
 TEST(Resting, BallOnAPlane) {

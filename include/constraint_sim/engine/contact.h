@@ -17,13 +17,13 @@ enum class ContactState : std::uint8_t {
 /// Name as in messages: `closed`, `sticking`, `slipping`.
 const char* name(ContactState state);
 
-/// A point in which two bodies press on each other.
+/// A point in which two bodies touched in the step.
 struct Contact {
   BodyId body_a;
   BodyId body_b;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< point on B's surface, world [m]
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();   ///< unit vector from B to A, world
-  double depth = 0.0;                                  ///< penetration [m] > 0
+  double depth = 0.0;         ///< penetration [m]; negative for a gap that the step closed
   double normal_force = 0.0;  ///< normal force, mean over the step [N] ≥ 0
   /// Normal force and friction on A, world, mean over the step [N].
   Eigen::Vector3d force = Eigen::Vector3d::Zero();

@@ -18,6 +18,7 @@ void StepOutput::set_contacts(const List<TouchingPair>& touching, double time_st
 void StepOutput::add_contacts(const TouchingPair& pair, double time_step) {
   for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
     const Manifold::Point& point = pair.manifold.points[k];
+    if (point.depth < 0.0 && pair.impulses[k].isZero(0.0)) continue;  // a gap that stayed open
     const Eigen::Vector3d force = pair.impulses[k] / time_step;
     const double normal_force = pair.impulses[k].dot(pair.manifold.normal) / time_step;
     contacts.push_back({pair.id_a, pair.id_b, point.position, pair.manifold.normal, point.depth,

@@ -46,12 +46,16 @@ double gain_of(double before, double gain, double allowed) {
   return std::isfinite(gain) ? std::max(0.0, before + gain - allowed) : before;
 }
 
-/// Tangential velocity of A relative to B at the mean of their contact points, world [m/s].
+/// Tangential velocity of A relative to B at the mean of their sticking points, world [m/s].
 Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& b) {
   Vector3d middle = Vector3d::Zero();
-  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k)
+  int sticking = 0;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
+    if (pair.contact_states[k] != ContactState::kSticking) continue;
     middle += pair.manifold.points[k].position;
-  middle /= pair.manifold.count;
+    ++sticking;
+  }
+  middle /= sticking;
   const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - a.position) -
                      b.linear_velocity - b.angular_velocity.cross(middle - b.position);
   return v - v.dot(pair.manifold.normal) * pair.manifold.normal;

@@ -70,7 +70,8 @@ std::vector<LumpShape> shapes_of(const urdf::Link& link, MeshShapes* meshes,
           meshes->of(link.name, static_cast<const urdf::Mesh&>(*collision->geometry));
       warnings->push_back("link '" + link.name + "': " + mesh.sentence);
       for (const MeshHull& hull : mesh.hulls)
-        shapes.push_back({hull.hull, in_link * hull.in_mesh, link.name, i});
+        shapes.push_back(
+            {hull.hull, in_link * hull.in_mesh, link.name, i, hull.hull.surface->volume()});
       continue;
     }
     const auto shape = shape_of(*collision->geometry);

@@ -3,7 +3,6 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <cstddef>
-#include <variant>
 #include <vector>
 
 #include "engine/math/numbers.h"
@@ -45,12 +44,6 @@ std::vector<const LumpShape*> first_shape_of(const Lump& lump, const std::string
   return found;
 }
 
-/// Volume of a convex part of a mesh [m³]; 1 for other shapes, which stand alone.
-double volume_of(const LumpShape& shape) {
-  const auto* hull = std::get_if<engine::Hull>(&shape.shape);
-  return hull != nullptr ? hull->surface->volume() : 1.0;
-}
-
 /// Sets the inertia of a shape, whose parts have one density, about the centre of all; `in_lump` is
 /// the pose of the link.
 void fill_in_by_shape(const std::vector<const LumpShape*>& parts, const Eigen::Isometry3d& in_lump,
@@ -59,12 +52,12 @@ void fill_in_by_shape(const std::vector<const LumpShape*>& parts, const Eigen::I
   double volume = 0.0;
   Vector3d moment = Vector3d::Zero();
   for (const LumpShape* part : parts) {
-    volume += volume_of(*part);
-    moment += volume_of(*part) * part->in_lump.translation();
+    volume += part->volume;
+    moment += part->volume * part->in_lump.translation();
   }
   Matrix3d inertia = Matrix3d::Zero();
   for (const LumpShape* part : parts) {
-    const double mass = inertial->mass * volume_of(*part) / volume;
+    const double mass = inertial->mass * part->volume / volume;
     const Matrix3d R = frame.linear().transpose() * part->in_lump.linear();
     const Vector3d off =
         frame.linear().transpose() * (part->in_lump.translation() - moment / volume);

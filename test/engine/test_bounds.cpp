@@ -331,10 +331,10 @@ TEST(Bounds, OfSubstepsEndAStepOfBodiesThatTurnTooFast) {
   for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kRefused);
 }
 
-// Stages of a substep reach 1e154 here, and their squares overflow. With a tolerance the substep is
-// repeated with a shorter one; where any error is allowed, the step fails.
+// Stages of a substep reach 1e154 here, and their squares overflow. The substep is repeated with a
+// shorter one, also where any error is allowed.
 TEST(Bounds, OfStagesKeepOrientationsOfUnitLength) {
-  const auto expect_unit = [](double tolerance, double speed, Failure failure) {
+  const auto expect_unit = [](double tolerance, double speed) {
     WorldOptions options = weightless(1e6);
     options.method = Method::kRungeKutta;
     options.tolerance = tolerance;
@@ -343,11 +343,11 @@ TEST(Bounds, OfStagesKeepOrientationsOfUnitLength) {
     body.inertia = {0.01, 1.84, 1.32};
     body.state.angular_velocity = speed * Vector3d(-0.1, -0.05, 1.0);
     const BodyId id = world.add_body(body);
-    EXPECT_STREQ(to_string(world.step().failure), to_string(failure)) << speed;
+    EXPECT_FALSE(world.step().failed) << speed;
     EXPECT_NEAR(world.state(id).orientation.norm(), 1.0, 8 * kEpsilon) << speed;
   };
-  for (double speed = 6.0e6; speed < 7.0e6; speed *= 1.01) expect_unit(1e-8, speed, Failure::kNone);
-  expect_unit(0.0, 2.4e6, Failure::kNotFinite);
+  for (double speed = 6.0e6; speed < 7.0e6; speed *= 1.01) expect_unit(1e-8, speed);
+  expect_unit(0.0, 2.4e6);
 }
 
 // The system cannot start so many threads; the work is done nevertheless, with the same bits.

@@ -163,8 +163,7 @@ const List<Broadphase::Pair>& AssumedPaths::find_near(const MovedBodies& in,
     found_[body] =
         is_movable ? path_of(in, body)
                    : max_distance(in.step, in.state.states[body], body, model.options.time_step);
-    const PlacedShape placed(model.bodies[body], in.rollback.states()[body]);
-    proxies_.push_back({bounds(placed.shape(), placed.state()), body, is_movable});
+    proxies_.push_back(proxy_of(model, in.rollback.states()[body], body));
     widen(found_[body], &proxies_.back());
   }
   const List<Broadphase::Pair>& near = broadphase->find_pairs(proxies_);

@@ -39,7 +39,7 @@ void ContactPipeline::set_shapes(const Model& model, const State& state,
                has_shape);
   proxies_.clear();
   for (const int body : resting_bodies)
-    if (has_shape(body)) proxies_.push_back(proxy_of(model, state, body));
+    if (has_shape(body)) proxies_.push_back(proxy_of(model, state.states[body], body));
   const auto movable = [&](int body) { return model.is_movable(to_index(body)); };
   const bool any_movable =
       std::any_of(moving_shapes_.begin(), moving_shapes_.end(), movable) ||
@@ -56,7 +56,7 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
   proxies_.clear();
   auto fast = fast_bodies.begin();
   for (const int body : moving_shapes_) {
-    proxies_.push_back(proxy_of(model, state, body));
+    proxies_.push_back(proxy_of(model, state.states[body], body));
     if (fast != fast_bodies.end() && *fast == body) {
       widen(max_distance(step, state.states[body], body, model.options.time_step),
             &proxies_.back());

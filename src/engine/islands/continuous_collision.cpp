@@ -340,7 +340,7 @@ List<Broadphase::Pair> ContinuousCollision::pairs_of_group(const StepContext& st
   const Model& model = step.model;
   proxies_.clear();
   for (const int body : moving_shapes) {
-    proxies_.push_back(proxy_of(model, state, body));
+    proxies_.push_back(proxy_of(model, state.states[body], body));
     if (is_member_[body] || !model.is_movable(to_index(body)))
       widen(max_distance(step, state.states[body], body, duration), &proxies_.back());
   }

@@ -102,8 +102,8 @@ double max_distance(const StepContext& step, const BodyState& now, int body, dou
       max_center_displacement(step, now, body, duration) + reach_of(step.model.bodies[body]));
 }
 
-Proxy proxy_of(const Model& model, const State& state, int body) {
-  const PlacedShape placed(model.bodies[body], state.states[body]);
+Proxy proxy_of(const Model& model, const BodyState& at, int body) {
+  const PlacedShape placed(model.bodies[body], at);
   const Body& of = model.bodies[body];
   return {bounds(placed.shape(), placed.state()), body, model.is_movable(to_index(body)),
           of.collision_groups, of.collision_mask};

@@ -54,8 +54,8 @@ double max_point_displacement(const StepContext& step, const BodyState& now, int
 /// fast a body turns, it stays within its reach.
 double max_distance(const StepContext& step, const BodyState& now, int body, double duration);
 
-/// The bounds of a body in the broadphase.
-Proxy proxy_of(const Model& model, const State& state, int body);
+/// A body at a pose in the broadphase, with its groups.
+Proxy proxy_of(const Model& model, const BodyState& at, int body);
 /// Widens a box by a margin on all sides [m].
 void widen(double margin, Proxy* proxy);
 

@@ -26,7 +26,7 @@ std::vector<BodyId> bodies_in(const World& world, const Eigen::Vector3d& min,
   const Aabb region{min, max};
   std::vector<BodyId> found;
   for (std::size_t i = 1; i < impl.bodies.size(); ++i) {  // behind the world itself
-    const Aabb box = proxy_of(impl, impl, static_cast<int>(i)).box;
+    const Aabb box = proxy_of(impl, impl.states[i], static_cast<int>(i)).box;
     const bool is_plane = !box.min.allFinite();
     if (is_plane ? reaches_into(impl.states[i], region) : overlap(box, region))
       found.push_back(impl.body_ids[i]);

@@ -167,8 +167,8 @@ bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
     added.parts_end = problem_.parts.size();
     added.rate = -RowSolver::correction_target(row, rate);
     added.softness = row.softness + row.yielding * solver.inverse_mass(order_[k]);
-    added.least = RowSolver::least_correction(row);
-    added.most = RowSolver::most_correction(row);
+    added.least = least_correction(row);
+    added.most = most_correction(row);
     problem_rows_.push_back(order_[k]);
     impulses_.push_back(0.0);
   }

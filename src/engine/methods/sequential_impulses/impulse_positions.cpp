@@ -107,8 +107,10 @@ double RowSolver::update_positions(const List<int>& moved, const Masses& masses,
     BodyState& body = bodies[i];
     body.linear_velocity = velocities_[i].head<3>();
     body.angular_velocity = velocities_[i].tail<3>();
+    // Without a correction a body moves as it does where no other body has one, to the last bit.
+    const bool is_corrected = any_corrections_ && !corrections_[i].isZero(0.0);
     Vector3d L_correction = Vector3d::Zero();
-    if (any_corrections_) {
+    if (is_corrected) {
       const Vector3d w = corrections_[i].head<3>();
       body.position += h * w;
       work -= h * masses[i].weight_share * w.dot(gravity) / masses[i].inverse_mass;
@@ -121,7 +123,7 @@ double RowSolver::update_positions(const List<int>& moved, const Masses& masses,
     body.position += h * body.linear_velocity;
     advance_orientation(masses[i], h, &body);
     velocities_[i].tail<3>() = body.angular_velocity;
-    if (!any_corrections_) continue;
+    if (!is_corrected) continue;
     if (masses[i].can_turn())
       corrections_[i].tail<3>() =
           apply_inertia(masses[i].inverse_inertia, body.orientation, L_correction);

@@ -36,11 +36,11 @@ double RowSolver::correction_target(const Row& row, double J_V) {
   return row.correction;
 }
 
-double RowSolver::least_correction(const Row& row) {
+double least_correction(const Row& row) {
   return row.lower == 0.0 ? 0.0 : std::min(row.lower - row.impulse, 0.0);
 }
 
-double RowSolver::most_correction(const Row& row) {
+double most_correction(const Row& row) {
   return row.upper == 0.0 ? 0.0 : std::max(row.upper - row.impulse, 0.0);
 }
 

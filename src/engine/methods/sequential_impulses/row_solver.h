@@ -32,6 +32,11 @@ struct LoopRow {
   double impulse;  ///< impulse of the row when the share was found [N s]
 };
 
+/// Bounds of the impulse of a correction, around 0 also where rounding has taken the impulse of the
+/// row beyond its own bounds. A one-sided row corrects only to its open side.
+double least_correction(const Row& row);
+double most_correction(const Row& row);
+
 /// Solves the rows of sequential_impulses: gravity, sweeps over the rows at velocity level, then
 /// positions; first order in h. An impulse p changes the lasting velocities v. An impulse b of
 /// Baumgarte's correction changes velocities w that move bodies in this step only, so that closing
@@ -88,10 +93,6 @@ class RowSolver {
   /// Target of J w for a row with the rate J v [m/s]. A one-sided row demands no more than v leaves
   /// open.
   static double correction_target(const Row& row, double J_V);
-  /// Bounds of the impulse of a correction, around 0 also where rounding has taken the impulse of
-  /// the row beyond its own bounds. A one-sided row corrects only to its open side.
-  static double least_correction(const Row& row);
-  static double most_correction(const Row& row);
   /// Gives row i its impulse, or the impulse of its correction; both parts of a coupled row.
   void set_impulse(std::size_t i, double impulse, List<Row>* rows);
   void set_correction(std::size_t i, double impulse, List<Row>* rows);

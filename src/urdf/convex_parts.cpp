@@ -102,8 +102,11 @@ Gridded coarse(const TriangleMesh& mesh) {
   for (std::size_t i = 0; i < mesh.points.size(); ++i)
     result.cell_of.push_back(static_cast<int>(i));
   const double size = diagonal(mesh.points);
-  for (double cells = kCells; result.mesh.triangles.size() > kMostTriangles; cells *= kCoarser)
-    result = gridded(mesh, size / cells);
+  for (double cells = kCells; result.mesh.triangles.size() > kMostTriangles; cells *= kCoarser) {
+    Gridded next = gridded(result.mesh, size / cells);
+    for (int& cell : result.cell_of) cell = next.cell_of[static_cast<std::size_t>(cell)];
+    result.mesh = std::move(next.mesh);
+  }
   return result;
 }
 
@@ -185,7 +188,8 @@ void fill_in_parts(const TriangleMesh& mesh, const std::vector<int>& cell_of,
 bool divides_meshes() { return true; }
 
 std::vector<std::vector<Vector3d>> convex_parts(const TriangleMesh& mesh, std::size_t most) {
-  if (mesh.triangles.empty() || !(diagonal(mesh.points) > 0.0)) return {};
+  if (mesh.triangles.empty()) return {};
+  if (const double size = diagonal(mesh.points); !(size > 0.0) || !std::isfinite(size)) return {};
   const Gridded divided = coarse(mesh);
   if (divided.mesh.triangles.empty() || !is_divisible(divided.mesh)) return {};
   const std::vector<int> part_of = parts_of_triangles(divided.mesh, most);

@@ -233,6 +233,22 @@ class Robots(support.ServiceCase):
         self.assertNotEqual(max(map(abs, state.velocity)), 0.0)
         self.assertNotEqual(max(map(abs, state.effort)), 0.0)
 
+    def test_plots_lose_the_fields_of_removed_joints(self):
+        """The type of the topic changes, also for those who listen meanwhile."""
+        with simulator():
+            self.good("load_urdf", path="gripper", fixed=True)
+            plots = Listener(support.NODE + "/robots/gripper/plot", rospy.AnyMsg)
+
+            def fields_of(plot):
+                header = plot._connection_header
+                lines = header["message_definition"].split("=" * 80)[0].splitlines()
+                return [line.split()[1] for line in lines if line.startswith("constraint_sim/JointReading ")]
+            before = fields_of(plots.find(what="a plot"))
+            self.assertGreater(len(before), 1)
+            self.good("remove_constraint", name=before[-1])
+            after = fields_of(plots.find(lambda plot: len(fields_of(plot)) < len(before), "a plot of another type"))
+            self.assertEqual(after, before[:-1])
+
     def test_joints_that_move_no_mass_are_named_and_stand_in_joint_states(self):
         """robot_state_publisher needs the positions of all joints that its URDF does not call fixed."""
         mass = ("<inertial><mass value='1'/><inertia ixx='0.1' ixy='0' ixz='0' iyy='0.1' iyz='0' izz='0.1'/>"

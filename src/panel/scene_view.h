@@ -3,7 +3,6 @@
 #include <QProcess>
 #include <QString>
 #include <functional>
-#include <memory>
 #include <string>
 
 namespace rviz {
@@ -20,19 +19,21 @@ class SceneView {
   /// `say` gets the reason why the view stays, and whether it is a failure.
   explicit SceneView(std::function<void(bool success, const QString&)> say)
       : say_(std::move(say)) {}
-  ~SceneView() { give_up(); }
+  ~SceneView();
   SceneView(const SceneView&) = delete;
   SceneView& operator=(const SceneView&) = delete;
 
-  /// Fits the view to the scene of this node, in place of a fit in progress.
+  /// Fits the view to the scene of this node. A fit in progress ends first, without an effect: a
+  /// process that is killed stays in the master's list of nodes.
   void frame(const std::string& node, rviz::DisplayContext* context);
 
  private:
-  void give_up();
+  void start(rviz::DisplayContext* context);
   void show(rviz::DisplayContext* context);
 
   std::function<void(bool success, const QString&)> say_;
-  std::unique_ptr<QProcess> process_;
+  QProcess process_;
+  std::string wanted_;  // node whose scene is to be fitted next; empty: none
 };
 
 }  // namespace constraint_sim::panel

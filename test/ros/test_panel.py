@@ -7,6 +7,7 @@ import subprocess
 
 import numpy
 import rosbag
+import rosnode
 import rospy
 import rostest
 from constraint_sim.msg import EditRecord
@@ -237,6 +238,17 @@ class Panel(WithPanel):
         self.framed()
         self.assertTrue(call("load_scene", path="gripper").success)
         self.framed()
+
+    def test_many_loads_leave_no_dead_nodes(self):
+        """Each load fits the view, in place of the fit before it, by a process that is a node for a moment."""
+        for i in range(200):
+            self.assertTrue(call("load_scene", path=("gripper", "pendulum")[i % 2]).success)
+        self.assertTrue(call("load_scene", path="gripper").success)
+        self.framed()
+
+        def left():
+            return [name for name in rosnode.get_node_names() if "rviz_config" in name]
+        wait_until(lambda: not left(), "no node of a fit", START)
 
     def test_the_view_stays_where_the_user_has_it(self):
         self.assertTrue(call("load_scene", text=ROW).success)

@@ -167,8 +167,9 @@ bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
     added.parts_end = problem_.parts.size();
     added.rate = -RowSolver::correction_target(row, rate);
     added.softness = row.softness + row.yielding * solver.inverse_mass(order_[k]);
-    added.least = least_correction(row);
-    added.most = most_correction(row);
+    // around 0 also where rounding has taken the impulse of the row beyond its own bounds
+    added.least = row.lower == 0.0 ? 0.0 : std::min(row.lower - row.impulse, 0.0);
+    added.most = row.upper == 0.0 ? 0.0 : std::max(row.upper - row.impulse, 0.0);
     problem_rows_.push_back(order_[k]);
     impulses_.push_back(0.0);
   }

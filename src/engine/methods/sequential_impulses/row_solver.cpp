@@ -36,14 +36,6 @@ double RowSolver::correction_target(const Row& row, double J_V) {
   return row.correction;
 }
 
-double least_correction(const Row& row) {
-  return row.lower == 0.0 ? 0.0 : std::min(row.lower - row.impulse, 0.0);
-}
-
-double most_correction(const Row& row) {
-  return row.upper == 0.0 ? 0.0 : std::max(row.upper - row.impulse, 0.0);
-}
-
 void RowSolver::begin(const List<int>& moved, const Bodies& bodies) {
   before_.resize(bodies.size());
   for (const int i : moved)
@@ -265,9 +257,13 @@ void RowSolver::lose_self_stress(List<Row>& rows, List<LoopRow>* loop_rows, doub
 
 [[gnu::always_inline]] inline double RowSolver::wanted_correction(const Row& row, const Response& r,
                                                                   double J_V, double J_W) const {
+  const double lower = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
+  const double upper = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
   const double target = correction_target(row, J_V) - row.yielding * r.K * row.correction_impulse;
-  return std::clamp(wanted_impulse(row, row.correction_impulse, target, J_W, r.effective_mass),
-                    least_correction(row), most_correction(row));
+  const double wanted = wanted_impulse(row, row.correction_impulse, target, J_W, r.effective_mass);
+  // not std::clamp: rounding may have taken the impulse of the row beyond a bound, and lower above
+  // upper
+  return std::min(std::max(wanted, lower), upper);
 }
 
 [[gnu::always_inline]] inline void RowSolver::correct(Row& row, const Response& r, double J_V) {

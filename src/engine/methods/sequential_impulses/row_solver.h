@@ -32,11 +32,6 @@ struct LoopRow {
   double impulse;  ///< impulse of the row when the share was found [N s]
 };
 
-/// Bounds of the impulse of a correction, around 0 also where rounding has taken the impulse of the
-/// row beyond its own bounds. A one-sided row corrects only to its open side.
-double least_correction(const Row& row);
-double most_correction(const Row& row);
-
 /// Solves the rows of sequential_impulses: gravity, sweeps over the rows at velocity level, then
 /// positions; first order in h. An impulse p changes the lasting velocities v. An impulse b of
 /// Baumgarte's correction changes velocities w that move bodies in this step only, so that closing

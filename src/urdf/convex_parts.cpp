@@ -47,8 +47,9 @@ namespace {
 
 // Triangles that HACD gets at most: its time grows with their square.
 constexpr std::size_t kMostTriangles = 500;
-// Cells along the diagonal of the first grid, and their number in the next over that before.
-constexpr double kCells = 40.0, kCoarser = 0.8;
+// Cells along the diagonal of the first grid and of the last, and the most in the next over those
+// before.
+constexpr double kCells = 40.0, kLeastCells = 5.0, kCoarser = 0.8;
 // HACD scales meshes to a diagonal of 2000. Depth of hollows that hulls may fill, at first, and
 // over the one before where there are too many parts.
 constexpr double kDiagonal = 2000.0, kFilled = 0.02 * kDiagonal, kMoreFilled = 2.0;
@@ -96,24 +97,11 @@ Gridded gridded(const TriangleMesh& mesh, double edge) {
   return result;
 }
 
-/// Returns the mesh itself, or one that is coarse enough.
-Gridded coarse(const TriangleMesh& mesh) {
-  Gridded result{mesh, {}};
-  for (std::size_t i = 0; i < mesh.points.size(); ++i)
-    result.cell_of.push_back(static_cast<int>(i));
-  const double size = diagonal(mesh.points);
-  for (double cells = kCells; result.mesh.triangles.size() > kMostTriangles; cells *= kCoarser) {
-    Gridded next = gridded(result.mesh, size / cells);
-    for (int& cell : result.cell_of) cell = next.cell_of[static_cast<std::size_t>(cell)];
-    result.mesh = std::move(next.mesh);
-  }
-  return result;
-}
-
 /// Whether HACD divides a mesh in bounded time: it looks at all pairs of triangles with a common
 /// edge, which are three for two triangles of a surface, and at the points of all pairs of pieces.
 bool is_divisible(const TriangleMesh& mesh) {
   constexpr std::size_t kMostPieces = 32;
+  if (mesh.triangles.size() > kMostTriangles) return false;
   std::map<std::pair<int, int>, std::size_t> triangles_of;
   std::vector<int> piece(mesh.points.size());
   std::iota(piece.begin(), piece.end(), 0);
@@ -131,7 +119,27 @@ bool is_divisible(const TriangleMesh& mesh) {
     }
   std::set<int> pieces;
   for (const TriangleMesh::Triangle& t : mesh.triangles) pieces.insert(piece_of(t[0]));
-  return pairs <= 2 * mesh.triangles.size() && pieces.size() <= kMostPieces;
+  return !pieces.empty() && pairs <= 2 * mesh.triangles.size() && pieces.size() <= kMostPieces;
+}
+
+/// Returns the mesh itself, or the finest tried grid of it that HACD divides in bounded time;
+/// without triangles where there is none.
+Gridded divisible(const TriangleMesh& mesh) {
+  Gridded result{mesh, {}};
+  for (std::size_t i = 0; i < mesh.points.size(); ++i)
+    result.cell_of.push_back(static_cast<int>(i));
+  const double size = diagonal(mesh.points);
+  double cells = kCells;
+  while (!is_divisible(result.mesh)) {
+    if (cells < kLeastCells) return {};
+    result = gridded(mesh, size / cells);
+    // a surface has triangles as the square of the number of cells along it
+    const double share =
+        static_cast<double>(kMostTriangles) /
+        static_cast<double>(std::max<std::size_t>(result.mesh.triangles.size(), 1));
+    cells *= std::min(kCoarser, std::sqrt(share));
+  }
+  return result;
 }
 
 /// Returns the part of each triangle.
@@ -190,8 +198,8 @@ bool divides_meshes() { return true; }
 std::vector<std::vector<Vector3d>> convex_parts(const TriangleMesh& mesh, std::size_t most) {
   if (mesh.triangles.empty()) return {};
   if (const double size = diagonal(mesh.points); !(size > 0.0) || !std::isfinite(size)) return {};
-  const Gridded divided = coarse(mesh);
-  if (divided.mesh.triangles.empty() || !is_divisible(divided.mesh)) return {};
+  const Gridded divided = divisible(mesh);
+  if (divided.mesh.triangles.empty()) return {};
   const std::vector<int> part_of = parts_of_triangles(divided.mesh, most);
   if (part_of.empty()) return {};
   std::vector<std::set<int>> parts_of_cell(divided.mesh.points.size());

@@ -628,7 +628,7 @@ TEST(RungeKutta, OrientationsHaveUnitLengthHoweverLongTheSteps) {
     for (int k = 0; k < 3 && !world.step().failed; ++k) {
       ++integrated;
       const Quaterniond& q = world.state(world.body_ids().front()).orientation;
-      // of a quotient that is rounded in each of its numbers
+      // rounding of a quotient in each of its numbers
       EXPECT_NEAR(q.norm(), 1.0, 4.0 * kEpsilon) << "scene " << i;
     }
     EXPECT_EQ(read_snapshot(write_snapshot(world)).state_hash(), world.state_hash());

@@ -4,6 +4,7 @@ import glob
 import os
 import shutil
 import subprocess
+import time
 
 import numpy
 import rosbag
@@ -243,6 +244,7 @@ class Panel(WithPanel):
         """Each load fits the view, in place of the fit before it, by a process that is a node for a moment."""
         for i in range(200):
             self.assertTrue(call("load_scene", path=("gripper", "pendulum")[i % 2]).success)
+            time.sleep(0.004 * (i % 50))  # at any moment of the fit before
         self.assertTrue(call("load_scene", path="gripper").success)
         self.framed()
 

@@ -238,7 +238,8 @@ TEST(MeshShapes, PiecesThatAreApartAreParts) {
 // Coarse and fine meshes: parts fill the hole by at most 2 % of the diagonal and a cell of the
 // grid, where that suffices, which it does here, and leave none of the surface bare.
 TEST(MeshShapes, ATorusKeepsItsHole) {
-  for (const auto& [around, across] : {std::array{24, 12}, std::array{200, 100}}) {
+  for (const auto& [around, across] :
+       {std::array{24, 12}, std::array{40, 20}, std::array{100, 50}, std::array{200, 100}}) {
     const TriangleMesh mesh = torus(around, across);
     const MeshShape shape = shape_of_file(write_stl("torus.stl", mesh));
     ASSERT_GT(shape.hulls.size(), 3u) << shape.sentence;

@@ -253,6 +253,32 @@ TEST(Failure, KeepsTheStateBeforeAndGoesOnAfterAnEdit) {
   EXPECT_NEAR(world.state(resting).position.z(), 0.1, 2.0 * kGravity * 1e-4);
 }
 
+TEST(Failure, KeepsNoContactsOfTheAttempt) {
+  WorldOptions stepping = options(0.01);
+  stepping.method = Method::kTimeStepping;
+  World world(stepping);
+  world.add_body(make_floor(0.5));
+  const BodyId falling = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.5}));
+  const BodyId far = world.add_body(make_body("far", Sphere{0.1}, 1.0, {9.0, 0.0, 5.0}));
+  bool has_touched = false;
+  std::size_t bytes = 0;  // of a snapshot after an attempt, before anything touches
+  for (int i = 0; i < 100 && !has_touched; ++i) {
+    World attempt = world;
+    BodyState state = attempt.state(far);
+    state.position.x() = state.linear_velocity.x() = kMostMagnitude;
+    attempt.set_state(far, state);
+    const std::uint64_t before = attempt.state_hash();
+    EXPECT_TRUE(attempt.step().failed);
+    EXPECT_EQ(attempt.state_hash(), before) << i;
+    if (i == 0) bytes = write_snapshot(attempt).size();
+    EXPECT_EQ(write_snapshot(attempt).size(), bytes) << i;
+    EXPECT_FALSE(world.step().failed);
+    has_touched = !world.contacts().empty();
+  }
+  EXPECT_TRUE(has_touched);
+  EXPECT_NEAR(world.state(falling).position.z(), 0.1, 0.02);
+}
+
 // ---- report of a step
 
 TEST(Report, EnergyOfAFreeFall) {

@@ -58,7 +58,8 @@ inline constexpr int kMostUnpassed = 12;
 /// beyond its bound, so that a force that stays at the bound has none; a force that starts there
 /// may exceed the bound by its tolerance. A gap or rate that starts at zero and at rest may fall by
 /// `touching` or `resting` below its start, which rounding may have put below zero. So may a muted
-/// value, whose last event changed nothing.
+/// value, whose last event changed nothing. One that starts below zero and rises has its event
+/// where it is back at its start.
 inline double level_of(const WatchedValue& start, bool is_muted) {
   const double below = std::min(start.value, 0.0);
   if (start.known == 0) {
@@ -66,6 +67,7 @@ inline double level_of(const WatchedValue& start, bool is_muted) {
     return (start.value > start.tolerance ? -kLocatedForce : -1.0) * start.tolerance;
   }
   const double least = start.known == 1 ? start.resting : start.touching;
+  if (!is_muted && start.value < 0.0 && start.rate > start.resting) return start.value;
   if (!is_muted && (start.value > least || std::abs(start.rate) > start.resting)) return 0.0;
   return below - least;
 }

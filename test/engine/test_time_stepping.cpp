@@ -156,6 +156,24 @@ TEST(TimeStepping, AJointHoldsBesideContacts) {
 // A block of 0.4 m by 1.2 m leans on its right lower edge, which is at x = 0, and rocks from edge
 // to edge. Edges that friction holds do not slide, so it ends upright with its centre at x = −0.2
 // m. Edges slide by some 1e-5 m in a change of edges at 1/100 s.
+// A box that a constant force F draws over the floor: x = ½ (F/m − μ g) t², and the work of F is F
+// x.
+TEST(TimeStepping, AConstantForceDoesItsWorkAlongTheMotion) {
+  World world(stepping(0.01));
+  world.add_body(make_floor(0.6));
+  const BodyId box = add_cube(&world, "box", 2.0, {0.0, 0.0, 0.5 * kEdge});
+  Wrench wrench;
+  wrench.body = box;
+  wrench.force = {20.0, 0.0, 0.0};
+  world.add_wrench(wrench);
+  double work = 0.0;
+  for (int i = 0; i < 100; ++i) work += world.step().driven_work;
+  const double way = 0.5 * (10.0 - 0.6 * kGravity);
+  // rates are solved to 1e-5 g h, or 1e-6 m/s
+  EXPECT_NEAR(world.state(box).position.x(), way, 1e-6);
+  EXPECT_NEAR(work, 20.0 * world.state(box).position.x(), 1e-11);
+}
+
 TEST(TimeStepping, ARockingBlockEndsOnTheEdgesOnWhichItBegan) {
   World world(stepping(0.01));
   world.add_body(make_floor(2.0));

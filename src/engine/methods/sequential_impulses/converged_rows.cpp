@@ -18,18 +18,13 @@ constexpr double kMoving = 1e-3;
 // Multiple of the residual that is good enough from which a component counts as unsolved.
 constexpr double kUnsolved = 2.0;
 constexpr int kMostIterations = 300;
-// Rate at which a contact approaches, or turns move it along its normal, over the speed that counts
-// as rest, up to which the mean velocity raises the energy by less than 1 % of m (g h)².
+// Rate at which a contact approaches, over the speed that counts as rest, up to which the mean
+// velocity takes it less than 0.5 % of g h² deep.
 constexpr double kSlow = 1e3;
 // Bodies of a component beyond which its rows are swept.
 constexpr std::size_t kMostBodies = 500;
 
 bool is_tangent(const Row& row) { return row.normal_row >= 0; }
-/// Returns how fast turns of the bodies alone raise or lower the point of a contact [m/s].
-double rate_of_turns(const Row& row, const List<BodyState>& bodies) {
-  return std::abs(row.J.j2.dot(bodies[row.body_a].angular_velocity)) +
-         std::abs(row.J.j4.dot(bodies[row.body_b].angular_velocity));
-}
 bool is_second_part(const Row& row) { return row.normal_row == Row::kCoupledPart; }
 
 }  // namespace
@@ -222,24 +217,27 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
   return outcome;
 }
 
-void ConvergedRows::take_mean_velocities(const List<int>& moved, const List<Row>& rows,
-                                         const RowSolver& solver, double rest_speed, double h,
-                                         List<BodyState>* bodies) {
-  keeps_end_.assign(bodies->size(), 0);
+void ConvergedRows::find_mean_shares(const List<int>& moved, const List<Row>& rows,
+                                     double rest_speed, RowSolver* solver) {
+  shares_.assign(local_of_.size(), 1.0);
+  const auto keep_end = [&](const Row& row) { shares_[row.body_a] = shares_[row.body_b] = 0.0; };
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& row = rows[i];
     if (is_tangent(row)) continue;
     const bool is_contact = row.lower == 0.0 && row.component < 0 && row.coordinate < 0;
-    if (is_contact && row.impulse == 0.0) continue;
-    if (is_contact && solver.rate_before(row, i) >= -kSlow * rest_speed &&
-        rate_of_turns(row, *bodies) <= kSlow * rest_speed)
-      continue;
-    keeps_end_[row.body_a] = keeps_end_[row.body_b] = 1;
+    const bool is_resting =
+        row.impulse == 0.0 || solver->rate_before(row, i) >= -kSlow * rest_speed;
+    if (!is_contact || !is_resting) keep_end(row);
   }
-  for (const std::size_t i : swept_) keeps_end_[rows[i].body_a] = keeps_end_[rows[i].body_b] = 1;
+  for (const std::size_t i : swept_) keep_end(rows[i]);
+  gains_.assign(shares_.size(), 0.0);
   for (const int body : moved)
-    if (keeps_end_[body] == 0)
-      (*bodies)[body].position -= 0.5 * h * solver.velocity_change(to_index(body)).head<3>();
+    if (shares_[body] > 0.0) gains_[solver->component_of(body)] += solver->gain_by_mean(body);
+  for (const int body : moved) {
+    const int component = solver->component_of(body);
+    const double by_end = solver->gain(component), by_mean = gains_[component];
+    if (by_end + by_mean > 0.0 && by_mean > 0.0) shares_[body] *= std::max(0.0, -by_end / by_mean);
+  }
 }
 
 }  // namespace constraint_sim::engine

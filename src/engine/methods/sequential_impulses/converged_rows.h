@@ -32,13 +32,14 @@ class ConvergedRows {
   Outcome solve(const List<BodyState>& bodies, const List<MassProperties>& masses,
                 const Accuracy& accuracy, StopFlag stop, List<Row>* rows, RowSolver* solver);
 
-  /// Moves bodies of stage 6 from h v₁ to ½ h (v₀ + v₁), which is exact for constant forces: all
-  /// bodies but the ones on joints, in swept components, with an impact, where v₀ would take them
-  /// into others, or on a point that their turn moves along its normal, where the energy would
-  /// rise. An impact is an approach, and such a turn a rate, above 1000 `rest_speed` [m/s], the
-  /// speed up to which a contact counts as resting.
-  void take_mean_velocities(const List<int>& moved, const List<Row>& rows, const RowSolver& solver,
-                            double rest_speed, double h, List<BodyState>* bodies);
+  /// Finds the share of ½ (v₀ + v₁) in the motion of each body; v₁ has the rest. ½ h (v₀ + v₁) is
+  /// exact for constant forces. The energy of a component rises in proportion to the share, which
+  /// is the largest in [0, 1] that adds none, and 0 for bodies on joints, in swept components, or
+  /// with an impact, where v₀ would take them into others: an approach above 1000 `rest_speed`
+  /// [m/s], the speed up to which a contact counts as resting.
+  void find_mean_shares(const List<int>& moved, const List<Row>& rows, double rest_speed,
+                        RowSolver* solver);
+  double mean_share(std::size_t body) const { return shares_[body]; }
 
  private:
   void list_by_component(const List<Row>& rows, const RowSolver& solver);
@@ -65,7 +66,8 @@ class ConvergedRows {
   List<BodyConeSolver> solvers_;  // one for each component, for its order of elimination
   List<double> impulses_;
   List<Twist> by_guesses_;  // velocities by the first guesses, of the bodies of the problem
-  List<char> keeps_end_;    // bodies that move by v₁
+  List<double> shares_;     // share of the mean velocity, by body
+  List<double> gains_;      // energy of each component with full shares [J]
 };
 
 }  // namespace constraint_sim::engine

@@ -49,6 +49,8 @@ void RowSolver::update_velocities(const List<int>& moved, const Bodies& bodies,
   prepare_bodies(moved, bodies, masses, rows);
   for (const int i : moved) velocities_[i].head<3>() += h * masses[i].weight_share * gravity;
   if (rows.empty()) return;
+  by_loads_.resize(bodies.size());
+  for (const int i : moved) by_loads_[i] = velocity_change(to_index(i)).head<3>();
   connect(rows);
   respond(rows);
   warm_start(moved, rows);

@@ -79,6 +79,17 @@ class RowSolver {
   double inverse_mass(std::size_t i) const { return responses_[i].K; }
   /// Index of a body of the component of row i, the same for all rows of a component.
   int component(std::size_t i) const { return responses_[i].component; }
+  /// Index of a body of the component of a body, the same for all of its bodies. Needs rows.
+  int component_of(int body);
+  /// Energy beyond the work from outside that a component gains where its bodies move by v₁ [J],
+  /// and what it gains besides where a body moves by ½ (v₀ + v₁) [J]. Both need rows.
+  double gain(int component) const {
+    return components_[component].work - components_[component].absorbed;
+  }
+  double gain_by_mean(int body) const {
+    return 0.5 * by_loads_[body].dot(velocity_change(to_index(body)).head<3>()) /
+           inertias_[body].inverse_mass;
+  }
   /// Rate J v of row i.
   double rate(const Row& row, std::size_t i) const;
   /// Rate J v of row i at the start of the step.
@@ -162,7 +173,6 @@ class RowSolver {
   void prepare_bodies(const List<int>& moved, const Bodies& bodies, const Masses& masses,
                       const List<Row>& rows);
   void connect(const List<Row>& rows);
-  int component_of(int body);
   void respond(const List<Row>& rows);
   void warm_start(const List<int>& moved, List<Row>& rows);
   /// Solves a row; true where the next row has been solved with it.
@@ -186,6 +196,7 @@ class RowSolver {
 
   // Per body: v₀, v, w, and the effect of impulses alone.
   List<Twist> before_, velocities_, corrections_, effects_;
+  List<Eigen::Vector3d> by_loads_;  // change of the linear velocity by gravity and wrenches
   List<Inertia> inertias_;
   List<int> parents_;  // union-find: parent of each body; a root, its own parent, is a component
   List<Component> components_;

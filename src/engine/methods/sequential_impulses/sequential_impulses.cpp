@@ -44,16 +44,6 @@ double work_at(const ActingWrench& wrench, const Twist& v) {
   return wrench.duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
 }
 
-// Adds the work of wrenches at the velocities of the solver [J]. Corrections that move a body
-// against a wrench do the opposite work, as corrections against its weight do.
-void add_work(const List<ActingWrench>& wrenches, const RowSolver& solver, double* driven,
-              double* by_corrections) {
-  for (const ActingWrench& wrench : wrenches) {
-    *driven += work_at(wrench, solver.final_velocity(wrench.body));
-    *by_corrections -= work_at(wrench, solver.correction(wrench.body));
-  }
-}
-
 }  // namespace
 
 ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep& step,
@@ -78,15 +68,37 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
   }
   {  // stage 6: positions by the final velocities
     const StageTimer timer(step.clock, Stage::kPositions, times);
-    add_work(step.wrenches, solver_, &report.driven_work, &report.correction_work);
+    const bool is_solved = solves_impulses(model.options);
+    if (is_solved && !rows_.empty())
+      converged_.find_mean_shares(step.bodies, rows_, rest_speed(contact_step(model.options)),
+                                  &solver_);
+    add_work(step.wrenches, is_solved, &report);
     report.correction_work += solver_.update_positions(
         step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
-    if (solves_impulses(model.options) && !rows_.empty())
-      converged_.take_mean_velocities(step.bodies, rows_, solver_,
-                                      rest_speed(contact_step(model.options)), step.span.h,
-                                      &state->states);
+    if (is_solved)
+      for (const int body : step.bodies)
+        state->states[body].position -= step.span.h * by_mean(to_index(body));
   }
   return report;
+}
+
+// Velocity that the mean of both velocities takes from the motion of a body by the last one, where
+// impulses are solved [m/s].
+Eigen::Vector3d SequentialImpulses::by_mean(std::size_t body) const {
+  const double share = rows_.empty() ? 1.0 : converged_.mean_share(body);
+  return 0.5 * share * solver_.velocity_change(body).head<3>();
+}
+
+// Adds the work of wrenches along the motion [J]. Corrections that move a body against a wrench do
+// the opposite work, as corrections against its weight do.
+void SequentialImpulses::add_work(const List<ActingWrench>& wrenches, bool is_solved,
+                                  ImpulseReport* report) const {
+  for (const ActingWrench& wrench : wrenches) {
+    Twist along = solver_.final_velocity(wrench.body);
+    if (is_solved) along.head<3>() -= by_mean(wrench.body);
+    report->driven_work += work_at(wrench, along);
+    report->correction_work -= work_at(wrench, solver_.correction(wrench.body));
+  }
 }
 
 RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const ImpulseStep& step,

@@ -79,6 +79,8 @@ class SequentialImpulses {
   void lose_self_stress(const WorldOptions& options, const List<SelfStress>& known);
   double finish_corrections(const Model& model, const ImpulseStep& step, State* state);
   void read_contacts(List<TouchingPair>* touching) const;
+  Eigen::Vector3d by_mean(std::size_t body) const;
+  void add_work(const List<ActingWrench>& wrenches, bool is_solved, ImpulseReport* report) const;
 
   List<Row> rows_;
   List<std::size_t> joint_rows_;    // first row of each joint, and one past the last

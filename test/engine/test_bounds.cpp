@@ -295,6 +295,25 @@ TEST(Bounds, StopTheTimeBeforeATickIsLost) {
   EXPECT_EQ(world.time(), before);
 }
 
+// Times of a saved world are at most 1e20 s, as all numbers are.
+TEST(Bounds, StopTheTimeBeforeNumbersThatCannotBeLoaded) {
+  World world(options(1e6));
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
+  world.set_time(1e20 - 3e6, 0);
+  Wrench wrench;
+  wrench.body = ball;
+  wrench.start = world.time();
+  world.add_wrench(wrench);
+  int steps = 0;
+  while (!world.step().failed && ++steps < 100)
+    EXPECT_EQ(save_scene(load_scene(save_scene(world))), save_scene(world));
+  EXPECT_EQ(world.report().failure, Failure::kNoNextTick);
+  EXPECT_LE(steps, 3);
+  EXPECT_LE(world.time(), 1e20);
+  EXPECT_EQ(save_scene(load_scene(save_scene(world))), save_scene(world));
+  EXPECT_EQ(read_snapshot(write_snapshot(world)).state_hash(), world.state_hash());
+}
+
 // ---- work
 
 // Measured: a few tenths of a second each and about 100 MB; 2.7 GB without a bound.

@@ -54,7 +54,8 @@ enum class Failure {
   kOutOfRange,       ///< a body is farther or faster than kMostMagnitude
   kTooManyPairs,     ///< more than kMostPairs of bodies have overlapping bounding boxes
   kTooManyContacts,  ///< more than kMostContacts contact points
-  kNoNextTick,       ///< the time is so large that adding a tick does not change it
+  /// The time is so large that adding a tick does not change it, or leads beyond kMostMagnitude.
+  kNoNextTick,
   /// A function of another package threw, or returned a number that is not finite; see
   /// World::failed_joint() and World::failed_why().
   kCustom,

@@ -318,7 +318,7 @@ const char* to_string(Failure failure) {
     case Failure::kTooManyContacts:
       return "bodies touch in more than 300000 points";
     case Failure::kNoNextTick:
-      return "a tick is lost beside so long a time";
+      return "a tick is lost beside so long a time, or leads beyond 1e20 s";
     case Failure::kCustom:
       return "functions of a plugin failed";
   }

@@ -61,7 +61,10 @@ void read_clock(const YamlElement& item, World* world) {
   item.attempt([&] { world->set_time(time, since); });
   auto& impl = ImplAccess::of(*world);
   impl.step_count = step;
-  item.attempt([&] { check_next_tick("step", world->time(), world->options().time_step); });
+  item.attempt([&] {
+    check_finite("step", world->time());
+    check_next_tick("step", world->time(), world->options().time_step);
+  });
 }
 
 // ---- bodies

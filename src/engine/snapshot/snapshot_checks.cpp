@@ -129,7 +129,9 @@ void check_model(const Model& model, const State& state) {
   for (const Wrench& wrench : state.wrenches) check(model.is_known(wrench.body), "its wrenches");
   check_pairs(model, state.touching);
   check_pairs(model, state.resting);
-  check(std::isfinite(state.base_time) && state.base_step <= state.step_count, "its time");
+  check(state.base_step <= state.step_count &&
+            std::abs(state.time(model.options.time_step)) <= kMostMagnitude,
+        "its time");
 }
 
 void check_ids(const Model& model, const MostIds& most) {

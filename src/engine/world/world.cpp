@@ -184,7 +184,8 @@ StepContext World::Impl::begin_step() {
   report = StepReport{};
   events.clear();
   pipeline.begin_step();
-  if (!has_next_tick(step.tick.start, options.time_step)) throw StepFailed{Failure::kNoNextTick};
+  if (!has_next_tick(step.tick.start, options.time_step) || step.tick.end > kMostMagnitude)
+    throw StepFailed{Failure::kNoNextTick};
   return step;
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "engine/collision/narrowphase.h"
 #include "engine/constraints/contact.h"

@@ -69,6 +69,18 @@ TEST(RandomEvents, OfContactsWithLawsGainNoEnergy) {
   EXPECT_GT(found.events, 5 * kScenes);
 }
 
+// Two groups that are given up in a step after one in which impulses corrected positions: the
+// velocities that did so are not those of the bodies.
+TEST(RandomEvents, OfGroupsThatAreGivenUpAfterACorrectionGainNoEnergy) {
+  for (const unsigned seed : {57u, 121u}) {
+    const Scene scene = scene_of(Kind::kAligned, seed);
+    Verdict verdict;
+    follow(scene, &verdict);
+    expect_none(scene, verdict);
+    EXPECT_TRUE(verdict.is_given_up) << seed;
+  }
+}
+
 // Shapes have random poses in their bodies: as many scenes are given up, and left to impulses, as
 // above.
 TEST(RandomEvents, OfContactsWithPosesGainNoEnergy) {

@@ -98,6 +98,85 @@ TEST(TimeStepping, APyramidStands) {
   }
 }
 
+TEST(TimeStepping, AWallOfSixtyBlocksStands) {
+  for (const double h : kTimeSteps) {
+    World world(stepping(h));
+    world.add_body(make_floor(0.6));
+    for (int row = 0; row < 10; ++row)
+      for (int i = 0; i < 6; ++i) {
+        Body block =
+            make_body(std::to_string(row) + "_" + std::to_string(i), Box{{2 * kEdge, kEdge, kEdge}},
+                      10.0, {2 * kEdge * i + (row % 2) * kEdge, 0.0, kEdge * (row + 0.5)});
+        block.friction = 0.6;
+        world.add_body(block);
+      }
+    EXPECT_LT(largest_motion(&world, kDuration), 1e-6) << h;
+  }
+}
+
+constexpr double kCardThickness = 0.004, kCardHeight = 0.2, kLean = 0.35;  // [m], [m], [rad]
+
+/// Two cards that lean on each other, `kLean` off the vertical.
+World house_of_cards(Method method, double time_step, double friction) {
+  WorldOptions options = stepping(time_step);
+  options.method = method;
+  World world(options);
+  world.add_body(make_floor(friction));
+  for (const double side : {-1.0, 1.0}) {
+    Body card = make_body(side < 0.0 ? "left" : "right", Box{{kCardThickness, 0.1, kCardHeight}},
+                          0.01, Vector3d::Zero());
+    card.friction = friction;
+    card.state.orientation = Eigen::AngleAxisd(-side * kLean, Vector3d::UnitY());
+    const double sine = std::sin(kLean), cosine = std::cos(kLean);
+    card.state.position = {0.5 * side * (kCardThickness * cosine + kCardHeight * sine), 0.0,
+                           0.5 * (kCardThickness * sine + kCardHeight * cosine)};
+    world.add_body(card);
+  }
+  return world;
+}
+
+// Friction of ½ (tan(lean) − thickness/height) holds the cards where their edges push each other
+// horizontally, from the moments about a lower edge. Events follow that. A manifold of two parallel
+// edges has the normal of a face beside one of them, on which friction of tan(lean) holds.
+TEST(TimeStepping, AHouseOfCardsStandsWhereFrictionHoldsIt) {
+  const double least = 0.5 * (std::tan(kLean) - kCardThickness / kCardHeight);
+  for (const double h : kTimeSteps) {
+    World stands = house_of_cards(Method::kAuto, h, 1.01 * least);
+    EXPECT_LT(largest_motion(&stands, kDuration), 1e-6) << h;
+    World falls = house_of_cards(Method::kAuto, h, 0.99 * least);
+    EXPECT_GT(largest_motion(&falls, kDuration), 0.09) << h;
+    World stepped = house_of_cards(Method::kTimeStepping, h, 1.01 * std::tan(kLean));
+    EXPECT_LT(largest_motion(&stepped, kDuration), 1e-6) << h;
+  }
+}
+
+// The plate and the pins weigh (5 + 36 · 0.05) g on 36 springs of 2000 N/m.
+TEST(TimeStepping, APlateOnSprungPinsIsLevelAndAtRest) {
+  for (const double h : kTimeSteps) {
+    World world(stepping(h));
+    for (int i = 0; i < 36; ++i) {
+      const std::string name = "pin_" + std::to_string(i);
+      const Vector3d place(0.1 * (i % 6) - 0.25, 0.1 * (i / 6) - 0.25, 0.5);
+      const BodyId pin = world.add_body(make_body(name, Box{{0.02, 0.02, 0.1}}, 0.05, place));
+      Joint slider = make_joint(name, kWorldBody, place, pin, Vector3d::Zero());
+      slider.kind = JointKind::kSlider;
+      slider.axis_b = Vector3d::UnitZ();
+      slider.coordinates[0].stiffness = 2000.0;
+      slider.coordinates[0].damping = 20.0;
+      world.add_joint(slider);
+    }
+    const BodyId plate =
+        world.add_body(make_body("plate", Box{{0.7, 0.7, 0.02}}, 5.0, {0.0, 0.0, 0.56}));
+    largest_motion(&world, 5.0);  // the oscillation of 160 rad/s is damped to nothing
+    EXPECT_LT(largest_motion(&world, 5.0), 1e-8) << h;
+    const BodyState& there = world.state(plate);
+    // contacts may be 1e-5 g h² deep
+    EXPECT_NEAR(there.position.z(), 0.56 - 6.8 * kGravity / (36 * 2000.0), 2e-5 * kGravity * h * h)
+        << h;
+    EXPECT_LT(there.orientation.angularDistance(Eigen::Quaterniond::Identity()), 1e-9) << h;
+  }
+}
+
 TEST(TimeStepping, ALightBoxCarriesAHeavyOne) {
   for (const double h : kTimeSteps) {
     World world = tower(2, 3e6, h);

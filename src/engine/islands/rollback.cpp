@@ -47,6 +47,9 @@ void Rollback::restore(const AwakeSets& awake, State* state, List<IslandParts>* 
 void Rollback::restore(const IslandMembers& members, State* state) const {
   for (const int body : members.bodies) state->states[body] = states_[body];
   for (const int j : members.joints) state->joint_states[j] = joint_states_[j];
+  if (!had_corrections_) return;
+  for (const int body : members.bodies) state->corrections[body] = corrections_[body];
+  state->take_out_corrections(members.bodies);
 }
 
 }  // namespace constraint_sim::engine

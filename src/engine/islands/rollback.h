@@ -23,7 +23,7 @@ class Rollback {
   void restore(const AwakeSets& awake, State* state, List<IslandParts>* islands) const;
   /// Restores everything that save_methods() saved.
   void restore_methods(const AwakeSets& awake, IslandLists* lists) const;
-  /// Restores the bodies and joints of an island.
+  /// Restores the bodies and joints of an island, without the corrections of the step before.
   void restore(const IslandMembers& members, State* state) const;
 
   /// By index, of bodies and joints that are awake.

@@ -103,17 +103,6 @@ bool is_followed(const ContactGroups& groups, const Broadphase::Pair& pair) {
       });
 }
 
-/// Whether the motion of all moving shapes is finite and in range. Other poses have no separation,
-/// and the step fails at its end.
-bool are_in_range(const MovedBodies& in) {
-  return std::all_of(in.moving_shapes.begin(), in.moving_shapes.end(), [&](int body) {
-    const BodyState& now = in.state.states[body];
-    return now.position.squaredNorm() + now.orientation.squaredNorm() +
-               now.linear_velocity.squaredNorm() + now.angular_velocity.squaredNorm() <=
-           kMostMagnitude * kMostMagnitude;
-  });
-}
-
 }  // namespace
 
 void AssumedPaths::set_shapes(const Model& model, const Topology& topology,
@@ -128,7 +117,7 @@ void AssumedPaths::set_shapes(const Model& model, const Topology& topology,
 
 std::optional<int> AssumedPaths::find_missed(const MovedBodies& in, Broadphase* broadphase) {
   list_outrun(in);
-  if (outrun_.empty() || !are_in_range(in)) return std::nullopt;
+  if (outrun_.empty() || !are_in_range(in.state, in.moving_shapes)) return std::nullopt;
   for (const Broadphase::Pair& pair : find_near(in, broadphase)) {
     if (!is_missed(in, pair)) continue;
     const auto has_outrun = [&](const Outrun& outrun) { return outrun.body == pair.first; };

@@ -482,6 +482,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
     const bool is_last = duration >= left;
     advance_group(step, awake, wrenches, done, is_last ? left : duration, method, &report.impulses,
                   state);
+    if (!are_in_range(*state, group_.bodies)) break;  // the step fails at its end
     report.has_left_any =
         report.has_left_any || has_outrun(step, *state, near, ways, is_last ? left : duration);
     gather_hits(*state);

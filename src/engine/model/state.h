@@ -9,6 +9,7 @@
 #include "constraint_sim/engine/contact.h"
 #include "constraint_sim/engine/id.h"
 #include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/report.h"
 #include "constraint_sim/engine/wrench.h"
 #include "engine/math/list.h"
 #include "engine/methods/sequential_impulses/row_solver.h"
@@ -79,5 +80,14 @@ struct State {
   }
   double time(double time_step) const { return time_of(step_count, time_step); }
 };
+
+/// Largest distance of the squared length of an orientation from 1. Normalization makes a
+/// quaternion zero where its squared length overflows.
+inline constexpr double kMostOffUnit = 0.01;
+/// Failure of a step that ends in this state: kNotFinite, also without a unit orientation,
+/// kOutOfRange, or kNone.
+Failure failure_of(const BodyState& body);
+/// Whether the states of some bodies are no failures. Other poses have no contacts.
+bool are_in_range(const State& state, const List<int>& bodies);
 
 }  // namespace constraint_sim::engine

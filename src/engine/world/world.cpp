@@ -18,12 +18,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// Checks that the states of bodies are finite, in range and of unit orientation: normalization
-/// makes a quaternion zero if its squared length overflows. Sums over all bodies are enough in most
-/// steps; the bodies are checked one by one only where a sum is off.
+/// Checks the states of bodies by failure_of(). Sums over all bodies are enough in most steps; the
+/// bodies are checked one by one only where a sum is off.
 Failure failure_of_motion(const Model& model, const State& state, const List<int>& awake_bodies,
                           std::optional<BodyId>* failed_body) {
-  const auto is_small = [](double off_unit) { return std::abs(off_unit) <= 0.01; };
   Eigen::Array2d squares(0.0, 0.0), off_unit(0.0, 0.0);
   double others = 0.0;
   for (const int i : awake_bodies) {
@@ -37,17 +35,14 @@ Failure failure_of_motion(const Model& model, const State& state, const List<int
     off_unit += q.head<2>().array().square() + q.tail<2>().array().square() - 0.5;
     others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
   }
-  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude && is_small(off_unit.sum()))
+  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude &&
+      std::abs(off_unit.sum()) <= kMostOffUnit)
     return Failure::kNone;
   for (const int i : awake_bodies) {
-    const BodyState& body = state.states[i];
-    Eigen::Matrix<double, 13, 1> numbers;
-    numbers << body.position, body.linear_velocity, body.angular_velocity,
-        body.orientation.coeffs();
-    const bool is_finite = numbers.allFinite() && is_small(body.orientation.squaredNorm() - 1.0);
-    if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
+    const Failure failure = failure_of(state.states[i]);
+    if (failure == Failure::kNone) continue;
     *failed_body = model.body_ids[i];
-    return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;
+    return failure;
   }
   return Failure::kNone;
 }

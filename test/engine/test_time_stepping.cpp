@@ -291,6 +291,36 @@ TEST(TimeStepping, NamesABodyWhoseImpulsesAreNotSolved) {
 
 // Tilted boxes that keep 0.9 of their speed at each corner would gain energy with friction of 0.8
 // where two corners bounce at once: such bounces are lowered, and everything is solved.
+// v₁ = −e v₀ in each bounce, and a ball with e = 1 keeps its energy.
+TEST(TimeStepping, ABallBouncesByItsRestitution) {
+  for (const double restitution : {1.0, 0.9, 0.5})
+    for (const double h : kTimeSteps) {
+      World world(stepping(h));
+      world.add_body(make_floor(0.0));
+      Body body = make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 1.1});
+      body.restitution = restitution;
+      const BodyId ball = world.add_body(body);
+      const double energy = world.energy();
+      double before = 0.0;
+      int bounces = 0;
+      while (world.time() < 1.5) {
+        world.step();
+        const double now = world.state(ball).linear_velocity.z();
+        if (before < -4.0 * kGravity * h && now > 0.0) {
+          // gravity acts before and after the bounce, which is within the step
+          EXPECT_NEAR(now, -restitution * before, (1.0 + restitution) * kGravity * h)
+              << restitution << " " << h;
+          ++bounces;
+        }
+        before = now;
+      }
+      EXPECT_GE(bounces, 1) << restitution << " " << h;
+      if (restitution == 1.0) {
+        EXPECT_NEAR(world.energy(), energy, 1e-9 * energy) << h;
+      }
+    }
+}
+
 TEST(TimeStepping, BouncesOfSeveralCornersGainNoEnergy) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);

@@ -217,26 +217,54 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
   return outcome;
 }
 
-void ConvergedRows::find_mean_shares(const List<int>& moved, const List<Row>& rows,
-                                     double rest_speed, RowSolver* solver) {
-  shares_.assign(local_of_.size(), 1.0);
-  const auto keep_end = [&](const Row& row) { shares_[row.body_a] = shares_[row.body_b] = 0.0; };
+void ConvergedRows::find_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
+                               RowSolver* solver) {
+  motions_.assign(local_of_.size(), Motion::kMean);
+  const auto move = [&](const Row& row, Motion motion) {
+    for (const int body : {row.body_a, row.body_b})
+      motions_[body] = std::max(motions_[body], motion);
+  };
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& row = rows[i];
     if (is_tangent(row)) continue;
     const bool is_contact = row.lower == 0.0 && row.component < 0 && row.coordinate < 0;
-    const bool is_resting =
-        row.impulse == 0.0 || solver->rate_before(row, i) >= -kSlow * rest_speed;
-    if (!is_contact || !is_resting) keep_end(row);
+    if (!is_contact)
+      move(row, Motion::kEnd);
+    else if (row.impulse != 0.0 && solver->rate_before(row, i) < -kSlow * rest_speed)
+      move(row, Motion::kImpact);
   }
-  for (const std::size_t i : swept_) keep_end(rows[i]);
-  gains_.assign(shares_.size(), 0.0);
-  for (const int body : moved)
-    if (shares_[body] > 0.0) gains_[solver->component_of(body)] += solver->gain_by_mean(body);
+  for (const std::size_t i : swept_) move(rows[i], Motion::kEnd);
+  gains_.assign(motions_.size(), {});
+  for (const int body : moved) {
+    Gains& gains = gains_[solver->component_of(body)];
+    if (motions_[body] == Motion::kMean) gains.mean += solver->gain_by_mean(body);
+    if (motions_[body] == Motion::kImpact) gains.impact += solver->gain_by_mean(body);
+  }
+}
+
+void ConvergedRows::allow_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
+                                RowSolver* solver) {
+  find_gains(moved, rows, rest_speed, solver);
+  for (const int body : moved) {
+    const Gains& gains = gains_[solver->component_of(body)];
+    solver->allow_gain(body, -std::min(gains.mean, 0.0) - std::min(gains.impact, 0.0));
+  }
+}
+
+void ConvergedRows::find_mean_shares(const List<int>& moved, const List<Row>& rows,
+                                     double rest_speed, RowSolver* solver) {
+  find_gains(moved, rows, rest_speed, solver);
+  shares_.assign(motions_.size(), 0.0);
   for (const int body : moved) {
     const int component = solver->component_of(body);
-    const double by_end = solver->gain(component), by_mean = gains_[component];
-    if (by_end + by_mean > 0.0 && by_mean > 0.0) shares_[body] *= std::max(0.0, -by_end / by_mean);
+    const Gains& gains = gains_[component];
+    const double surplus = solver->gain(component) + gains.mean;
+    double of_mean = 1.0, of_impact = 0.0;
+    if (surplus > 0.0 && gains.impact < 0.0) of_impact = std::min(1.0, -surplus / gains.impact);
+    const double left = surplus + of_impact * gains.impact;
+    if (left > 0.0 && gains.mean > 0.0) of_mean = std::max(0.0, 1.0 - left / gains.mean);
+    if (motions_[body] == Motion::kMean) shares_[body] = of_mean;
+    if (motions_[body] == Motion::kImpact) shares_[body] = of_impact;
   }
 }
 

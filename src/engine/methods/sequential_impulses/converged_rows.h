@@ -33,15 +33,27 @@ class ConvergedRows {
                 const Accuracy& accuracy, StopFlag stop, List<Row>* rows, RowSolver* solver);
 
   /// Finds the share of ½ (v₀ + v₁) in the motion of each body; v₁ has the rest. ½ h (v₀ + v₁) is
-  /// exact for constant forces. The energy of a component rises in proportion to the share, which
-  /// is the largest in [0, 1] that adds none, and 0 for bodies on joints, in swept components, or
-  /// with an impact, where v₀ would take them into others: an approach above 1000 `rest_speed`
-  /// [m/s], the speed up to which a contact counts as resting.
+  /// exact for constant forces. The energy of a component changes in proportion to the shares.
+  /// Bodies have the largest share in [0, 1] that adds no energy, and 0 on joints and in swept
+  /// components. With an impact, where v₀ would take them into others, they have the least share
+  /// that keeps the energy: 0 unless v₁ lifts what bounces. An impact is an approach above 1000
+  /// `rest_speed` [m/s], the speed up to which a contact counts as resting.
   void find_mean_shares(const List<int>& moved, const List<Row>& rows, double rest_speed,
                         RowSolver* solver);
+  /// Allows each component the gain of energy by v₁ that the shares give back.
+  void allow_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
+                   RowSolver* solver);
   double mean_share(std::size_t body) const { return shares_[body]; }
 
  private:
+  enum class Motion : char { kMean, kImpact, kEnd };
+  /// Energy of a component with full shares, of bodies that rest and of bodies with an impact [J].
+  struct Gains {
+    double mean = 0.0, impact = 0.0;
+  };
+
+  void find_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
+                  RowSolver* solver);
   void list_by_component(const List<Row>& rows, const RowSolver& solver);
   void add_parts(const Row& row, const List<BodyState>& bodies, const List<MassProperties>& masses);
   void add_part(int body, const Twist& J, const List<BodyState>& bodies,
@@ -67,7 +79,8 @@ class ConvergedRows {
   List<double> impulses_;
   List<Twist> by_guesses_;  // velocities by the first guesses, of the bodies of the problem
   List<double> shares_;     // share of the mean velocity, by body
-  List<double> gains_;      // energy of each component with full shares [J]
+  List<Motion> motions_;    // by body
+  List<Gains> gains_;       // by component
 };
 
 }  // namespace constraint_sim::engine

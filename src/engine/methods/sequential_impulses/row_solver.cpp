@@ -327,15 +327,25 @@ RowSolver::Outcome RowSolver::finish_solve(const List<int>& moved, List<Row>& ro
 
 bool RowSolver::lower_bounces(const List<int>& moved, bool to_zero, List<Row>& rows) {
   constexpr double kGain = 1e-6;  // share of ½ Δvᵀ M Δv that is no rounding
+  // Lowering all bounces by a share λ takes λ ½ Σ pᵢ targetᵢ of the energy, to first order where
+  // impulses are those of the bounces alone.
+  constexpr double kSurplus = 1.25;
   account(moved, rows);
+  const auto bounces = [](const Row& row) {
+    return row.normal_row == -1 &&
+           ((row.lower == 0.0 && row.target > 0.0) || (row.upper == 0.0 && row.target < 0.0));
+  };
+  for (const int body : moved) components_[body].linear = 0.0;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (bounces(rows[i]))
+      components_[responses_[i].component].linear += 0.5 * rows[i].impulse * rows[i].target;
   bool any = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    Row& row = rows[i];
     const Component& part = components_[responses_[i].component];
-    const bool bounces = row.lower == 0.0 && row.component < 0 && row.coordinate < 0 &&
-                         row.normal_row == -1 && row.target > 0.0;
-    if (!bounces || part.has_springs || part.work <= (1.0 + kGain) * part.absorbed) continue;
-    row.target = to_zero ? 0.0 : 0.5 * row.target;
+    const double gain = part.work - part.absorbed - part.allowed;
+    if (!bounces(rows[i]) || gain <= kGain * part.absorbed) continue;
+    const bool is_part = !to_zero && kSurplus * gain < part.linear;
+    rows[i].target *= is_part ? 1.0 - kSurplus * gain / part.linear : 0.0;
     any = true;
   }
   return any;
@@ -484,7 +494,8 @@ bool RowSolver::limit_energy(const List<int>& moved, List<Row>& rows) {
     Component& part = components_[body];
     part.linear = part.quadratic = part.free = 0.0;
     part.scale = 1.0;
-    part.gains = parents_[body] == body && !part.has_springs && part.work > part.absorbed;
+    part.gains =
+        parents_[body] == body && !part.has_springs && part.work > part.absorbed + part.allowed;
     any = any || part.gains;
   }
   if (!any) return false;

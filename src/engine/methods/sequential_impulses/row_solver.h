@@ -71,9 +71,11 @@ class RowSolver {
   /// Second half of solve(): limits the energy, and measures the impulses. The first half is the
   /// sweeps, or impulses by the functions below.
   Outcome finish_solve(const List<int>& moved, List<Row>& rows);
-  /// Makes bounces of components that gained energy by them lower, by half and in the end to 0.
-  /// Returns whether there are any, which are to be solved again.
+  /// Makes bounces of components that gained energy by them lower, in proportion to the gain and in
+  /// the end to 0. Returns whether there are any, which are to be solved again.
   bool lower_bounces(const List<int>& moved, bool to_zero, List<Row>& rows);
+  /// Allows a component a gain by v₁ that the motion of its bodies gives back [J].
+  void allow_gain(int component, double gain) { components_[component].allowed = gain; }
 
   /// J M⁻¹ Jᵀ of row i.
   double inverse_mass(std::size_t i) const { return responses_[i].K; }
@@ -153,6 +155,7 @@ class RowSolver {
     bool is_attached = false;  // whether connected to a body that impulses do not move
     double work = 0.0;         // Σ pᵢ (Jᵢ v − ζᵢ)
     double absorbed = 0.0;     // ½ Δvᵀ M Δv
+    double allowed = 0.0;      // gain beyond `absorbed` that positions give back
     bool has_springs = false;
     double linear = 0.0, quadratic = 0.0, free = 0.0, scale = 1.0, damping = 0.0;
     LostMomentum lost;

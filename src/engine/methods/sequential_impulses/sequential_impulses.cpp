@@ -14,8 +14,8 @@ namespace constraint_sim::engine {
 namespace {
 
 constexpr double kAtLimit = 1e-9;  // share of Coulomb's limit that is rounding
-// Halvings of bounces at several contacts that would together raise the energy; the last is to 0.
-constexpr int kMostLowerings = 3;
+// Times that bounces are made lower which would together raise the energy; the last is to 0.
+constexpr int kMostLowerings = 4;
 
 void apply_wrenches(const List<ActingWrench>& wrenches, const List<MassProperties>& masses,
                     List<BodyState>* states) {
@@ -114,9 +114,11 @@ RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const Impu
   };
   ConvergedRows::Outcome converged = solve();
   for (int round = 0; round < kMostLowerings && !is_set(step.stop); ++round) {
+    converged_.allow_gains(step.bodies, rows_, rest, &solver_);
     if (!solver_.lower_bounces(step.bodies, round + 1 == kMostLowerings, rows_)) break;
     converged = solve();
   }
+  converged_.allow_gains(step.bodies, rows_, rest, &solver_);
   report->iterations = static_cast<std::uint32_t>(converged.iterations);
   RowSolver::Outcome outcome = solver_.finish_solve(step.bodies, rows_);
   outcome.residual = larger(outcome.residual, converged.residual);

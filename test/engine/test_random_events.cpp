@@ -53,18 +53,18 @@ TEST(RandomEvents, OfMechanismsWithMotorsGainWhatTheseDo) {
   EXPECT_GT(found.events, 3 * kScenes);
 }
 
-// The engine gives up and reports some scenes: 19, 24 and 14 of 300, 300 and 150. Where boxes meet
-// boxes, and joints pull shapes into each other, contacts are left to impulses.
+// The engine gives up and reports some scenes: 3, 3 and 12 of 300 each. Where boxes meet boxes, and
+// joints pull shapes into each other, contacts are left to impulses.
 TEST(RandomEvents, OfContactsGainNoEnergyAndOverlapNowhere) {
   const Found found = hold(Kind::kTouching, kScenes);
-  EXPECT_LE(found.given_up, 1 + kScenes / 12);
+  EXPECT_LE(found.given_up, 1 + kScenes / 60);
   EXPECT_LE(found.left, 1 + kScenes / 6);
   EXPECT_GT(found.events, 5 * kScenes);
 }
 
 TEST(RandomEvents, OfContactsWithLawsGainNoEnergy) {
   const Found found = hold(Kind::kTouchingWithLaws, kScenes);
-  EXPECT_LE(found.given_up, 1 + kScenes / 10);
+  EXPECT_LE(found.given_up, 1 + kScenes / 60);
   EXPECT_LE(found.left, 1 + kScenes / 6);
   EXPECT_GT(found.events, 5 * kScenes);
 }
@@ -85,7 +85,7 @@ TEST(RandomEvents, OfGroupsThatAreGivenUpAfterACorrectionGainNoEnergy) {
 // above.
 TEST(RandomEvents, OfContactsWithPosesGainNoEnergy) {
   const Found found = hold(Kind::kTouchingWithPoses, kScenes / 2);
-  EXPECT_LE(found.given_up, 1 + kScenes / 20);
+  EXPECT_LE(found.given_up, 1 + kScenes / 30);
   EXPECT_LE(found.left, 1 + kScenes / 12);
   EXPECT_GT(found.events, 5 * kScenes / 2);
 }
@@ -102,10 +102,10 @@ TEST(RandomEvents, WithServosGainWhatThesePush) {
 }
 
 // Seeds where corners that share a load reach the cone shortly after each other and regain friction
-// in turn, and where a slip with ever faster rotation ends; both must not exhaust the work of a
-// step.
+// in turn, where a slip with ever faster rotation ends, and where a corner 1e-11 m within another
+// box rises and falls back; none of these may exhaust the work of a step.
 TEST(RandomEvents, OfAlignedBoxesThatBeginToSlipOrEndAreNotGivenUp) {
-  for (const unsigned seed : {12U, 19U, 34U}) {
+  for (const unsigned seed : {12U, 19U, 34U, 3U, 84U, 86U, 90U}) {
     const Scene scene = scene_of(Kind::kAligned, seed);
     Verdict verdict;
     follow(scene, &verdict);

@@ -331,21 +331,23 @@ bool RowSolver::lower_bounces(const List<int>& moved, bool to_zero, List<Row>& r
   // impulses are those of the bounces alone.
   constexpr double kSurplus = 1.25;
   account(moved, rows);
-  const auto bounces = [](const Row& row) {
-    return row.normal_row == -1 &&
-           ((row.lower == 0.0 && row.target > 0.0) || (row.upper == 0.0 && row.target < 0.0));
+  const auto bounce_of = [](const Row& row) {  // [m/s] without the rate of a motor
+    const double rate = row.target - row.drive;
+    const bool is_bounce = row.normal_row == -1 &&
+                           ((row.lower == 0.0 && rate > 0.0) || (row.upper == 0.0 && rate < 0.0));
+    return is_bounce ? rate : 0.0;
   };
   for (const int body : moved) components_[body].linear = 0.0;
   for (std::size_t i = 0; i < rows.size(); ++i)
-    if (bounces(rows[i]))
-      components_[responses_[i].component].linear += 0.5 * rows[i].impulse * rows[i].target;
+    components_[responses_[i].component].linear += 0.5 * rows[i].impulse * bounce_of(rows[i]);
   bool any = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Component& part = components_[responses_[i].component];
     const double gain = part.work - part.absorbed - part.allowed;
-    if (!bounces(rows[i]) || gain <= kGain * part.absorbed) continue;
+    const double bounce = bounce_of(rows[i]);
+    if (bounce == 0.0 || gain <= kGain * part.absorbed) continue;
     const bool is_part = !to_zero && kSurplus * gain < part.linear;
-    rows[i].target *= is_part ? 1.0 - kSurplus * gain / part.linear : 0.0;
+    rows[i].target -= is_part ? kSurplus * gain / part.linear * bounce : bounce;
     any = true;
   }
   return any;

@@ -260,12 +260,13 @@ std::vector<Island> World::islands() const {
   return islands;
 }
 
+// An island that was not compiled since its joints ceased to act has no motion, and no list.
 void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const {
+  const IslandParts& parts = island_parts[i];
   if (uses_impulses(islands[i].method))
-    find_spinning(*this, *this, rollback, island_parts[i].members, found);
-  else
-    find_unresolved(*this, *this, rollback, island_parts[i].members,
-                    motions[to_index(island_parts[i].motion)], found);
+    find_spinning(*this, *this, rollback, parts.members, found);
+  else if (parts.motion >= 0)
+    find_unresolved(*this, *this, rollback, parts.members, motions[to_index(parts.motion)], found);
 }
 
 std::vector<BodyId> World::unresolved_bodies() const {

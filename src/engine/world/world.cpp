@@ -252,6 +252,11 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
     report.hits += hits.hits;
     if (hits.has_left_any) report.hits_left_body = body_ids[continuous.first_body()];
     if (continuous.others().is_empty()) return;
+    const auto is_spent = [&](const ActingWrench& wrench) {
+      return continuous.divides(static_cast<int>(wrench.body));
+    };
+    acting_wrenches.erase(std::remove_if(acting_wrenches.begin(), acting_wrenches.end(), is_spent),
+                          acting_wrenches.end());
   }
   add_impulses(sequential_impulses.advance(*this, impulse_step(step), this), &report);
 }

@@ -231,7 +231,9 @@ void ConvergedRows::find_gains(const List<int>& moved, const List<Row>& rows, do
     if (!is_contact)
       move(row, Motion::kEnd);
     else if (row.impulse != 0.0 && solver->rate_before(row, i) < -kSlow * rest_speed)
-      move(row, Motion::kImpact);
+      move(row, solver->rate(row, i) + solver->rate_before(row, i) < -kSlow * rest_speed
+                    ? Motion::kEnd
+                    : Motion::kImpact);
   }
   for (const std::size_t i : swept_) move(rows[i], Motion::kEnd);
   gains_.assign(motions_.size(), {});

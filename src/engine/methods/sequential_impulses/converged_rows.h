@@ -34,10 +34,11 @@ class ConvergedRows {
 
   /// Finds the share of ½ (v₀ + v₁) in the motion of each body; v₁ has the rest. ½ h (v₀ + v₁) is
   /// exact for constant forces. The energy of a component changes in proportion to the shares.
-  /// Bodies have the largest share in [0, 1] that adds no energy, and 0 on joints and in swept
-  /// components. With an impact, where v₀ would take them into others, they have the least share
-  /// that keeps the energy: 0 unless v₁ lifts what bounces. An impact is an approach above 1000
-  /// `rest_speed` [m/s], the speed up to which a contact counts as resting.
+  /// Bodies have the largest share in [0, 1] that adds no energy, and 0 on joints, in swept
+  /// components, and with an impact whose mean velocity still approaches. With an impact that
+  /// leaves as fast as it came they have the least share that keeps the energy: 0 unless v₁ lifts
+  /// what bounces. An impact is an approach above 1000 `rest_speed` [m/s], the speed up to which a
+  /// contact counts as resting.
   void find_mean_shares(const List<int>& moved, const List<Row>& rows, double rest_speed,
                         RowSolver* solver);
   /// Allows each component the gain of energy by v₁ that the shares give back.

@@ -325,27 +325,33 @@ RowSolver::Outcome RowSolver::finish_solve(const List<int>& moved, List<Row>& ro
   return outcome;
 }
 
+// Share of ½ Δvᵀ M Δv in a gain that is no rounding.
+constexpr double kGain = 1e-6;
+
 bool RowSolver::lower_bounces(const List<int>& moved, bool to_zero, List<Row>& rows) {
-  constexpr double kGain = 1e-6;  // share of ½ Δvᵀ M Δv that is no rounding
-  // Lowering all bounces by a share λ takes λ ½ Σ pᵢ targetᵢ of the energy, to first order where
-  // impulses are those of the bounces alone.
+  // Lowering all bounces b by a share λ takes λ Σ pᵢ bᵢ²/(bᵢ − uᵢ) of the energy, with u the rates
+  // before, to first order where impulses are those of the bounces alone.
   constexpr double kSurplus = 1.25;
   account(moved, rows);
   const auto bounce_of = [](const Row& row) {  // [m/s] without the rate of a motor
     const double rate = row.target - row.drive;
-    const bool is_bounce = row.normal_row == -1 &&
+    const bool is_bounce = row.normal_row == -1 && row.stiffness == 0.0 &&
                            ((row.lower == 0.0 && rate > 0.0) || (row.upper == 0.0 && rate < 0.0));
     return is_bounce ? rate : 0.0;
   };
   for (const int body : moved) components_[body].linear = 0.0;
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    components_[responses_[i].component].linear += 0.5 * rows[i].impulse * bounce_of(rows[i]);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const double bounce = bounce_of(rows[i]);
+    const double share = bounce / (bounce - rate_before(rows[i], i));
+    if (share > 0.0)
+      components_[responses_[i].component].linear += rows[i].impulse * share * bounce;
+  }
   bool any = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Component& part = components_[responses_[i].component];
     const double gain = part.work - part.absorbed - part.allowed;
     const double bounce = bounce_of(rows[i]);
-    if (bounce == 0.0 || gain <= kGain * part.absorbed) continue;
+    if (bounce == 0.0 || part.has_limited_springs || gain <= kGain * part.absorbed) continue;
     const bool is_part = !to_zero && kSurplus * gain < part.linear;
     rows[i].target -= is_part ? kSurplus * gain / part.linear * bounce : bounce;
     any = true;
@@ -474,6 +480,8 @@ RowSolver::Outcome RowSolver::account(const List<int>& moved, const List<Row>& r
       responses_[i].rate = rate;
       responses_[i].correction_rate = velocity_along(row, r, corrections_);
       components_[r.component].has_springs = is_to_finish_ = true;
+      if (std::isfinite(row.upper) && row.upper != 0.0)
+        components_[r.component].has_limited_springs = true;
     }
     outcome.driven_work += row.impulse * drive;
     if (!inertias_[row.body_a].is_moved)
@@ -496,8 +504,9 @@ bool RowSolver::limit_energy(const List<int>& moved, List<Row>& rows) {
     Component& part = components_[body];
     part.linear = part.quadratic = part.free = 0.0;
     part.scale = 1.0;
-    part.gains =
-        parents_[body] == body && !part.has_springs && part.work > part.absorbed + part.allowed;
+    const double rounding = part.allowed > 0.0 ? kGain * part.absorbed : 0.0;
+    part.gains = parents_[body] == body && !part.has_springs &&
+                 part.work > part.absorbed + part.allowed + rounding;
     any = any || part.gains;
   }
   if (!any) return false;
@@ -517,7 +526,7 @@ bool RowSolver::limit_energy(const List<int>& moved, List<Row>& rows) {
   for (const int body : moved) {
     Component& part = components_[body];
     if (!part.gains || part.quadratic <= 0.0) continue;
-    part.scale = largest_scale(part.quadratic, part.linear, part.free);
+    part.scale = largest_scale(part.quadratic, part.linear, part.free + part.allowed);
   }
   for (const int body : moved) {
     const Component& part = components_[component_of(body)];

@@ -157,6 +157,7 @@ class RowSolver {
     double absorbed = 0.0;     // ½ Δvᵀ M Δv
     double allowed = 0.0;      // gain beyond `absorbed` that positions give back
     bool has_springs = false;
+    bool has_limited_springs = false;  // servos with a force limit
     double linear = 0.0, quadratic = 0.0, free = 0.0, scale = 1.0, damping = 0.0;
     LostMomentum lost;
   };

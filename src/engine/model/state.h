@@ -87,7 +87,7 @@ inline constexpr double kMostOffUnit = 0.01;
 /// Failure of a step that ends in this state: kNotFinite, also without a unit orientation,
 /// kOutOfRange, or kNone.
 Failure failure_of(const BodyState& body);
-/// Whether the states of some bodies are no failures. Other poses have no contacts.
+/// Whether all of these bodies have states without a failure. Contacts are sought of no others.
 bool are_in_range(const State& state, const List<int>& bodies);
 
 }  // namespace constraint_sim::engine

@@ -126,8 +126,8 @@ struct WatchedSubstep {
     return first;
   }
 
-  /// First value that is beyond its event at `after`. A value that starts below its level and rises
-  /// counts only where it falls again.
+  /// First value that is beyond its event at `after`. A value that starts below its level counts
+  /// only where it falls.
   std::optional<std::size_t> find_passed(double least, bool is_rough) const {
     for (std::size_t k = 0; k < after.size(); ++k) {
       const Watched& there = after[k];

@@ -35,10 +35,9 @@ class ConvergedRows {
   /// Finds the share of ½ (v₀ + v₁) in the motion of each body; v₁ has the rest. ½ h (v₀ + v₁) is
   /// exact for constant forces. The energy of a component changes in proportion to the shares.
   /// Bodies have the largest share in [0, 1] that adds no energy, and 0 on joints, in swept
-  /// components, and with an impact whose mean velocity still approaches. With an impact that
-  /// leaves as fast as it came they have the least share that keeps the energy: 0 unless v₁ lifts
-  /// what bounces. An impact is an approach above 1000 `rest_speed` [m/s], the speed up to which a
-  /// contact counts as resting.
+  /// components, and with an impact whose mean velocity still approaches. Bodies that leave an
+  /// impact as fast as they came have the least share that keeps the energy. Approaches above 1000
+  /// `rest_speed` [m/s] are impacts; slower ones count as contacts at rest.
   void find_mean_shares(const List<int>& moved, const List<Row>& rows, double rest_speed,
                         RowSolver* solver);
   /// Allows each component the gain of energy by v₁ that the shares give back.
@@ -47,8 +46,10 @@ class ConvergedRows {
   double mean_share(std::size_t body) const { return shares_[body]; }
 
  private:
+  /// Velocity by which a body moves: the mean, as far as it adds no energy; v₁, or the mean where
+  /// v₁ adds energy; always v₁.
   enum class Motion : char { kMean, kImpact, kEnd };
-  /// Energy of a component with full shares, of bodies that rest and of bodies with an impact [J].
+  /// Changes of a component's energy by full shares of its kMean and of its kImpact bodies [J].
   struct Gains {
     double mean = 0.0, impact = 0.0;
   };

@@ -74,8 +74,8 @@ class RowSolver {
   /// Makes bounces of components that gained energy by them lower, in proportion to the gain and in
   /// the end to 0. Returns whether there are any, which are to be solved again.
   bool lower_bounces(const List<int>& moved, bool to_zero, List<Row>& rows);
-  /// Allows a component a gain by v₁ that the motion of its bodies gives back [J].
-  void allow_gain(int component, double gain) { components_[component].allowed = gain; }
+  /// Allows the component that is stored at a body a gain by v₁ that positions give back [J].
+  void allow_gain(int body, double gain) { components_[body].allowed = gain; }
 
   /// J M⁻¹ Jᵀ of row i.
   double inverse_mass(std::size_t i) const { return responses_[i].K; }
@@ -83,8 +83,9 @@ class RowSolver {
   int component(std::size_t i) const { return responses_[i].component; }
   /// Index of a body of the component of a body, the same for all of its bodies. Needs rows.
   int component_of(int body);
-  /// Energy beyond the work from outside that a component gains where its bodies move by v₁ [J],
-  /// and what it gains besides where a body moves by ½ (v₀ + v₁) [J]. Both need rows.
+  /// Energy beyond the work from outside that a component gains where its bodies move by v₁ [J], at
+  /// the last finish_solve() or lower_bounces(); and what it gains besides where a body moves by
+  /// ½ (v₀ + v₁) [J]. Both need rows.
   double gain(int component) const {
     return components_[component].work - components_[component].absorbed;
   }

@@ -57,26 +57,29 @@ void add_dashes(const Vector3d& from, const Vector3d& to, Lines* lines) {
   for (int i = 0; i < kDashes; ++i) add_line(from + 2 * i * part, from + (2 * i + 1) * part, lines);
 }
 
+void write_arrow(const Vector3d& from, const Vector3d& along, double length, double head,
+                 geometry_msgs::Point* to) {
+  const double size = std::min(head, length);
+  const Vector3d end = from + length * along;
+  const Vector3d back = end - size * along;
+  const Vector3d u = 0.5 * size * along.unitOrthogonal();
+  const Vector3d v = along.cross(u);
+  const geometry_msgs::Point tip = point_at(end);
+  *to++ = point_at(from);
+  *to++ = tip;
+  for (const Vector3d* side : {&u, &v}) {
+    *to++ = tip;
+    *to++ = point_at(back - *side);
+    *to++ = tip;
+    *to++ = point_at(back + *side);
+  }
+}
+
 void add_arrow(const Vector3d& from, const Vector3d& along, double length, double head,
                Lines* lines) {
   if (!(length > 0.0)) return;
-  const double size = std::min(head, length);
-  const Vector3d to = from + length * along;
-  const Vector3d back = to - size * along;
-  const Vector3d u = 0.5 * size * along.unitOrthogonal();
-  const Vector3d v = along.cross(u);
-  const std::size_t first = lines->size();
-  lines->resize(first + 10);
-  geometry_msgs::Point* point = lines->data() + first;
-  const geometry_msgs::Point tip = point_at(to);
-  *point++ = point_at(from);
-  *point++ = tip;
-  for (const Vector3d& side : {u, v}) {
-    *point++ = tip;
-    *point++ = point_at(back - side);
-    *point++ = tip;
-    *point++ = point_at(back + side);
-  }
+  lines->resize(lines->size() + kArrowPoints);
+  write_arrow(from, along, length, head, lines->data() + lines->size() - kArrowPoints);
 }
 
 void add_turning_arrow(double radius, double z, bool positive, Lines* lines) {

@@ -271,14 +271,6 @@ Eigen::Vector3d down(const engine::World& world) {
   return gravity.isZero(0.0) ? Eigen::Vector3d(-Eigen::Vector3d::UnitZ()) : gravity.normalized();
 }
 
-double sign_of_held(const engine::World& world, const engine::Contact& contact,
-                    const Eigen::Vector3d& down) {
-  const bool a_moves = world.body(contact.body_a).type == engine::BodyType::kDynamic;
-  const bool b_moves = world.body(contact.body_b).type == engine::BodyType::kDynamic;
-  const bool holds_a = a_moves != b_moves ? a_moves : contact.normal.dot(down) <= 0.0;
-  return holds_a ? 1.0 : -1.0;
-}
-
 namespace {
 
 engine::BodyId held_by(const engine::World& world, const engine::Contact& contact) {

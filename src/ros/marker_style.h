@@ -169,8 +169,13 @@ Eigen::Vector3d down(const engine::World& world);
 
 /// Returns the sign of the force on A for the force on the held body: the movable one, or the upper
 /// one of two.
-double sign_of_held(const engine::World& world, const engine::Contact& contact,
-                    const Eigen::Vector3d& down);
+inline double sign_of_held(const engine::World& world, const engine::Contact& contact,
+                           const Eigen::Vector3d& down) {
+  const bool a_moves = world.body(contact.body_a).type == engine::BodyType::kDynamic;
+  const bool b_moves = world.body(contact.body_b).type == engine::BodyType::kDynamic;
+  const bool holds_a = a_moves != b_moves ? a_moves : contact.normal.dot(down) <= 0.0;
+  return holds_a ? 1.0 : -1.0;
+}
 
 /// Radius of a ball, else 0 [m]: an arrow starts at the far side of a ball, which would hide it.
 double radius_of_ball(const engine::Body& body);

@@ -482,20 +482,22 @@ void Markers::add_contacts(const engine::World& world) {
     return contact.normal_force > least;
   };
   const std::vector<engine::Contact>& contacts = world.contacts();
-  if (!(most > 0.0) || std::none_of(contacts.begin(), contacts.end(), has_force)) return;
+  if (!(most > 0.0)) return;
+  const auto with_force = std::count_if(contacts.begin(), contacts.end(), has_force);
+  if (with_force == 0) return;
   const double longest = forces_->contact_length(extent_);
   const auto add = [&](MarkerSet::Namespace* where, std::int32_t id,
                        const std_msgs::ColorRGBA& of) -> Lines* {
     ShownMarker& marker = where->add(id, Marker::LINE_LIST);
     marker.scale.x = std::max(0.4 * extent_.width, kSlender * longest);
     marker.color = of;
-    marker.points.clear();
     return &marker.points;
   };
-  Lines* normal = nullptr;
-  Lines* friction[] = {nullptr, nullptr};
   const double scale = longest / most;
   const Vector3d down = constraint_sim::down(world);
+  Lines* normals = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
+  normals->resize(kArrowPoints * static_cast<std::size_t>(with_force));
+  geometry_msgs::Point* arrow = normals->data();
   for (const engine::Contact& contact : contacts) {
     if (!has_force(contact)) continue;
     const double sign = sign_of_held(world, contact, down);
@@ -503,15 +505,18 @@ void Markers::add_contacts(const engine::World& world) {
     const Vector3d way = sign * contact.normal;
     const Vector3d from = contact.position + 2.0 * radius_of_ball(world.body(held)) * way;
     const double length = std::clamp(scale * contact.normal_force, kLeastArrow * longest, longest);
-    if (normal == nullptr) normal = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
-    add_arrow(from, way, length, kHead * length, normal);
+    write_arrow(from, way, length, kHead * length, arrow);
+    arrow += kArrowPoints;
   }
+  Lines* friction[] = {nullptr, nullptr};
   for_each_friction(contacts, [&](const ShownFriction& shown) {
     const double force = shown.force.norm();
     if (!(scale * force > kLeastFriction * longest)) return;
     Lines*& lines = friction[shown.sticks ? 1 : 0];
-    if (lines == nullptr)
+    if (lines == nullptr) {
       lines = add(&friction_, shown.sticks ? 1 : 0, friction_colour(shown.sticks));
+      lines->clear();
+    }
     const double reach = std::min(scale * force, longest);
     const double sign = sign_of_held(world, *shown.first, down);
     const Vector3d way = sign / force * shown.force;

@@ -217,6 +217,25 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
   return outcome;
 }
 
+// Gives a body that the mean velocity would take into another one the motion of that one, as to a
+// body on one that falls and hits the floor. Returns whether there are any.
+bool ConvergedRows::carry_motions(const List<Row>& rows, double rest_speed,
+                                  const RowSolver& solver) {
+  bool has_changed = false;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Row& row = rows[i];
+    Motion &of_a = motions_[row.body_a], &of_b = motions_[row.body_b];
+    if (of_a == of_b || is_tangent(row)) continue;
+    const double change = of_a < of_b ? row.J.j1.dot(solver.velocity_change(row.body_a).head<3>())
+                                      : row.J.j3.dot(solver.velocity_change(row.body_b).head<3>());
+    const double approach = std::min(row.target, 0.0) - (solver.rate(row, i) - 0.5 * change);
+    if (!(approach > kSlow * rest_speed)) continue;
+    of_a = of_b = std::max(of_a, of_b);
+    has_changed = true;
+  }
+  return has_changed;
+}
+
 void ConvergedRows::find_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
                                RowSolver* solver) {
   motions_.assign(local_of_.size(), Motion::kMean);
@@ -236,6 +255,8 @@ void ConvergedRows::find_gains(const List<int>& moved, const List<Row>& rows, do
                     : Motion::kImpact);
   }
   for (const std::size_t i : swept_) move(rows[i], Motion::kEnd);
+  while (carry_motions(rows, rest_speed, *solver)) {
+  }
   gains_.assign(motions_.size(), {});
   for (const int body : moved) {
     Gains& gains = gains_[solver->component_of(body)];

@@ -56,6 +56,7 @@ class ConvergedRows {
 
   void find_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
                   RowSolver* solver);
+  bool carry_motions(const List<Row>& rows, double rest_speed, const RowSolver& solver);
   void list_by_component(const List<Row>& rows, const RowSolver& solver);
   void add_parts(const Row& row, const List<BodyState>& bodies, const List<MassProperties>& masses);
   void add_part(int body, const Twist& J, const List<BodyState>& bodies,

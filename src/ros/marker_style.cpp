@@ -262,13 +262,17 @@ std_msgs::ColorRGBA broken_colour() { return colour(0.65, 0.65, 0.65); }
 
 std_msgs::ColorRGBA fixed_colour() { return colour(0.66, 0.6, 0.6); }
 
-Eigen::Vector3d friction_of(const engine::Contact& contact) {
-  return contact.force - contact.normal_force * contact.normal;
-}
-
 Eigen::Vector3d down(const engine::World& world) {
   const Eigen::Vector3d& gravity = world.options().gravity;
   return gravity.isZero(0.0) ? Eigen::Vector3d(-Eigen::Vector3d::UnitZ()) : gravity.normalized();
+}
+
+double sign_of_held(const engine::World& world, const engine::Contact& contact,
+                    const Eigen::Vector3d& down) {
+  const bool a_moves = world.body(contact.body_a).type == engine::BodyType::kDynamic;
+  const bool b_moves = world.body(contact.body_b).type == engine::BodyType::kDynamic;
+  const bool holds_a = a_moves != b_moves ? a_moves : contact.normal.dot(down) <= 0.0;
+  return holds_a ? 1.0 : -1.0;
 }
 
 namespace {

@@ -96,7 +96,9 @@ std_msgs::ColorRGBA broken_colour();
 std_msgs::ColorRGBA fixed_colour();
 
 /// Friction on body A along the surface [N].
-Eigen::Vector3d friction_of(const engine::Contact& contact);
+inline Eigen::Vector3d friction_of(const engine::Contact& contact) {
+  return contact.force - contact.normal_force * contact.normal;
+}
 
 /// Friction shown by one arrow: of one slipping contact, or the sum over the sticking contacts of
 /// two bodies, since only the sum is determined.
@@ -169,13 +171,8 @@ Eigen::Vector3d down(const engine::World& world);
 
 /// Returns the sign of the force on A for the force on the held body: the movable one, or the upper
 /// one of two.
-inline double sign_of_held(const engine::World& world, const engine::Contact& contact,
-                           const Eigen::Vector3d& down) {
-  const bool a_moves = world.body(contact.body_a).type == engine::BodyType::kDynamic;
-  const bool b_moves = world.body(contact.body_b).type == engine::BodyType::kDynamic;
-  const bool holds_a = a_moves != b_moves ? a_moves : contact.normal.dot(down) <= 0.0;
-  return holds_a ? 1.0 : -1.0;
-}
+double sign_of_held(const engine::World& world, const engine::Contact& contact,
+                    const Eigen::Vector3d& down);
 
 /// Radius of a ball, else 0 [m]: an arrow starts at the far side of a ball, which would hide it.
 double radius_of_ball(const engine::Body& body);

@@ -111,6 +111,11 @@ bool is_at(const geometry_msgs::Pose& pose, const engine::BodyState& state) {
          pose.orientation.z == state.orientation.z() && pose.orientation.w == state.orientation.w();
 }
 
+// Returns whether two contacts have the same bodies and normal.
+bool is_of_manifold(const engine::Contact& one, const engine::Contact& other) {
+  return one.body_a == other.body_a && one.body_b == other.body_b && one.normal == other.normal;
+}
+
 // Returns the middle of the sticking contacts, moved against `way` to the last of them.
 Vector3d behind_all(const ShownFriction& friction, const Vector3d& way) {
   Vector3d middle = Vector3d::Zero();
@@ -498,14 +503,20 @@ void Markers::add_contacts(const engine::World& world) {
   Lines* normals = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
   normals->resize(kArrowPoints * static_cast<std::size_t>(with_force));
   geometry_msgs::Point* arrow = normals->data();
+  const engine::Contact* last = nullptr;
+  // Direction of the arrow, and its start from the contact.
+  Vector3d way = Vector3d::Zero(), start = Vector3d::Zero();
   for (const engine::Contact& contact : contacts) {
     if (!has_force(contact)) continue;
-    const double sign = sign_of_held(world, contact, down);
-    const engine::BodyId held = sign > 0.0 ? contact.body_a : contact.body_b;
-    const Vector3d way = sign * contact.normal;
-    const Vector3d from = contact.position + 2.0 * radius_of_ball(world.body(held)) * way;
+    if (last == nullptr || !is_of_manifold(contact, *last)) {
+      const double sign = sign_of_held(world, contact, down);
+      const engine::BodyId held = sign > 0.0 ? contact.body_a : contact.body_b;
+      way = sign * contact.normal;
+      start = 2.0 * radius_of_ball(world.body(held)) * way;
+    }
+    last = &contact;
     const double length = std::clamp(scale * contact.normal_force, kLeastArrow * longest, longest);
-    write_arrow(from, way, length, kHead * length, arrow);
+    write_arrow(contact.position + start, way, length, kHead * length, arrow);
     arrow += kArrowPoints;
   }
   Lines* friction[] = {nullptr, nullptr};

@@ -41,8 +41,8 @@ std::int32_t type_of_sign(const engine::Joint& joint, const JointSize& size);
 void draw_joint(const engine::World& world, const engine::Joint& joint, const JointSize& size,
                 const Eigen::Vector3d& p_a, const Eigen::Vector3d& p_b, double most_width,
                 ShownMarker* marker);
-/// Draws the motor of a joint: rings about the axis outside the bodies at both ends, or an arrow
-/// along the axis.
+/// Draws the motor of a joint: an arc with an arrow head about the axis, or an arrow along the
+/// axis.
 void draw_motor(const engine::World& world, const engine::Joint& joint, const JointSize& size,
                 const ShownMotor& motor, const Eigen::Vector3d& p_a, const Eigen::Vector3d& p_b,
                 double most_width, ShownMarker* marker);

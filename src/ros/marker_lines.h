@@ -41,8 +41,8 @@ void add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, Lines* lin
 /// visible from all sides.
 void add_arrow(const Eigen::Vector3d& from, const Eigen::Vector3d& along, double length,
                double head, Lines* lines);
-/// Writes the kArrowPoints points of such an arrow, whose length is above 0.
 inline constexpr std::size_t kArrowPoints = 10;
+/// Writes the kArrowPoints points of an arrow as add_arrow() draws it; `length` > 0.
 void write_arrow(const Eigen::Vector3d& from, const Eigen::Vector3d& along, double length,
                  double head, geometry_msgs::Point* to);
 /// Adds three quarters of a circle about z, at height z, with an arrow head; clockwise as seen

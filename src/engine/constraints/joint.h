@@ -177,7 +177,7 @@ class PrescribedMotion {
     if (function < rows_) return 0.0;
     return moved(held_[static_cast<std::size_t>(function - rows_)], t).rate;
   }
-  /// Returns the bias of a distance joint without the rate of closing [m/s].
+  /// Returns the rate that the motor of a distance joint prescribes [m/s].
   double zeta(double t) const { return moved(held_[0], t).rate; }
   /// Visits all data for snapshots; see engine/support/memory.h.
   template <class Self, class Visit>
@@ -228,8 +228,8 @@ class PrescribedMotion {
   bool moves_frame_ = false;
 };
 
-/// Whether the error of a joint is none, or no more than it still has to close, so that the joint
-/// can be integrated exactly from here.
+/// Whether each error of a joint is within tolerance of 0, or of its prescribed value while the
+/// joint closes errors, as exact integration needs.
 bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
           const JointState& state);
 

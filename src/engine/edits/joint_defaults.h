@@ -13,8 +13,8 @@ namespace constraint_sim::engine {
 /// a snapshot must not hold numbers that are not finite.
 void clear_unused(Joint* joint);
 
-/// Clears unused fields, and fills in the length, frames, zeros of coordinates and constants of
-/// springs. A distance joint of length 0 becomes a ball joint.
+/// Clears unused fields, and fills in the length, frames, offsets of coordinates and constants of
+/// springs. A rigid distance joint of length 0 becomes a ball joint.
 void fill_in(const Model& model, const State& state, Joint* joint);
 
 /// Fills in zeros of coordinates, from the positions that the coordinates are to read.

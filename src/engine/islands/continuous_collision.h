@@ -65,7 +65,7 @@ class ContinuousCollision {
   void find_fast_bodies(const StepContext& step, const State& state,
                         const List<int>& moving_shapes);
   const List<int>& fast_bodies() const { return fast_bodies_; }
-  /// Least thickness of all shapes [m].
+  /// Least thickness of the shapes that can touch [m].
   double thinnest() const { return thinnest_; }
 
   /// Adds pairs without points to the contacts: pairs of fast bodies that hit something, and of

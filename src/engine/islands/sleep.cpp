@@ -164,8 +164,8 @@ bool is_moving_by_itself(const Model& model, const State& state, std::size_t bod
            state.states[body].angular_velocity.isZero(0.0));
 }
 
-// Finds islands that were quiet for long enough, and that touch no other islands, nor may within a
-// step.
+// Finds undriven islands that were quiet for long enough and that no moving body touches, or may
+// touch within a step.
 bool Sleep::find_candidates(const Model& model, const Topology& topology, const State& state,
                             const List<WatchedPair>& near, const IslandLists& lists) {
   is_candidate_.assign(lists.islands.size(), false);

@@ -16,7 +16,7 @@ double largest_spin(const State& state, const Rollback& rollback, int body) {
                             rollback.states()[body].angular_velocity.squaredNorm()));
 }
 
-/// Largest spin that motors of a joint and a kinematic end prescribe [rad/s].
+/// Largest angular speed that a joint's motors and kinematic bodies prescribe [rad/s].
 double prescribed_spin(const Model& model, const State& state, std::size_t j) {
   const Joint& joint = model.joints[j];
   const JointKindInfo& kind = info(joint.kind);

@@ -300,7 +300,8 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
       now.age += h;
     }
     open_.push_back(now);
-    // Joints of inconsistent or sleeping islands are unclosed at once, since their errors stay.
+    // Errors in inconsistent or sleeping islands stay, so their joints are listed at once, unless
+    // these are being closed.
     const MethodReason why = lists.islands[in.topology.island_of_joint(model, j)].why;
     const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
     // Joints that impulses open beside contacts, or in place of an integration that gave up, are

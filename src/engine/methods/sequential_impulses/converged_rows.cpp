@@ -217,8 +217,9 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
   return outcome;
 }
 
-// Gives a body that the mean velocity would take into another one the motion of that one, as to a
-// body on one that falls and hits the floor. Returns whether there are any.
+// Gives both bodies of a contact the same kind of motion where the mean velocity would take one
+// into the other: in a stack that falls, the upper box moves as the lower one that hits the floor.
+// Returns whether a motion changed.
 bool ConvergedRows::carry_motions(const List<Row>& rows, double rest_speed,
                                   const RowSolver& solver) {
   bool has_changed = false;

@@ -18,26 +18,6 @@ constexpr int kMostLegs = 1000;    // parts of a step
 // Poses that a step tries towards hits, for each near pair: a cylinder costs 40 µs a pose.
 constexpr std::size_t kMostAdvancesOfPair = 4000;
 
-/// The contact of a pair in a list that is sorted; null where there is none.
-const TouchingPair* find(const List<TouchingPair>& pairs, const std::pair<int, int>& ends) {
-  const auto found =
-      std::lower_bound(pairs.begin(), pairs.end(), ends,
-                       [](const TouchingPair& pair, const std::pair<int, int>& wanted) {
-                         return pair.ends() < wanted;
-                       });
-  return found != pairs.end() && found->ends() == ends ? &*found : nullptr;
-}
-
-/// A contact of two bodies without points.
-TouchingPair pair_of(const Model& model, const Broadphase::Pair& bodies) {
-  TouchingPair pair;
-  pair.a = bodies.first;
-  pair.b = bodies.second;
-  pair.id_a = model.body_ids[to_index(pair.a)];
-  pair.id_b = model.body_ids[to_index(pair.b)];
-  return pair;
-}
-
 /// Sum of the largest displacements of two bodies [m].
 double moved_of(const StepContext& step, const State& state, const Broadphase::Pair& pair,
                 double duration) {
@@ -123,7 +103,7 @@ bool has_outrun(const StepContext& step, const State& state, const List<Broadpha
                 const List<double>& ways, double duration) {
   for (std::size_t k = 0; k < ways.size(); ++k) {
     if (moved_of(step, state, near[k], duration) > 2.0 * ways[k] &&
-        find(state.touching, near[k]) == nullptr)
+        find_contact(state.touching, near[k]) == nullptr)
       return true;
   }
   return false;
@@ -148,7 +128,7 @@ double time_without_hit(const StepContext& step, const State& state, const Islan
   for (const TouchingPair& pair : state.touching)
     duration = std::min(duration, time_to_watch(step, state, lists, pair));
   for (const Broadphase::Pair& pair : near)
-    if (is_fast(step, state, pair, duration) && find(state.touching, pair) == nullptr)
+    if (is_fast(step, state, pair, duration) && find_contact(state.touching, pair) == nullptr)
       duration = std::max(kInstant * model.options.time_step,
                           time_of_hit(step, state, pair, duration, advances).value_or(duration));
   return duration;
@@ -169,9 +149,9 @@ bool collide_group(const Model& model, const List<Broadphase::Pair>& near, doubl
                                       PlacedShape(model.bodies[b], state->states[b]),
                                       std::isfinite(thinner) ? 4.0 * kNearShare * thinner : 0.0);
     if (manifold.count == 0) continue;
-    TouchingPair& pair = state->touching.emplace_back(pair_of(model, ends));
+    TouchingPair& pair = state->touching.emplace_back(new_contact(model, ends));
     pair.manifold = manifold;
-    const TouchingPair* known = model.options.warm_starting ? find(before, ends) : nullptr;
+    const TouchingPair* known = model.options.warm_starting ? find_contact(before, ends) : nullptr;
     for (std::size_t k = 0; k < to_index(manifold.count); ++k)
       pair.impulses[k] = known != nullptr ? known->impulse_of(manifold.points[k].feature)
                                           : Vector3d::Zero().eval();
@@ -221,7 +201,7 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
   // bounds that event-driven groups widen.
   const auto is_open = [&](const Broadphase::Pair& pair) {
     return !is_led(step, lists, pair) && is_fast(step, *state, pair, h) &&
-           find(state->touching, pair) == nullptr && !step.topology.is_unpaired(pair) &&
+           find_contact(state->touching, pair) == nullptr && !step.topology.is_unpaired(pair) &&
            (!follows_contacts(model.options) || may_meet(step, *state, pair, h));
   };
   List<bool> hits_something(model.bodies.size());
@@ -237,7 +217,7 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
   for (const Broadphase::Pair& pair : near) {
     if (!hits_something[pair.first] && !hits_something[pair.second]) continue;
     if (!is_open(pair)) continue;
-    found.push_back(pair_of(model, pair));
+    found.push_back(new_contact(model, pair));
   }
   state->touching.insert(state->touching.end(), found.begin(), found.end());
   std::sort(state->touching.begin(), state->touching.end(), TouchingPair::in_order);
@@ -251,7 +231,7 @@ void ContinuousCollision::list_jointed_pairs(const StepContext& step,
   jointed_pairs_.clear();
   for (const Broadphase::Pair& pair : near) {
     if (!is_led(step, lists, pair) || !is_fast(step, state, pair, h) ||
-        step.topology.is_unpaired(pair) || find(state.touching, pair) != nullptr ||
+        step.topology.is_unpaired(pair) || find_contact(state.touching, pair) != nullptr ||
         !may_meet(step, state, pair, h))
       continue;
     jointed_pairs_.push_back(pair);
@@ -286,7 +266,7 @@ void ContinuousCollision::add_jointed_pairs(const StepContext& step, const Islan
   };
   for (const Broadphase::Pair& pair : jointed_pairs_) {
     if (!is_by_impulses(pair.first) || !is_by_impulses(pair.second)) continue;
-    state->touching.push_back(pair_of(model, pair));
+    state->touching.push_back(new_contact(model, pair));
   }
   std::sort(state->touching.begin(), state->touching.end(), TouchingPair::in_order);
 }
@@ -299,13 +279,13 @@ bool ContinuousCollision::divide(const StepContext& step, const IslandLists& lis
     return time_to_watch(step, *state, lists, pair) < h;
   };
   if (!std::any_of(state->touching.begin(), state->touching.end(), is_about_to_hit)) return false;
-  is_member_.assign(model.bodies.size(), false);
+  List<bool> is_member(model.bodies.size());
   bool spreads = false;
   const auto join = [&](int body) {
-    if (!model.is_movable(to_index(body)) || is_member_[body]) return;
+    if (!model.is_movable(to_index(body)) || is_member[body]) return;
     spreads = true;
     for (const int other : lists.island_parts[step.topology.island_of(body)].members.bodies)
-      is_member_[other] = true;
+      is_member[other] = true;
   };
   for (const TouchingPair& pair : state->touching) {
     if (!is_about_to_hit(pair)) continue;
@@ -315,76 +295,23 @@ bool ContinuousCollision::divide(const StepContext& step, const IslandLists& lis
   while (spreads) {
     spreads = false;
     for (const TouchingPair& pair : state->touching) {
-      if (is_member_[pair.a]) join(pair.b);
-      if (is_member_[pair.b]) join(pair.a);
+      if (is_member[pair.a]) join(pair.b);
+      if (is_member[pair.b]) join(pair.a);
     }
   }
-  for (ImpulseGroup* group : {&group_, &others_}) {
-    group->bodies.clear();
-    group->joints.clear();
-  }
-  for (const int body : bodies) (is_member_[body] ? group_ : others_).bodies.push_back(body);
+  ImpulseGroup group;
+  others_ = ImpulseGroup{};
+  for (const int body : bodies) (is_member[body] ? group : others_).bodies.push_back(body);
   for (const int j : joints) {
     const auto [a, b] = step.topology.ends(j);
-    (is_member_[model.is_movable(a) ? a : b] ? group_ : others_).joints.push_back(j);
+    (is_member[model.is_movable(a) ? a : b] ? group : others_).joints.push_back(j);
   }
+  divided_.begin(step, group);
   return true;
 }
 
-// Pairs that may touch within a duration, of the group with itself and with immovable bodies.
-List<Broadphase::Pair> ContinuousCollision::pairs_of_group(const StepContext& step,
-                                                           const State& state,
-                                                           const List<int>& moving_shapes,
-                                                           double duration, Broadphase* broadphase,
-                                                           bool* is_any_left) {
-  const Model& model = step.model;
-  proxies_.clear();
-  for (const int body : moving_shapes) {
-    proxies_.push_back(proxy_of(model, state.states[body], body));
-    if (is_member_[body] || !model.is_movable(to_index(body)))
-      widen(max_distance(step, state.states[body], body, duration), &proxies_.back());
-  }
-  List<Broadphase::Pair> pairs;
-  for (const Broadphase::Pair& pair : broadphase->find_pairs(proxies_)) {
-    const bool has_a = is_member_[pair.first];
-    const bool has_b = is_member_[pair.second];
-    if (!has_a && !has_b) continue;
-    if (step.topology.is_unpaired(pair)) continue;
-    const int other = has_a ? pair.second : pair.first;
-    if (has_a != has_b && model.is_movable(to_index(other)))
-      *is_any_left = *is_any_left || (is_fast(step, state, pair, duration) &&
-                                      time_of_hit(step, state, pair, duration));
-    else
-      pairs.push_back(pair);
-  }
-  if (broadphase->is_full()) throw StepFailed{Failure::kTooManyPairs};
-  return pairs;
-}
-
 bool ContinuousCollision::has_met(const Broadphase::Pair& pair) const {
-  return is_divided() && find(hits_, pair) != nullptr;
-}
-
-// Adds the contact impulses of a part of the step to the impulses of the parts before (`hits_`).
-void ContinuousCollision::gather_hits(const State& state) {
-  List<TouchingPair> all;
-  for (const TouchingPair& pair : hits_)
-    if (find(state.touching, pair.ends()) == nullptr) all.push_back(pair);
-  for (const TouchingPair& pair : state.touching) {
-    all.push_back(pair);
-    const TouchingPair* before = find(hits_, pair.ends());
-    if (before == nullptr) continue;
-    Vector3d sum = Vector3d::Zero();
-    for (std::size_t k = 0; k < to_index(before->manifold.count); ++k) sum += before->impulses[k];
-    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
-      const Vector3d same = before->impulse_of(pair.manifold.points[k].feature);
-      all.back().impulses[k] += same;
-      sum -= same;
-    }
-    all.back().impulses[0] += sum;  // impulses of points that no longer exist
-  }
-  std::sort(all.begin(), all.end(), TouchingPair::in_order);
-  hits_ = std::move(all);
+  return is_divided() && find_contact(hits_, pair) != nullptr;
 }
 
 std::uint32_t ContinuousCollision::return_contacts(State* state) const {
@@ -395,40 +322,6 @@ std::uint32_t ContinuousCollision::return_contacts(State* state) const {
   return points;
 }
 
-// Advances the group by a part of the step, which begins `done` [s] after the start of the step.
-void ContinuousCollision::advance_group(const StepContext& step, const AwakeSets& awake,
-                                        const List<ActingWrench>& wrenches, double done,
-                                        double duration, SequentialImpulses* method,
-                                        ImpulseReport* report, State* state) {
-  const Model& model = step.model;
-  if (state->any_corrections) state->take_out_corrections(awake.bodies);
-  const double share = duration / model.options.time_step;
-  List<ActingWrench> wrenches_now;
-  for (ActingWrench wrench : wrenches) {
-    if (!is_member_[wrench.body]) continue;
-    wrench.duration *= share;
-    wrenches_now.push_back(wrench);
-  }
-  JointStep span = joint_step(model.options, step.tick.start + done, duration);
-  if (!joint_sums_.empty()) span.beta *= share;  // errors close in all parts as they do in a step
-  const ImpulseStep part{span,
-                         group_.bodies,
-                         group_.joints,
-                         step.topology.joint_ends(),
-                         step.topology.is_in_loop(),
-                         wrenches_now,
-                         step.stop,
-                         step.clock};
-  ImpulseReport of_part = method->advance(model, part, state);
-  of_part.contacts = 0;  // each is counted once, with the hits
-  add_impulses(of_part, report);
-  report->correction_work += method->finish(model, part, state);
-  for (std::size_t k = 0; k < joint_sums_.size(); ++k) {
-    const std::size_t j = to_index(group_.joints[k]);
-    joint_sums_[k].add(model.joints[j], duration, &state->joint_states[j]);
-  }
-}
-
 HitReport ContinuousCollision::advance(const StepContext& step, const IslandLists& lists,
                                        const AwakeSets& awake, const List<int>& moving_shapes,
                                        const List<ActingWrench>& wrenches, Broadphase* broadphase,
@@ -437,7 +330,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   HitReport report;
   List<TouchingPair> of_others;
   const auto is_of_group = [&](const TouchingPair& pair) {
-    return is_member_[pair.a] || is_member_[pair.b];
+    return divided_.contains(pair.a) || divided_.contains(pair.b);
   };
   std::stable_partition(state->touching.begin(), state->touching.end(), is_of_group);
   const auto others = std::find_if_not(state->touching.begin(), state->touching.end(), is_of_group);
@@ -450,9 +343,9 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
                (pair.manifold.count == 0 && is_led(step, lists, pair.ends()));
       });
 
-  joint_sums_.assign(is_on_joints ? group_.joints.size() : 0, {});
-
+  if (is_on_joints) divided_.begin_joint_sums();
   const double h = model.options.time_step;
+  const ContactStep contacts = contact_step(model.options, h);
   const List<BodyState> at_start = state->states;  // kinematic bodies are moved from here
   bool was_hit = false;
   double done = 0.0;
@@ -463,7 +356,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
       state->states[body] = moved(at_start[body], MassProperties{}, Vector3d::Zero(), done);
     const double left = h - done;
     const List<Broadphase::Pair> near =
-        pairs_of_group(step, *state, moving_shapes, left, broadphase, &report.has_left_any);
+        divided_.find_pairs(step, *state, moving_shapes, left, broadphase, &report.has_left_any);
     ways.clear();
     const bool is_any_hit = collide_group(model, near, left, state);
     double duration = left;
@@ -477,23 +370,21 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
       ++report.hits;
       duration = std::min(left, kInstant * h);
     } else {
-      duration = time_without_hit(step, *state, lists, group_.bodies, near, left, &advances);
+      duration =
+          time_without_hit(step, *state, lists, divided_.group().bodies, near, left, &advances);
     }
     const bool is_last = duration >= left;
-    advance_group(step, awake, wrenches, done, is_last ? left : duration, method, &report.impulses,
-                  state);
-    if (!are_in_range(*state, group_.bodies)) break;  // the step fails at its end
-    report.has_left_any =
-        report.has_left_any || has_outrun(step, *state, near, ways, is_last ? left : duration);
-    gather_hits(*state);
+    if (is_last) duration = left;
+    add_impulses(divided_.advance(step, wrenches, done, duration, contacts, method, state),
+                 &report.impulses);
+    divided_.sum_joints(model, duration, state);
+    if (!are_in_range(*state, divided_.group().bodies)) break;  // the step fails at its end
+    report.has_left_any = report.has_left_any || has_outrun(step, *state, near, ways, duration);
+    add_contacts(state->touching, &hits_);
     done = is_last ? h : done + duration;
   }
   for (const int body : awake.kinematic) state->states[body] = at_start[body];
-  for (std::size_t k = 0; k < joint_sums_.size(); ++k) {
-    const std::size_t j = to_index(group_.joints[k]);
-    joint_sums_[k].finish(model.joints[j], step.topology.state_a(*state, j),
-                          step.topology.state_b(*state, j), h, &state->joint_states[j]);
-  }
+  divided_.finish_joints(step, state);
   for (TouchingPair& pair : hits_)
     for (Manifold::Point& point : pair.manifold.points) point.depth = std::max(point.depth, 0.0);
   state->touching = std::move(of_others);

@@ -1,11 +1,10 @@
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <optional>
 
 #include "engine/collision/broadphase.h"
-#include "engine/constraints/joint_sum.h"
+#include "engine/islands/divided_step.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/sleep.h"
@@ -15,28 +14,6 @@
 #include "engine/model/state.h"
 
 namespace constraint_sim::engine {
-
-/// Bodies that impulses advance together, and the joints on them, by index.
-struct ImpulseGroup {
-  List<int> bodies;  ///< dynamic bodies
-  List<int> joints;
-
-  bool is_empty() const { return bodies.empty(); }
-};
-
-/// Adds the results of impulses to a report of a step, or of impulses.
-template <class Report>
-void add_impulses(const ImpulseReport& impulses, Report* report) {
-  report->rows += impulses.rows;
-  report->contacts += impulses.contacts;
-  report->max_penetration = std::max(report->max_penetration, impulses.max_penetration);
-  report->iterations += impulses.iterations;
-  report->solver_residual = std::max(report->solver_residual, impulses.solver_residual);
-  if (impulses.unsolved_body) report->unsolved_body = impulses.unsolved_body;
-  report->driven_work += impulses.driven_work;
-  report->correction_work += impulses.correction_work;
-  for (std::size_t i = 0; i < kStageCount; ++i) report->stage_times[i] += impulses.stage_times[i];
-}
 
 /// Results of a step that was divided at hits.
 struct HitReport {
@@ -84,10 +61,10 @@ class ContinuousCollision {
   /// none.
   bool divide(const StepContext& step, const IslandLists& lists, const List<int>& bodies,
               const List<int>& joints, State* state);
-  void begin_impulses() { group_.bodies.clear(); }
-  bool is_divided() const { return !group_.is_empty(); }
+  void begin_impulses() { divided_.clear(); }
+  bool is_divided() const { return !divided_.group().is_empty(); }
   /// Whether the step of a body was divided.
-  bool divides(int body) const { return is_divided() && is_member_[body]; }
+  bool divides(int body) const { return is_divided() && divided_.contains(body); }
   /// Whether bodies of the group met as this pair.
   bool has_met(const Broadphase::Pair& pair) const;
   /// Everything that impulses advance beside the group.
@@ -97,7 +74,7 @@ class ContinuousCollision {
                     const List<int>& moving_shapes, const List<ActingWrench>& wrenches,
                     Broadphase* broadphase, SequentialImpulses* method, State* state);
   /// First body of the group.
-  int first_body() const { return group_.bodies.front(); }
+  int first_body() const { return divided_.group().bodies.front(); }
   /// Returns the contacts of the group to the contacts of all, and the number of their points.
   std::uint32_t return_contacts(State* state) const;
 
@@ -105,23 +82,14 @@ class ContinuousCollision {
   bool is_fast_body(const StepContext& step, const State& state, int body) const;
   void list_jointed_pairs(const StepContext& step, const List<Broadphase::Pair>& near,
                           const State& state, const IslandLists& lists);
-  List<Broadphase::Pair> pairs_of_group(const StepContext& step, const State& state,
-                                        const List<int>& moving_shapes, double duration,
-                                        Broadphase* broadphase, bool* is_any_left);
-  void advance_group(const StepContext& step, const AwakeSets& awake,
-                     const List<ActingWrench>& wrenches, double done, double duration,
-                     SequentialImpulses* method, ImpulseReport* report, State* state);
-  void gather_hits(const State& state);
 
   double thinnest_ = 0.0;     // least thickness of all shapes [m]
   double fast_square_ = 0.0;  // square of the speed above which bodies are fast [m²/s²]
   List<int> fast_bodies_;
   List<Broadphase::Pair> jointed_pairs_;
-  ImpulseGroup group_, others_;
-  List<bool> is_member_;       // by body: whether it belongs to the group
-  List<JointSum> joint_sums_;  // results of the group's joints, summed over the parts of the step
-  List<TouchingPair> hits_;    // contacts of the group, with the impulses of all its hits
-  List<Proxy> proxies_;
+  DividedStep divided_;  // step of the group
+  ImpulseGroup others_;
+  List<TouchingPair> hits_;  // contacts of the group, with the impulses of all its hits
 };
 
 }  // namespace constraint_sim::engine

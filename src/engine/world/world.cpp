@@ -293,6 +293,7 @@ void World::Impl::leave_out_estimates() {
 ImpulseStep World::Impl::impulse_step(const StepContext& step) const {
   const bool is_divided = continuous.is_divided();
   return {joint_step(options, step.tick.start, options.time_step),
+          contact_step(options, options.time_step),
           is_divided ? continuous.others().bodies : integration.partition().impulse_bodies,
           is_divided ? continuous.others().joints : integration.partition().impulse_joints,
           topology.joint_ends(),

@@ -36,15 +36,15 @@ ContactState contact_state(const Row* rows, std::size_t count) {
   return friction < (1.0 - kAtLimit) * limit ? ContactState::kSticking : ContactState::kSlipping;
 }
 
-ContactStep contact_step(const WorldOptions& options) {
-  return {options.time_step, options.baumgarte, options.gravity.norm(), solves_impulses(options)};
-}
-
 double work_at(const ActingWrench& wrench, const Twist& v) {
   return wrench.duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
 }
 
 }  // namespace
+
+ContactStep contact_step(const WorldOptions& options, double h) {
+  return {h, options.baumgarte, options.gravity.norm(), solves_impulses(options)};
+}
 
 ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep& step,
                                           State* state) {
@@ -70,8 +70,7 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
     const StageTimer timer(step.clock, Stage::kPositions, times);
     const bool is_solved = solves_impulses(model.options);
     if (is_solved && !rows_.empty())
-      converged_.find_mean_shares(step.bodies, rows_, rest_speed(contact_step(model.options)),
-                                  &solver_);
+      converged_.find_mean_shares(step.bodies, rows_, rest_speed(step.contacts), &solver_);
     add_work(step.wrenches, is_solved, &report);
     report.correction_work += solver_.update_positions(
         step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
@@ -107,7 +106,7 @@ RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const Impu
     report->iterations = static_cast<std::uint32_t>(model.options.iterations);
     return solver_.solve(step.bodies, rows_, model.options.iterations, step.stop);
   }
-  const double rest = rest_speed(contact_step(model.options));
+  const double rest = rest_speed(step.contacts);
   const auto solve = [&] {
     return converged_.solve(state.states, model.masses, {rest, model.options.iterations}, step.stop,
                             &rows_, &solver_);
@@ -162,7 +161,7 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
   for (const TouchingPair& pair : state->touching) {
     for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
       deepest = std::max(deepest, pair.manifold.points[k].depth);
-      prepare_contact(model, *state, pair, k);
+      prepare_contact(model, step.contacts, *state, pair, k);
     }
   }
   return deepest;
@@ -198,15 +197,14 @@ void SequentialImpulses::add_coupling(const Model& model, const ImpulseStep& ste
   }
 }
 
-void SequentialImpulses::prepare_contact(const Model& model, const State& state,
-                                         const TouchingPair& pair, std::size_t point) {
-  const WorldOptions& options = model.options;
+void SequentialImpulses::prepare_contact(const Model& model, const ContactStep& contacts,
+                                         const State& state, const TouchingPair& pair,
+                                         std::size_t point) {
   const ContactSurface surface(model.bodies[pair.a], model.bodies[pair.b]);
-  const ContactStep step = contact_step(options);
   std::array<Row, kMaxContactRows> written;
   const int count = write_contact_rows(state.states[pair.a], state.states[pair.b],
                                        pair.manifold.normal, pair.manifold.points[point], surface,
-                                       step, pair.impulses[point], written.data());
+                                       contacts, pair.impulses[point], written.data());
   contact_rows_.push_back(rows_.size());
   for (std::size_t k = 0; k < to_index(count); ++k) {
     written[k].body_a = pair.a;

@@ -9,6 +9,7 @@
 
 #include "constraint_sim/engine/id.h"
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/constraints/contact.h"
 #include "engine/constraints/joint.h"
 #include "engine/math/list.h"
 #include "engine/methods/sequential_impulses/converged_rows.h"
@@ -27,9 +28,13 @@ struct ActingWrench {
   Eigen::Vector3d torque;  ///< about the centre of mass [N m]
 };
 
+/// Settings of the contacts of a step of `h` [s].
+ContactStep contact_step(const WorldOptions& options, double h);
+
 /// Bodies and joints of the method in a step, and their loads; all by index.
 struct ImpulseStep {
   JointStep span;
+  ContactStep contacts;
   const List<int>& bodies;                                      ///< dynamic bodies
   const List<int>& joints;                                      ///< acting joints of the bodies
   const List<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< one pair per joint of the world
@@ -73,8 +78,8 @@ class SequentialImpulses {
   static std::array<Jacobian, 2> coupled_jacobians(const Model& model, const ImpulseStep& step,
                                                    const State& state, std::size_t joint,
                                                    bool at_end);
-  void prepare_contact(const Model& model, const State& state, const TouchingPair& pair,
-                       std::size_t point);
+  void prepare_contact(const Model& model, const ContactStep& contacts, const State& state,
+                       const TouchingPair& pair, std::size_t point);
   void update_velocities(const Model& model, const ImpulseStep& step, State* state);
   void lose_self_stress(const WorldOptions& options, const List<SelfStress>& known);
   double finish_corrections(const Model& model, const ImpulseStep& step, State* state);

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "engine/collision/broadphase.h"
+#include "engine/constraints/joint_sum.h"
+#include "engine/islands/sleep.h"
+#include "engine/islands/step.h"
+#include "engine/math/list.h"
+#include "engine/methods/sequential_impulses/sequential_impulses.h"
+#include "engine/model/state.h"
+
+namespace constraint_sim::engine {
+
+/// Bodies that impulses advance together, and the joints on them, by index.
+struct ImpulseGroup {
+  List<int> bodies;  ///< dynamic bodies
+  List<int> joints;
+
+  bool is_empty() const { return bodies.empty(); }
+};
+
+/// Adds the results of impulses to a report of a step, or of impulses.
+template <class Report>
+void add_impulses(const ImpulseReport& impulses, Report* report) {
+  report->rows += impulses.rows;
+  report->contacts += impulses.contacts;
+  report->max_penetration = std::max(report->max_penetration, impulses.max_penetration);
+  report->iterations += impulses.iterations;
+  report->solver_residual = std::max(report->solver_residual, impulses.solver_residual);
+  if (impulses.unsolved_body) report->unsolved_body = impulses.unsolved_body;
+  report->driven_work += impulses.driven_work;
+  report->correction_work += impulses.correction_work;
+  for (std::size_t i = 0; i < kStageCount; ++i) report->stage_times[i] += impulses.stage_times[i];
+}
+
+/// The contact of a pair in a list that is sorted; null where there is none.
+const TouchingPair* find_contact(const List<TouchingPair>& pairs, const std::pair<int, int>& ends);
+/// A contact of two bodies without points.
+TouchingPair new_contact(const Model& model, const std::pair<int, int>& bodies);
+/// Adds the contact impulses of a part of a step to `sums`, the impulses of the parts before.
+void add_contacts(const List<TouchingPair>& of_part, List<TouchingPair>* sums);
+
+/// A step of a group of bodies that impulses advance in parts.
+class DividedStep {
+ public:
+  void begin(const StepContext& step, const ImpulseGroup& group);
+  /// Sums the impulses of joints over the parts of this step.
+  void begin_joint_sums() { joint_sums_.assign(group_.joints.size(), {}); }
+  const ImpulseGroup& group() const { return group_; }
+  /// Whether a body belongs to the group.
+  bool contains(int body) const { return is_member_[body]; }
+  /// Forgets the group.
+  void clear() { group_.bodies.clear(); }
+
+  /// Pairs that may touch within a duration, of the group with itself and with immovable bodies.
+  /// Sets `is_any_left` where a body of the group may hit another body that has taken its step.
+  List<Broadphase::Pair> find_pairs(const StepContext& step, const State& state,
+                                    const List<int>& moving_shapes, double duration,
+                                    Broadphase* broadphase, bool* is_any_left);
+  /// Advances the group by a part of the step, which begins `done` [s] after the start of the step.
+  /// With sums of joints, errors of joints close in all parts as they do in a step.
+  ImpulseReport advance(const StepContext& step, const List<ActingWrench>& wrenches, double done,
+                        double duration, const ContactStep& contacts, SequentialImpulses* method,
+                        State* state);
+  /// Adds the impulses of joints in a part of the step to their sums.
+  void sum_joints(const Model& model, double duration, State* state);
+  /// Sets the mean forces of joints in the step, where their impulses are summed.
+  void finish_joints(const StepContext& step, State* state) const;
+
+ private:
+  ImpulseGroup group_;
+  List<bool> is_member_;       // by body
+  List<JointSum> joint_sums_;  // by joint of the group; empty where they are not summed
+  List<Proxy> proxies_;
+};
+
+}  // namespace constraint_sim::engine

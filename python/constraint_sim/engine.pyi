@@ -483,7 +483,8 @@ class World:
                  closing_time: float = ..., sleep_after: float = ..., sleep_speed: float = ...,
                  threads: int = ..., order: int = ..., tolerance: float = ...,
                  stiff_order: int = ..., dissipation: bool = ..., stiffness_limit: float = ...,
-                 iterations: int = ..., warm_starting: bool = ..., baumgarte: float = ...) -> None:
+                 iterations: int = ..., warm_starting: bool = ...,
+                 contact_tolerance: float = ..., baumgarte: float = ...) -> None:
         ...
     @property
     def options(self) -> Dict[str, Any]:
@@ -492,7 +493,8 @@ class World:
                     closing_time: float = ..., sleep_after: float = ..., sleep_speed: float = ...,
                     threads: int = ..., order: int = ..., tolerance: float = ...,
                     stiff_order: int = ..., dissipation: bool = ..., stiffness_limit: float = ...,
-                    iterations: int = ..., warm_starting: bool = ..., baumgarte: float = ...
+                    iterations: int = ..., warm_starting: bool = ...,
+                    contact_tolerance: float = ..., baumgarte: float = ...
                     ) -> None:
         """set_options(**options)
 

@@ -20,6 +20,7 @@ struct WorldOptions {
   double stiffness_limit = 40.0;
   int iterations = 10;
   bool warm_starting = true;
+  double contact_tolerance = 0.0;
   double baumgarte = 0.1;
   double closing_time = 0.5;
   double sleep_after = 0.5;
@@ -83,6 +84,10 @@ void visit_options(Options& options, Visit visit) {
         options.iterations, Count{10000});
   visit(OptionInfo{"warm_starting", "", kAny, "impulses start from those of the step before"},
         options.warm_starting, AnyValue{});
+  visit(OptionInfo{"contact_tolerance", "m/s", Method::kTimeStepping,
+                   "estimated error per simulated second that steps of contacts are divided to, "
+                   "rotation times radius of gyration; 0: one step a tick, no estimate"},
+        options.contact_tolerance, NotNegative{});
   visit(OptionInfo{"baumgarte", "", kAny, "share of each error that impulses remove in a step"},
         options.baumgarte, Share{});
   visit(OptionInfo{"closing_time", "s", kAny,

@@ -114,8 +114,8 @@ struct StepReport {
   /// Unexplained rise of energy above its minimum [J]; 0 within rounding and tolerance.
   double energy_rise = 0.0;
   std::optional<BodyId> energy_rise_body;  ///< first body of the island with the largest rise
-  /// Largest error estimate of an island for this step [m]; NaN where impulses, which have no
-  /// estimate, advanced an island.
+  /// Largest error estimate of an island for this step [m]; NaN where impulses advanced an island
+  /// without `contact_tolerance`, or were not solved.
   double local_error = 0.0;
   std::uint32_t dependent_rows = 0;  ///< largest number of redundant equations at any time
   /// Bodies that move too fast for the time step: on stiff islands, and on joints by impulses.
@@ -165,9 +165,11 @@ struct StepReport {
   std::uint32_t rejected = 0;              ///< rejected substeps
   std::uint32_t iterations = 0;  ///< sweeps over the rows, and Newton iterations of stiff islands
   std::uint32_t events = 0;      ///< moments at which a one-sided row began or ceased to act
-  std::uint32_t hits = 0;        ///< hits of fast bodies, at their times within the step
-  std::uint32_t rows = 0;        ///< scalar equations solved
-  std::uint32_t contacts = 0;    ///< contact points of awake islands
+  /// Hits at their times within the step, of fast bodies, and where errors of contacts are
+  /// controlled.
+  std::uint32_t hits = 0;
+  std::uint32_t rows = 0;              ///< scalar equations solved
+  std::uint32_t contacts = 0;          ///< contact points of awake islands
   std::uint64_t broadphase_tests = 0;  ///< tests of a bounding box against another
   std::uint32_t candidate_pairs = 0;   ///< pairs of bodies that passed the broadphase
   /// Duration of each stage [s]; zero without a clock.

@@ -12,25 +12,6 @@ namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
 
-namespace {
-
-/// Returns the way of a body in a step, with the fall of a body at rest [m].
-double fall_and_way(const WorldOptions& options, const BodyState& body) {
-  return options.time_step *
-         (body.linear_velocity.norm() + options.time_step * options.gravity.norm());
-}
-
-/// Returns the gap within which contacts of a pair are rows of the step [m]. Larger margins than a
-/// tenth of the smallest half edge would miss features of boxes.
-double contact_margin(const Model& model, const State& state, const std::pair<int, int>& bodies) {
-  constexpr double kShare = 0.05;  // share of a whole edge
-  const double way = fall_and_way(model.options, state.states[bodies.first]) +
-                     fall_and_way(model.options, state.states[bodies.second]);
-  return std::min(way, kShare * thinner_of(model, bodies));
-}
-
-}  // namespace
-
 void ContactPipeline::set_shapes(const Model& model, const State& state,
                                  const List<int>& awake_bodies, const List<int>& resting_bodies) {
   const auto has_shape = [&](int body) { return may_touch(model.bodies[body]); };
@@ -64,7 +45,8 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
     }
     if (reach != nullptr) widen(reach->of(body), &proxies_.back());
     if (solves_impulses(model.options))
-      widen(fall_and_way(model.options, state.states[body]), &proxies_.back());
+      widen(fall_and_way(model.options, state.states[body], model.options.time_step),
+            &proxies_.back());
   }
   report->candidate_pairs = static_cast<std::uint32_t>(broadphase_.find_pairs(proxies_).size());
   report->broadphase_tests += broadphase_.tests();
@@ -85,8 +67,9 @@ void ContactPipeline::collide(const StepContext& step, State* state, StepReport*
     if (is_set(step.stop)) return;
     const auto a = to_index(ends.first);
     const auto b = to_index(ends.second);
-    const double margin =
-        solves_impulses(model.options) ? contact_margin(model, *state, ends) : 0.0;
+    const double margin = solves_impulses(model.options)
+                              ? contact_margin(step, *state, ends, model.options.time_step)
+                              : 0.0;
     const Manifold manifold =
         engine::collide(PlacedShape(model.bodies[a], state->states[a]),
                         PlacedShape(model.bodies[b], state->states[b]), margin);

@@ -7,14 +7,14 @@
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/swept_hits.h"
 #include "engine/math/numbers.h"
+#include "engine/model/impulse_method.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kInstant = 1e-9;  // duration of a hit, as a share of the time step
-constexpr int kMostLegs = 1000;    // parts of a step
+constexpr int kMostLegs = 1000;  // parts of a step
 // Poses that a step tries towards hits, for each near pair: a cylinder costs 40 µs a pose.
 constexpr std::size_t kMostAdvancesOfPair = 4000;
 
@@ -175,7 +175,7 @@ void ContinuousCollision::find_fast_bodies(const StepContext& step, const State&
                                            const List<int>& moving_shapes) {
   const Model& model = step.model;
   const double h = model.options.time_step;
-  const double speed = kFastShare * thinnest_ / h - h * model.options.gravity.norm();
+  const double speed = fast_share(model.options) * thinnest_ / h - h * model.options.gravity.norm();
   fast_square_ = speed > 0.0 ? speed * speed : -1.0;
   fast_bodies_.clear();
   jointed_pairs_.clear();
@@ -189,7 +189,7 @@ bool ContinuousCollision::is_fast_body(const StepContext& step, const State& sta
   if (now.linear_velocity.squaredNorm() > fast_square_) return true;
   return (!now.angular_velocity.isZero(0.0) || step.assumed.is_any()) &&
          max_point_displacement(step, now, body, step.model.options.time_step) >
-             kFastShare * thinnest_;
+             fast_share(step.model.options) * thinnest_;
 }
 
 void ContinuousCollision::find_hits(const StepContext& step, const List<Broadphase::Pair>& near,
@@ -246,14 +246,36 @@ List<int> ContinuousCollision::find_passing(const StepContext& step, const State
                           lists.islands[island].why != MethodReason::kFewContacts);
   };
   List<int> caught;
+  const auto is_caught = [&](int island) {
+    return std::find(caught.begin(), caught.end(), island) != caught.end();
+  };
+  const auto catch_pair = [&](int a, int b) {
+    bool is_new = false;
+    for (const int island : {a, b}) {
+      if (island < 0 || !is_integrated(island) || is_caught(island)) continue;
+      caught.push_back(island);
+      is_new = true;
+    }
+    return is_new;
+  };
+  const auto islands_of = [&](const Broadphase::Pair& pair) {
+    return std::pair(step.topology.island_of(pair.first), step.topology.island_of(pair.second));
+  };
   for (const Broadphase::Pair& pair : jointed_pairs_) {
-    const int a = step.topology.island_of(pair.first), b = step.topology.island_of(pair.second);
-    if (!is_integrated(a) || !is_integrated(b) || !passes(step, state, rollback, pair)) continue;
-    for (const int island : {a, b})
-      if (island >= 0) caught.push_back(island);
+    const auto [a, b] = islands_of(pair);
+    if (is_integrated(a) && is_integrated(b) && passes(step, state, rollback, pair))
+      catch_pair(a, b);
+  }
+  bool is_growing = controls_contacts(step.model.options);
+  while (is_growing) {
+    is_growing = false;
+    for (const Broadphase::Pair& pair : jointed_pairs_) {
+      const auto [a, b] = islands_of(pair);
+      const bool is_mixed = !is_integrated(a) || !is_integrated(b) || is_caught(a) || is_caught(b);
+      if (is_mixed && catch_pair(a, b)) is_growing = true;
+    }
   }
   std::sort(caught.begin(), caught.end());
-  caught.erase(std::unique(caught.begin(), caught.end()), caught.end());
   return caught;
 }
 
@@ -375,7 +397,8 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
     }
     const bool is_last = duration >= left;
     if (is_last) duration = left;
-    add_impulses(divided_.advance(step, wrenches, done, duration, contacts, method, state),
+    add_impulses(divided_.advance(step, wrenches, done, duration, contacts, ImpulseStepKind::kWhole,
+                                  method, state),
                  &report.impulses);
     divided_.sum_joints(model, duration, state);
     if (!are_in_range(*state, divided_.group().bodies)) break;  // the step fails at its end

@@ -51,7 +51,8 @@ class ContinuousCollision {
                  const IslandLists& lists, State* state);
   /// Fast pairs that are apart, and of which one body has joints.
   const List<Broadphase::Pair>& jointed_pairs() const { return jointed_pairs_; }
-  /// Integrated islands that passed through something in this step, ascending.
+  /// Integrated islands that passed through something in this step, ascending. Where errors of
+  /// contacts are controlled, also those that may meet a body that impulses advance.
   List<int> find_passing(const StepContext& step, const State& state, const Rollback& rollback,
                          const IslandLists& lists) const;
   /// Adds the fast pairs with joints that impulses advance to the contacts, as pairs about to hit.

@@ -86,7 +86,7 @@ List<Broadphase::Pair> DividedStep::find_pairs(const StepContext& step, const St
 
 ImpulseReport DividedStep::advance(const StepContext& step, const List<ActingWrench>& wrenches,
                                    double done, double duration, const ContactStep& contacts,
-                                   SequentialImpulses* method, State* state) {
+                                   ImpulseStepKind kind, SequentialImpulses* method, State* state) {
   const Model& model = step.model;
   if (state->any_corrections) state->take_out_corrections(group_.bodies);
   const double share = duration / model.options.time_step;
@@ -100,6 +100,7 @@ ImpulseReport DividedStep::advance(const StepContext& step, const List<ActingWre
   if (!joint_sums_.empty()) span.beta *= share;
   const ImpulseStep part{span,
                          contacts,
+                         kind,
                          group_.bodies,
                          group_.joints,
                          step.topology.joint_ends(),

@@ -13,6 +13,9 @@
 
 namespace constraint_sim::engine {
 
+/// Duration of a hit, as a share of the time step.
+inline constexpr double kInstant = 1e-9;
+
 /// Bodies that impulses advance together, and the joints on them, by index.
 struct ImpulseGroup {
   List<int> bodies;  ///< dynamic bodies
@@ -62,8 +65,8 @@ class DividedStep {
   /// Advances the group by a part of the step, which begins `done` [s] after the start of the step.
   /// With sums of joints, errors of joints close in all parts as they do in a step.
   ImpulseReport advance(const StepContext& step, const List<ActingWrench>& wrenches, double done,
-                        double duration, const ContactStep& contacts, SequentialImpulses* method,
-                        State* state);
+                        double duration, const ContactStep& contacts, ImpulseStepKind kind,
+                        SequentialImpulses* method, State* state);
   /// Adds the impulses of joints in a part of the step to their sums.
   void sum_joints(const Model& model, double duration, State* state);
   /// Sets the mean forces of joints in the step, where their impulses are summed.

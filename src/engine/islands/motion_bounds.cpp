@@ -6,6 +6,7 @@
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
+#include "engine/model/impulse_method.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -102,6 +103,25 @@ double max_distance(const StepContext& step, const BodyState& now, int body, dou
       max_center_displacement(step, now, body, duration) + reach_of(step.model.bodies[body]));
 }
 
+double fall_and_way(const WorldOptions& options, const BodyState& body, double duration) {
+  return duration * (body.linear_velocity.norm() + duration * options.gravity.norm());
+}
+
+double contact_margin(const StepContext& step, const State& state,
+                      const std::pair<int, int>& bodies, double duration) {
+  const auto way_of = [&](int body) {
+    const BodyState& now = state.states[body];
+    return controls_contacts(step.model.options) ? max_point_displacement(step, now, body, duration)
+                                                 : fall_and_way(step.model.options, now, duration);
+  };
+  return std::min(way_of(bodies.first) + way_of(bodies.second),
+                  kMarginShare * thinner_of(step.model, bodies));
+}
+
+double fast_share(const WorldOptions& options) {
+  return controls_contacts(options) ? kMarginShare : kFastShare;
+}
+
 Proxy proxy_of(const Model& model, const BodyState& at, int body) {
   const PlacedShape placed(model.bodies[body], at);
   const Body& of = model.bodies[body];
@@ -119,7 +139,7 @@ bool is_fast(const StepContext& step, const State& state, const std::pair<int, i
   const auto [a, b] = bodies;
   return max_point_displacement(step, state.states[a], a, duration) +
              max_point_displacement(step, state.states[b], b, duration) >
-         kFastShare * thinner_of(step.model, bodies);
+         fast_share(step.model.options) * thinner_of(step.model, bodies);
 }
 
 Separation separation_of(const Model& model, const State& state,

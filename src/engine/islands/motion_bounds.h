@@ -35,6 +35,12 @@ ContactTolerances tolerances_of(const Model& model, const State& state,
 /// Largest displacement of two bodies in a step that is not fast, as a share of the smaller
 /// thickness.
 inline constexpr double kFastShare = 0.25;
+/// Share of the smaller thickness up to which contacts with a gap are sought: larger margins than a
+/// tenth of the smallest half edge would miss features of boxes.
+inline constexpr double kMarginShare = 0.05;
+/// Largest displacement of two bodies in a step that is not fast, as a share of the smaller
+/// thickness; where errors of contacts are controlled, no gap is left out that they can close.
+double fast_share(const WorldOptions& options);
 
 /// Distance from the centre of a body within which its rotation moves its shape [m]. A plane is
 /// the same everywhere but at the distance where another shape meets it.
@@ -59,9 +65,15 @@ Proxy proxy_of(const Model& model, const BodyState& at, int body);
 /// Widens a box by a margin on all sides [m].
 void widen(double margin, Proxy* proxy);
 
-/// Whether two bodies move against each other by more than kFastShare of the thinner body.
+/// Whether two bodies move against each other by more than fast_share() of the thinner body.
 bool is_fast(const StepContext& step, const State& state, const std::pair<int, int>& bodies,
              double duration);
+
+/// Returns the way of a body within a duration, with the fall of a body at rest [m].
+double fall_and_way(const WorldOptions& options, const BodyState& body, double duration);
+/// Returns the gap within which contacts of a pair are rows of impulses for a duration [m].
+double contact_margin(const StepContext& step, const State& state,
+                      const std::pair<int, int>& bodies, double duration);
 
 /// Returns the separation of the shapes of two bodies.
 Separation separation_of(const Model& model, const State& state, const std::pair<int, int>& bodies);

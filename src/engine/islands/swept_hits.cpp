@@ -7,6 +7,7 @@
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/step.h"
+#include "engine/model/impulse_method.h"
 #include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
@@ -125,19 +126,22 @@ bool passes(const StepContext& step, const State& state, const Rollback& rollbac
   const double far = (of_i.x0 - of_j.x0).norm() + of_i.way() + of_j.way();
   const double bound = of_i.way() + of_j.way() + of_i.angle() * reach_of(model.bodies[i], far) +
                        of_j.angle() * reach_of(model.bodies[j], far);
-  const double least = kFastShare * thinner_of(model, pair);
+  const double least = fast_share(model.options) * thinner_of(model, pair);
+  const auto gap_at = [&](double s) {
+    const BodyState at_i = of_i.at(s), at_j = of_j.at(s);
+    const PlacedShape shape_i(model.bodies[i], at_i), shape_j(model.bodies[j], at_j);
+    return separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state()).gap;
+  };
   double s = 0.0;
   for (int k = 0; k < kMostPlaces && s < 1.0; ++k) {
     if (is_set(step.stop)) return false;
-    const BodyState at_i = of_i.at(s), at_j = of_j.at(s);
-    const PlacedShape shape_i(model.bodies[i], at_i), shape_j(model.bodies[j], at_j);
-    const double gap =
-        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state()).gap;
+    const double gap = gap_at(s);
     if (gap <= 0.0 && s > 0.0) return true;
     if (gap > (1.0 - s) * bound) return false;
     s += std::max(gap, least) / bound;
   }
-  return s < 1.0;  // After kMostPlaces poses a pair counts as passing.
+  // After kMostPlaces poses a pair counts as passing.
+  return s < 1.0 || (controls_contacts(model.options) && gap_at(1.0) <= 0.0);
 }
 
 }  // namespace constraint_sim::engine

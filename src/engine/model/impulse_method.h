@@ -15,4 +15,9 @@ inline bool solves_impulses(const WorldOptions& options) {
   return impulses_of(options) == Method::kTimeStepping;
 }
 
+/// Whether steps of contacts are divided to keep their errors within a tolerance.
+inline bool controls_contacts(const WorldOptions& options) {
+  return solves_impulses(options) && options.contact_tolerance > 0.0;
+}
+
 }  // namespace constraint_sim::engine

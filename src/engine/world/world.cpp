@@ -9,95 +9,14 @@
 #include "engine/constraints/custom.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/larger.h"
 #include "engine/model/validate.h"
+#include "engine/world/bounds.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
-
-namespace {
-
-/// Checks the states of bodies by failure_of(). Sums over all bodies are enough in most steps; the
-/// bodies are checked one by one only where a sum is off.
-Failure failure_of_motion(const Model& model, const State& state, const List<int>& awake_bodies,
-                          std::optional<BodyId>* failed_body) {
-  Eigen::Array2d squares(0.0, 0.0), off_unit(0.0, 0.0);
-  double others = 0.0;
-  for (const int i : awake_bodies) {
-    const BodyState& body = state.states[static_cast<std::size_t>(i)];
-    const Eigen::Vector3d& x = body.position;
-    const Eigen::Vector3d& v = body.linear_velocity;
-    const Eigen::Vector3d& w = body.angular_velocity;
-    const Eigen::Vector4d& q = body.orientation.coeffs();
-    squares +=
-        x.head<2>().array().square() + v.head<2>().array().square() + w.head<2>().array().square();
-    off_unit += q.head<2>().array().square() + q.tail<2>().array().square() - 0.5;
-    others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
-  }
-  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude &&
-      std::abs(off_unit.sum()) <= kMostOffUnit)
-    return Failure::kNone;
-  for (const int i : awake_bodies) {
-    const Failure failure = failure_of(state.states[i]);
-    if (failure == Failure::kNone) continue;
-    *failed_body = model.body_ids[i];
-    return failure;
-  }
-  return Failure::kNone;
-}
-
-/// Whether all numbers of this step that are reported or saved are finite, beside the states of the
-/// bodies: a single NaN or infinity makes the sum not finite. Saved numbers may be no larger than
-/// loaded ones, so their squares are summed. Energies follow from these numbers.
-bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awake,
-                   const StepOutput& output) {
-  const StepReport& report = output.report;
-  if (awake.bodies.empty() && awake.joints.empty()) return true;  // nothing is new in this step
-  double sum = report.local_error + report.projected_energy + report.correction_work +
-               report.driven_work + report.solver_residual + report.max_penetration;
-  double squares = 0.0;
-  const auto save = [&](double number) { squares += number * number; };
-  for (const int j : awake.joints) {
-    const JointState& joint = state.joint_states[j];
-    sum += joint.error + joint.error_rate + joint.angle_error + joint.force + joint.bias +
-           joint.reached_rate;
-    squares += joint.impulse.squaredNorm();
-    save(joint.travel);
-    save(joint.initial_error);
-    for (int k = 0; k < info(model.joints[j].kind).coordinates; ++k) {
-      const CoordinateState& coordinate = joint.coordinates[to_index(k)];
-      sum += coordinate.velocity + coordinate.effort + coordinate.bias;
-      for (const double number : {coordinate.position, coordinate.held, coordinate.braking})
-        save(number);
-    }
-    if (joint.closing) {
-      const ErrorsToClose& errors = joint.to_close;
-      for (const MovingStart& moving : errors.moving)
-        for (const double number : {moving.offset, moving.rate, moving.acceleration}) save(number);
-      squares +=
-          errors.offset.squaredNorm() + errors.shift.squaredNorm() + errors.turn.squaredNorm();
-      save(joint.closing_share);
-      save(errors.coupling);
-    }
-    if (couples(model.joints[j].kind)) {
-      sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort;
-      save(joint.coupling.impulse);
-    }
-  }
-  double forces = 0.0;
-  for (std::size_t i = output.resting_contacts; i < output.contacts.size(); ++i) {
-    const Contact& contact = output.contacts[i];
-    sum += contact.position.sum() + contact.normal.sum() + contact.depth + contact.normal_force;
-    forces += contact.force.squaredNorm();
-  }
-  squares += forces * model.options.time_step * model.options.time_step;  // as impulses
-  if (state.any_corrections)
-    for (const int i : awake.bodies) squares += state.corrections[i].squaredNorm();
-  return std::isfinite(sum) && squares <= kMostMagnitude * kMostMagnitude;
-}
-
-}  // namespace
 
 // The numbers count the stages of the tutorial (docs/tutorial.md): broad phase, narrow phase, rows,
 // velocities, sweeps, positions. Impl inherits Model, State, IslandLists and StepOutput, so one
@@ -195,6 +114,7 @@ void World::Impl::restore_state() {
 
 void World::Impl::choose_methods(const StepContext& step) {
   continuous.begin_impulses();
+  control.begin_step();
   const bool may_change =
       sleep.has_changed() || !touching.empty() || !pipeline.touching_before().empty();
   integration.choose_methods({step, sleep.awake(), rollback, this, this, this}, may_change, reach,
@@ -242,6 +162,19 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
   if (!wrenches.empty()) find_acting_wrenches(step);
   if (topology.has_custom_forces()) find_custom_forces(step);
   if (!continuous.jointed_pairs().empty()) continuous.add_jointed_pairs(step, *this, this);
+  if (controls_contacts(options)) {
+    const ContactControl::Outcome controlled =
+        control.advance(step, sleep.awake(), integration.partition().impulse_bodies,
+                        integration.partition().impulse_joints, *this, acting_wrenches, &pipeline,
+                        &sequential_impulses, this);
+    add_impulses(controlled.impulses, &report);
+    report.substeps += controlled.substeps;
+    report.rejected += controlled.rejected;
+    report.hits += controlled.hits;
+    if (controlled.has_left_any)
+      report.hits_left_body = body_ids[integration.partition().impulse_bodies.front()];
+    return;
+  }
   if (!continuous.fast_bodies().empty() &&
       continuous.divide(step, *this, integration.partition().impulse_bodies,
                         integration.partition().impulse_joints, this)) {
@@ -262,7 +195,7 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
 }
 
 void World::Impl::finish_impulses(const StepContext& step) {
-  if (!continuous.is_divided() || !continuous.others().is_empty())
+  if (!control.is_used() && (!continuous.is_divided() || !continuous.others().is_empty()))
     report.correction_work += sequential_impulses.finish(*this, impulse_step(step), this);
   if (continuous.is_divided()) report.contacts += continuous.return_contacts(this);
   for (const int j : integration.partition().impulse_joints)
@@ -279,7 +212,14 @@ void World::Impl::leave_out_estimates() {
   const auto island_of = [&](int body) {
     return topology.island_of(static_cast<std::size_t>(body));
   };
-  for (const int body : integration.partition().impulse_bodies) leave_out(island_of(body));
+  for (const int body : integration.partition().impulse_bodies) {
+    if (!control.is_used()) {
+      leave_out(island_of(body));
+      continue;
+    }
+    islands[island_of(body)].local_error = control.error_of(body);
+    report.local_error = larger(report.local_error, control.error_of(body));
+  }
   for (const int island : integration.partition().smooth)
     if (islands[island].why == MethodReason::kInconsistent) leave_out(island);
   for (const auto& [pair, apart] : reach.watched_pairs()) {
@@ -294,6 +234,7 @@ ImpulseStep World::Impl::impulse_step(const StepContext& step) const {
   const bool is_divided = continuous.is_divided();
   return {joint_step(options, step.tick.start, options.time_step),
           contact_step(options, options.time_step),
+          ImpulseStepKind::kWhole,
           is_divided ? continuous.others().bodies : integration.partition().impulse_bodies,
           is_divided ? continuous.others().joints : integration.partition().impulse_joints,
           topology.joint_ends(),
@@ -341,7 +282,8 @@ void World::Impl::finish_step(const StepContext& step) {
   if (!integration.time_varying_joints().empty())
     integration.compile_where_closed(
         *this, topology, joint_step(options, step.tick.start, options.time_step), this, this);
-  if (!integration.partition().impulse_bodies.empty() && !continuous.is_divided())
+  if (!integration.partition().impulse_bodies.empty() && !continuous.is_divided() &&
+      !control.is_used())
     sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
   report.time = step.tick.end;

@@ -9,6 +9,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/islands/assumed_paths.h"
 #include "engine/islands/compile.h"
+#include "engine/islands/contact_control.h"
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/contact_pipeline.h"
 #include "engine/islands/contact_reach.h"
@@ -53,6 +54,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   ContactGroups groups;
   IslandIntegration integration;
   ContinuousCollision continuous;
+  ContactControl control;
   List<ActingWrench> acting_wrenches;  // wrenches and plugin forces on bodies that impulses advance
   SequentialImpulses sequential_impulses;
   Monitors monitors;

@@ -25,6 +25,8 @@ constexpr double kSlow = 1e3;
 constexpr std::size_t kMostBodies = 500;
 
 bool is_tangent(const Row& row) { return row.normal_row >= 0; }
+/// Sign of the rates that open a one-sided row; 0 for rows that act both ways.
+double side_of(const Row& row) { return row.lower == 0.0 ? 1.0 : row.upper == 0.0 ? -1.0 : 0.0; }
 bool is_second_part(const Row& row) { return row.normal_row == Row::kCoupledPart; }
 
 }  // namespace
@@ -200,7 +202,9 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
       continue;
     }
     const double fastest = largest_rate(begins_[c], begins_[c + 1], *rows, *solver);
-    goal.loose = kMoving * std::min(fastest, accuracy.rest_speed / kConvergedRest);
+    goal.loose = accuracy.is_unique
+                     ? 0.0
+                     : kMoving * std::min(fastest, accuracy.rest_speed / kConvergedRest);
     const BodyConeSolver::Outcome solved = solvers_[c].solve(problem_, goal, stop, &impulses_);
     add(solved, &outcome);
     for (std::size_t i = 0; i < problem_rows_.size(); ++i)
@@ -217,10 +221,10 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
   return outcome;
 }
 
-// Gives both bodies of a contact the same kind of motion where the mean velocity would take one
+// Gives both bodies of a row the same kind of motion where the mean velocity would take one
 // into the other: in a stack that falls, the upper box moves as the lower one that hits the floor.
 // Returns whether a motion changed.
-bool ConvergedRows::carry_motions(const List<Row>& rows, double rest_speed,
+bool ConvergedRows::carry_motions(const List<Row>& rows, double rest_speed, bool joints_by_mean,
                                   const RowSolver& solver) {
   bool has_changed = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -229,7 +233,12 @@ bool ConvergedRows::carry_motions(const List<Row>& rows, double rest_speed,
     if (of_a == of_b || is_tangent(row)) continue;
     const double change = of_a < of_b ? row.J.j1.dot(solver.velocity_change(row.body_a).head<3>())
                                       : row.J.j3.dot(solver.velocity_change(row.body_b).head<3>());
-    const double approach = std::min(row.target, 0.0) - (solver.rate(row, i) - 0.5 * change);
+    const double side = joints_by_mean ? side_of(row) : 1.0;
+    const double aim = side > 0.0   ? std::min(row.target, 0.0)
+                       : side < 0.0 ? std::max(row.target, 0.0)
+                                    : row.target;
+    const double off = solver.rate(row, i) - 0.5 * change - aim;
+    const double approach = side == 0.0 ? std::abs(off) : -side * off;
     if (!(approach > kSlow * rest_speed)) continue;
     of_a = of_b = std::max(of_a, of_b);
     has_changed = true;
@@ -238,7 +247,7 @@ bool ConvergedRows::carry_motions(const List<Row>& rows, double rest_speed,
 }
 
 void ConvergedRows::find_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
-                               RowSolver* solver) {
+                               bool joints_by_mean, RowSolver* solver) {
   motions_.assign(local_of_.size(), Motion::kMean);
   const auto move = [&](const Row& row, Motion motion) {
     for (const int body : {row.body_a, row.body_b})
@@ -248,15 +257,17 @@ void ConvergedRows::find_gains(const List<int>& moved, const List<Row>& rows, do
     const Row& row = rows[i];
     if (is_tangent(row)) continue;
     const bool is_contact = row.lower == 0.0 && row.component < 0 && row.coordinate < 0;
-    if (!is_contact)
+    const double side = side_of(row);
+    if (!is_contact && !joints_by_mean)
       move(row, Motion::kEnd);
-    else if (row.impulse != 0.0 && solver->rate_before(row, i) < -kSlow * rest_speed)
-      move(row, solver->rate(row, i) + solver->rate_before(row, i) < -kSlow * rest_speed
+    else if (side != 0.0 && row.impulse != 0.0 &&
+             side * solver->rate_before(row, i) < -kSlow * rest_speed)
+      move(row, side * (solver->rate(row, i) + solver->rate_before(row, i)) < -kSlow * rest_speed
                     ? Motion::kEnd
                     : Motion::kImpact);
   }
   for (const std::size_t i : swept_) move(rows[i], Motion::kEnd);
-  while (carry_motions(rows, rest_speed, *solver)) {
+  while (carry_motions(rows, rest_speed, joints_by_mean, *solver)) {
   }
   gains_.assign(motions_.size(), {});
   for (const int body : moved) {
@@ -267,8 +278,8 @@ void ConvergedRows::find_gains(const List<int>& moved, const List<Row>& rows, do
 }
 
 void ConvergedRows::allow_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
-                                RowSolver* solver) {
-  find_gains(moved, rows, rest_speed, solver);
+                                bool joints_by_mean, RowSolver* solver) {
+  find_gains(moved, rows, rest_speed, joints_by_mean, solver);
   for (const int body : moved) {
     const Gains& gains = gains_[solver->component_of(body)];
     solver->allow_gain(body, -std::min(gains.mean, 0.0) - std::min(gains.impact, 0.0));
@@ -276,8 +287,8 @@ void ConvergedRows::allow_gains(const List<int>& moved, const List<Row>& rows, d
 }
 
 void ConvergedRows::find_mean_shares(const List<int>& moved, const List<Row>& rows,
-                                     double rest_speed, RowSolver* solver) {
-  find_gains(moved, rows, rest_speed, solver);
+                                     double rest_speed, bool joints_by_mean, RowSolver* solver) {
+  find_gains(moved, rows, rest_speed, joints_by_mean, solver);
   shares_.assign(motions_.size(), 0.0);
   for (const int body : moved) {
     const int component = solver->component_of(body);

@@ -26,6 +26,9 @@ class ConvergedRows {
   struct Accuracy {
     double rest_speed;  ///< speed that counts as rest [m/s]
     int sweeps;         ///< over rows of components that are too large to be solved
+    /// Whether contacts in motion are solved as far as contacts at rest: loads of redundant
+    /// contacts are unique then.
+    bool is_unique;
   };
 
   /// Solves `rows` and leaves the impulses in them and the velocities in `solver`.
@@ -37,12 +40,13 @@ class ConvergedRows {
   /// Bodies have the largest share in [0, 1] that adds no energy, and 0 on joints, in swept
   /// components, and with an impact whose mean velocity still approaches. Bodies that leave an
   /// impact as fast as they came have the least share that keeps the energy. Approaches above 1000
-  /// `rest_speed` [m/s] are impacts; slower ones count as contacts at rest.
+  /// `rest_speed` [m/s] are impacts; slower ones count as contacts at rest. `joints_by_mean`:
+  /// bodies on joints move like bodies in contact.
   void find_mean_shares(const List<int>& moved, const List<Row>& rows, double rest_speed,
-                        RowSolver* solver);
+                        bool joints_by_mean, RowSolver* solver);
   /// Allows each component the gain of energy by v₁ that the shares give back.
   void allow_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
-                   RowSolver* solver);
+                   bool joints_by_mean, RowSolver* solver);
   double mean_share(std::size_t body) const { return shares_[body]; }
 
  private:
@@ -55,8 +59,9 @@ class ConvergedRows {
   };
 
   void find_gains(const List<int>& moved, const List<Row>& rows, double rest_speed,
-                  RowSolver* solver);
-  bool carry_motions(const List<Row>& rows, double rest_speed, const RowSolver& solver);
+                  bool joints_by_mean, RowSolver* solver);
+  bool carry_motions(const List<Row>& rows, double rest_speed, bool joints_by_mean,
+                     const RowSolver& solver);
   void list_by_component(const List<Row>& rows, const RowSolver& solver);
   void add_parts(const Row& row, const List<BodyState>& bodies, const List<MassProperties>& masses);
   void add_part(int body, const Twist& J, const List<BodyState>& bodies,

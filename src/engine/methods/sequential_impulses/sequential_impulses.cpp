@@ -14,6 +14,7 @@ namespace constraint_sim::engine {
 namespace {
 
 constexpr double kAtLimit = 1e-9;  // share of Coulomb's limit that is rounding
+constexpr double kFarRate = 1e3;   // multiple of the fastest rate that no impact reaches
 // Times that bounces are made lower which would together raise the energy; the last is to 0.
 constexpr int kMostLowerings = 4;
 
@@ -34,6 +35,10 @@ ContactState contact_state(const Row* rows, std::size_t count) {
   const double limit = rows[1].friction * rows[0].impulse;
   const double friction = math::hypot(rows[1].impulse, rows[2].impulse);
   return friction < (1.0 - kAtLimit) * limit ? ContactState::kSticking : ContactState::kSlipping;
+}
+
+bool moves_by_mean(ImpulseStepKind kind) {
+  return kind == ImpulseStepKind::kPart || kind == ImpulseStepKind::kLargePart;
 }
 
 double work_at(const ActingWrench& wrench, const Twist& v) {
@@ -70,7 +75,8 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
     const StageTimer timer(step.clock, Stage::kPositions, times);
     const bool is_solved = solves_impulses(model.options);
     if (is_solved && !rows_.empty())
-      converged_.find_mean_shares(step.bodies, rows_, rest_speed(step.contacts), &solver_);
+      converged_.find_mean_shares(step.bodies, rows_, rest_speed(step.contacts),
+                                  moves_by_mean(step.kind), &solver_);
     add_work(step.wrenches, is_solved, &report);
     report.correction_work += solver_.update_positions(
         step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
@@ -86,6 +92,10 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
 Eigen::Vector3d SequentialImpulses::by_mean(std::size_t body) const {
   const double share = rows_.empty() ? 1.0 : converged_.mean_share(body);
   return 0.5 * share * solver_.velocity_change(body).head<3>();
+}
+
+Eigen::Vector3d SequentialImpulses::off_mean(std::size_t body) const {
+  return 0.5 * solver_.velocity_change(body).head<3>() - by_mean(body);
 }
 
 // Adds the work of wrenches along the motion [J]. Corrections that move a body against a wrench do
@@ -107,17 +117,19 @@ RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const Impu
     return solver_.solve(step.bodies, rows_, model.options.iterations, step.stop);
   }
   const double rest = rest_speed(step.contacts);
+  const bool by_mean = moves_by_mean(step.kind);
   const auto solve = [&] {
-    return converged_.solve(state.states, model.masses, {rest, model.options.iterations}, step.stop,
-                            &rows_, &solver_);
+    return converged_.solve(state.states, model.masses,
+                            {rest, model.options.iterations, step.kind == ImpulseStepKind::kPart},
+                            step.stop, &rows_, &solver_);
   };
   ConvergedRows::Outcome converged = solve();
   for (int round = 0; round < kMostLowerings && !is_set(step.stop); ++round) {
-    converged_.allow_gains(step.bodies, rows_, rest, &solver_);
+    converged_.allow_gains(step.bodies, rows_, rest, by_mean, &solver_);
     if (!solver_.lower_bounces(step.bodies, round + 1 == kMostLowerings, rows_)) break;
     converged = solve();
   }
-  converged_.allow_gains(step.bodies, rows_, rest, &solver_);
+  converged_.allow_gains(step.bodies, rows_, rest, by_mean, &solver_);
   report->iterations = static_cast<std::uint32_t>(converged.iterations);
   RowSolver::Outcome outcome = solver_.finish_solve(step.bodies, rows_);
   outcome.residual = larger(outcome.residual, converged.residual);
@@ -156,6 +168,7 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
     }
   }
   joint_rows_.push_back(rows_.size());
+  const std::size_t of_joints = rows_.size();
 
   double deepest = 0.0;
   for (const TouchingPair& pair : state->touching) {
@@ -164,7 +177,24 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
       prepare_contact(model, step.contacts, *state, pair, k);
     }
   }
+  if (step.kind == ImpulseStepKind::kInstant) bound_open_rows(of_joints, *state);
   return deepest;
+}
+
+// Bounds the rates by which gaps of joints could close within an instant, which would set the scale
+// of the residual.
+void SequentialImpulses::bound_open_rows(std::size_t of_joints, const State& state) {
+  double fastest = 0.0;
+  for (const Row& row : rows_) {
+    const BodyState& a = state.states[row.body_a];
+    const BodyState& b = state.states[row.body_b];
+    fastest = std::max(fastest, std::abs(row.J.times(a.linear_velocity, a.angular_velocity,
+                                                     b.linear_velocity, b.angular_velocity)));
+  }
+  const double most = kFarRate * fastest;
+  for (std::size_t k = 0; k < of_joints; ++k)
+    if (rows_[k].lower == 0.0 || rows_[k].upper == 0.0)
+      rows_[k].target = std::clamp(rows_[k].target, -most, most);
 }
 
 std::array<Jacobian, 2> SequentialImpulses::coupled_jacobians(const Model& model,

@@ -31,10 +31,21 @@ struct ActingWrench {
 /// Settings of the contacts of a step of `h` [s].
 ContactStep contact_step(const WorldOptions& options, double h);
 
+/// Kinds of steps of impulses.
+enum class ImpulseStepKind {
+  kWhole,  ///< a time step
+  /// A part whose error is estimated: bodies on joints move by the mean of their velocities, and
+  /// loads of redundant contacts are unique.
+  kPart,
+  kLargePart,  ///< a part of many bodies: contacts in motion are solved as in a whole step
+  kInstant,    ///< an impact, in which gaps of joints cannot close
+};
+
 /// Bodies and joints of the method in a step, and their loads; all by index.
 struct ImpulseStep {
   JointStep span;
   ContactStep contacts;
+  ImpulseStepKind kind;
   const List<int>& bodies;                                      ///< dynamic bodies
   const List<int>& joints;                                      ///< acting joints of the bodies
   const List<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< one pair per joint of the world
@@ -66,6 +77,14 @@ class SequentialImpulses {
   /// correction velocities to remove at the start of the next step. Returns the work of the
   /// corrections [J].
   double finish(const Model& model, const ImpulseStep& step, State* state);
+  /// Velocity of a body after the last step, and its change in it, without corrections.
+  Twist velocity(std::size_t body) const {
+    return solver_.final_velocity(body) - solver_.correction(body);
+  }
+  Twist velocity_change(std::size_t body) const { return solver_.velocity_change(body); }
+  /// Velocity by which the centre of a body moved in the last step, less the mean of its velocities
+  /// before and after [m/s].
+  Eigen::Vector3d off_mean(std::size_t body) const;
   /// Writes the self-stress of the rows. Called only where the step is not taken back.
   void keep_self_stress(List<SelfStress>* self_stress) const;
 
@@ -80,6 +99,7 @@ class SequentialImpulses {
                                                    bool at_end);
   void prepare_contact(const Model& model, const ContactStep& contacts, const State& state,
                        const TouchingPair& pair, std::size_t point);
+  void bound_open_rows(std::size_t of_joints, const State& state);
   void update_velocities(const Model& model, const ImpulseStep& step, State* state);
   void lose_self_stress(const WorldOptions& options, const List<SelfStress>& known);
   double finish_corrections(const Model& model, const ImpulseStep& step, State* state);

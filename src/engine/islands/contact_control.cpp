@@ -1,0 +1,94 @@
+#include "engine/islands/contact_control.h"
+
+#include <algorithm>
+#include <iterator>
+#include <limits>
+
+#include "engine/math/larger.h"
+
+namespace constraint_sim::engine {
+
+// Groups in the order of their first bodies, each with the contacts of its bodies, which leave
+// `state->touching`.
+List<ContactControl::Group> ContactControl::find_groups(
+    const StepContext& step, const List<int>& bodies, const List<int>& joints,
+    const IslandLists& lists, const List<Broadphase::Pair>& near, State* state) const {
+  const Model& model = step.model;
+  List<bool> is_advanced(model.bodies.size());
+  for (const int body : bodies) is_advanced[body] = true;
+  List<std::pair<std::size_t, std::size_t>> links;
+  for (const int body : bodies) {
+    const int first = lists.island_parts[step.topology.island_of(body)].members.bodies.front();
+    links.emplace_back(first, body);
+  }
+  for (const Broadphase::Pair& pair : near)
+    if (is_advanced[pair.first] && is_advanced[pair.second])
+      links.emplace_back(pair.first, pair.second);
+  List<bool> acts(links.size());
+  std::fill(acts.begin(), acts.end(), true);
+  List<Group> groups;
+  List<int> group_of(model.bodies.size());
+  std::fill(group_of.begin(), group_of.end(), -1);
+  for (IslandMembers& members : find_islands(is_advanced, acts, links)) {
+    for (const int body : members.bodies) group_of[body] = static_cast<int>(groups.size());
+    groups.emplace_back().members.bodies = std::move(members.bodies);
+  }
+  const auto group_of_pair = [&](const std::pair<int, int>& ends) {
+    return std::max(group_of[ends.first], group_of[ends.second]);
+  };
+  for (const int j : joints) {
+    const auto [a, b] = step.topology.ends(to_index(j));
+    groups[group_of[model.is_movable(a) ? a : b]].members.joints.push_back(j);
+  }
+  for (const Broadphase::Pair& pair : near) {
+    const auto takes_part = [&](int body) {
+      return is_advanced[body] || !model.is_movable(to_index(body));
+    };
+    if (group_of_pair(pair) >= 0 && takes_part(pair.first) && takes_part(pair.second) &&
+        !step.topology.is_unpaired(pair))
+      groups[group_of_pair(pair)].near.push_back(pair);
+  }
+  List<TouchingPair> others;
+  for (TouchingPair& pair : state->touching) {
+    const int group = group_of_pair(pair.ends());
+    (group < 0 ? others : groups[group].contacts).push_back(pair);
+  }
+  state->touching = std::move(others);
+  return groups;
+}
+
+ContactControl::Outcome ContactControl::advance(const StepContext& step, const AwakeSets& awake,
+                                                const List<int>& bodies, const List<int>& joints,
+                                                const IslandLists& lists,
+                                                const List<ActingWrench>& wrenches,
+                                                ContactPipeline* pipeline,
+                                                SequentialImpulses* method, State* state) {
+  Outcome outcome;
+  errors_.assign(step.model.bodies.size(), std::numeric_limits<double>::quiet_NaN());
+  List<Group> groups = find_groups(step, bodies, joints, lists, pipeline->pairs(), state);
+  List<TouchingPair> touching = std::move(state->touching);
+  bool any_corrections = false;
+  const List<BodyState> at_start = state->states;
+  const GroupSurroundings around{step, awake, pipeline->moving_shapes(), wrenches, at_start};
+  for (Group& group : groups) {
+    const Outcome of_group = controlled_.advance(around, group.members, group.near, &group.contacts,
+                                                 pipeline->broadphase(), method, state);
+    for (const int body : group.members.bodies) errors_[body] = of_group.error;
+    add_impulses(of_group.impulses, &outcome.impulses);
+    outcome.error = larger(outcome.error, of_group.error);
+    outcome.substeps += of_group.substeps;
+    outcome.rejected += of_group.rejected;
+    outcome.hits += of_group.hits;
+    outcome.has_left_any = outcome.has_left_any || of_group.has_left_any;
+    any_corrections = any_corrections || state->any_corrections;
+    std::move(group.contacts.begin(), group.contacts.end(), std::back_inserter(touching));
+  }
+  for (const TouchingPair& pair : touching)
+    outcome.impulses.contacts += static_cast<std::uint32_t>(pair.manifold.count);
+  std::sort(touching.begin(), touching.end(), TouchingPair::in_order);
+  state->touching = std::move(touching);
+  state->any_corrections = any_corrections;
+  return outcome;
+}
+
+}  // namespace constraint_sim::engine

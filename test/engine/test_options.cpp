@@ -33,7 +33,7 @@ void change(int* value, EitherOf range) {
 void change(int* value, Count) { ++*value; }
 template <class Range>
 void change(double* value, Range) {
-  *value *= 0.5;
+  *value = *value == 0.0 ? 0.5 : 0.5 * *value;
 }
 
 /// Returns, for each option, its name and the default options with only that option changed.
@@ -70,7 +70,7 @@ std::string scene_with(std::string name, const std::string& value) {
 TEST(Options, AreAllListed) {
   // does not compile if the struct has another number of members
   const WorldOptions defaults;
-  [[maybe_unused]] const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o] = defaults;
+  [[maybe_unused]] const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = defaults;
   std::set<const void*> members;
   std::set<std::string> names;
   visit_options(defaults, [&](const OptionInfo& info, const auto& value, auto) {
@@ -78,8 +78,8 @@ TEST(Options, AreAllListed) {
     names.insert(info.name);
     EXPECT_STRNE(info.meaning, "") << info.name;
   });
-  EXPECT_EQ(members.size(), 15u);
-  EXPECT_EQ(names.size(), 15u);
+  EXPECT_EQ(members.size(), 16u);
+  EXPECT_EQ(names.size(), 16u);
 }
 
 TEST(Options, AreSavedAndLoadedEach) {

@@ -96,14 +96,21 @@ TEST_F(Runner, ExplainsItselfWithoutAScene) {
 }
 
 TEST_F(Runner, TakesEachOptionOfAWorldButGravity) {
-  const std::map<std::string, std::string> values{
-      {"time_step", "0.002"},   {"method", "energy_momentum"},
-      {"order", "5"},           {"tolerance", "1e-05"},
-      {"stiff_order", "2"},     {"dissipation", "true"},
-      {"stiffness_limit", "3"}, {"iterations", "7"},
-      {"baumgarte", "0.25"},    {"warm_starting", "false"},
-      {"closing_time", "0.75"}, {"sleep_after", ".inf"},
-      {"sleep_speed", "1e-06"}, {"threads", "2"}};
+  const std::map<std::string, std::string> values{{"time_step", "0.002"},
+                                                  {"method", "energy_momentum"},
+                                                  {"order", "5"},
+                                                  {"tolerance", "1e-05"},
+                                                  {"stiff_order", "2"},
+                                                  {"dissipation", "true"},
+                                                  {"stiffness_limit", "3"},
+                                                  {"iterations", "7"},
+                                                  {"baumgarte", "0.25"},
+                                                  {"warm_starting", "false"},
+                                                  {"closing_time", "0.75"},
+                                                  {"sleep_after", ".inf"},
+                                                  {"sleep_speed", "1e-06"},
+                                                  {"threads", "2"},
+                                                  {"contact_tolerance", "0.001"}};
   ASSERT_EQ(run("--help"), 0);
   const std::string help = out();
   const WorldOptions defaults;

@@ -144,7 +144,8 @@ class Sequence:
             tolerance=(0.1, self.size), order=(0.1, lambda: self.random.choice((5, 8, 7))),
             stiff_order=(0.1, lambda: self.random.choice((2, 4))), iterations=(0.1, lambda: self.random.choice((0, 1, 30))),
             baumgarte=(0.1, self.size), closing_time=(0.1, self.size), sleep_after=(0.1, self.size),
-            stiffness_limit=(0.1, self.size), dissipation=(0.1, lambda: self.random.choice((True, False, 1))))
+            stiffness_limit=(0.1, self.size), contact_tolerance=(0.1, self.size),
+            dissipation=(0.1, lambda: self.random.choice((True, False, 1))))
 
     # ---- calls
 

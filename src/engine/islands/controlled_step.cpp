@@ -25,6 +25,8 @@ constexpr double kLeastPart = 1.0 / 512.0;
 // Bodies of a group, and bodies times solves of its step, beyond which parts are accepted whatever
 // their error is.
 constexpr std::size_t kMostBodies = 32, kMostWork = 3000;
+// Iterations that count for another solve.
+constexpr std::uint32_t kIterationsPerSolve = 10;
 // Gaps, as shares of the thinner shape: up to which a hit counts as located, and takes part in an
 // impact.
 constexpr double kLocated = 1e-8, kTouches = 1e-6;
@@ -143,8 +145,10 @@ ImpulseReport ControlledStep::take(const GroupSurroundings& around, double done,
     joint.impulse = h * joint_guesses_[k].rows;
     joint.coupling.impulse = h * joint_guesses_[k].coupled;
   }
-  work_ += group.bodies.size();
-  return divided_.advance(around.step, around.wrenches, done, h, contacts, kind, method, state);
+  const ImpulseReport report =
+      divided_.advance(around.step, around.wrenches, done, h, contacts, kind, method, state);
+  work_ += group.bodies.size() * (1 + report.iterations / kIterationsPerSolve);
+  return report;
 }
 
 // Longest part in which no pair comes nearer than its gap, or than contacts with a gap can tell

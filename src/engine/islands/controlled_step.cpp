@@ -22,10 +22,10 @@ constexpr double kSafety = 1.25, kAim = 0.9, kLeastGrowth = 0.3, kMostGrowth = 2
                  kLeastShrink = 0.1, kMostShrink = 0.6;
 // Shortest part, as a share of the time step: in shorter ones the residual of impulses counts.
 constexpr double kLeastPart = 1.0 / 512.0;
-// Bodies of a group, and bodies times solves of its step, beyond which parts are accepted whatever
-// their error is.
-constexpr std::size_t kMostBodies = 32, kMostWork = 3000;
-// Iterations that count for another solve.
+// Bodies of a group, bodies times solves of its step, and parts that were not solved, beyond which
+// parts are accepted whatever their error is; and iterations that count for another solve.
+constexpr std::size_t kMostBodies = 32, kMostWork = 20000;
+constexpr int kMostUnsolved = 4;
 constexpr std::uint32_t kIterationsPerSolve = 10;
 // Gaps, as shares of the thinner shape: up to which a hit counts as located, and takes part in an
 // impact.
@@ -340,9 +340,11 @@ ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
   const double shortest = kLeastPart * step;
   double lump = 0.5 * tolerance * step, h = step;  // lump: error left for what jumps [m]
   double done = 0.0, until_hit = 0.0;              // until_hit: time to a located impact, or 0 [s]
+  int unsolved = 0;
   while (done < step && !is_set(around.step.stop) && are_in_range(*state, group.bodies)) {
     const double left = step - done;
-    const bool is_free = until_hit > 0.0, is_spent = is_large() || work_ > kMostWork;
+    const bool is_free = until_hit > 0.0,
+               is_spent = is_large() || work_ > kMostWork || unsolved > kMostUnsolved;
     const double most = longest_part(around, *state, left);
     outcome_.has_left_any = outcome_.has_left_any || most < std::min(left, shortest);
     h = std::max(shortest, is_spent ? most : std::min(h, most));
@@ -366,6 +368,7 @@ ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
       continue;
     }
     ++outcome_.rejected;
+    unsolved += tried.is_solved ? 0 : 1;
     until_hit = 0.0;
     if (!is_free && !met_.empty() && outcome_.hits < kMostHits)
       until_hit = locate_impact(around, done, part, method, state);

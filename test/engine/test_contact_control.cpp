@@ -48,6 +48,12 @@ World on_floor(const WorldOptions& options, const std::vector<Body>& bodies) {
   return world;
 }
 
+double deepest_contact(const World& world) {
+  double deepest = 0.0;
+  for (const Contact& contact : world.contacts()) deepest = std::max(deepest, contact.depth);
+  return deepest;
+}
+
 /// Steps until `time` and returns the sum of the error estimates.
 double run(World* world, double time) {
   double sum = 0.0;
@@ -77,7 +83,7 @@ TEST(ContactControl, AFastBodyLandsWithoutAnOverlap) {
       World world = on_floor(controlled(1.0 / 60.0, tolerance), {ball(height, Vector3d::Zero())});
       while (world.time() < 0.5) {
         world.step();
-        for (const Contact& contact : world.contacts()) deepest = std::max(deepest, contact.depth);
+        deepest = std::max(deepest, deepest_contact(world));
       }
     }
     return deepest;
@@ -206,6 +212,126 @@ TEST(ContactControl, CopiesSnapshotsAndThreadsGoOnWithTheSameBits) {
   for (const World* other : {&copy, &read}) EXPECT_EQ(other->state_hash(), world.state_hash());
   for (const BodyId id : world.body_ids())
     EXPECT_EQ(threaded.state(id).position, world.state(id).position);
+}
+
+WorldOptions weightless_and_controlled(double time_step, double contact_tolerance) {
+  WorldOptions options = controlled(time_step, contact_tolerance);
+  options.gravity.setZero();
+  return options;
+}
+
+// Without gravity a ball flies straight, so the time of its impact is known, also where the impact
+// is within the last share of the step that is not divided.
+TEST(ContactControl, AnImpactAtAnyTimeOfTheStepIsLocated) {
+  constexpr double kStep = 1.0 / 60.0;
+  for (const double speed : {0.5, 3.0, 30.0})
+    for (const double share : {0.001, 0.3, 0.99, 0.9985, 0.9999}) {
+      World world = on_floor(weightless_and_controlled(kStep, 1e-5),
+                             {ball(0.1 + share * kStep * speed, {0.0, 0.0, -speed})});
+      world.step();
+      EXPECT_EQ(world.report().hits, 1u) << speed << ' ' << share;
+      EXPECT_LT(world.report().local_error, 1e-5 * kStep) << speed << ' ' << share;
+      EXPECT_NEAR(world.state(world.find_body("ball")).position.z(), 0.1, 1e-8)
+          << speed << ' ' << share;
+    }
+}
+
+TEST(ContactControl, AnImpactOnAMovingDeckIsLocated) {
+  constexpr double kStep = 1.0 / 240.0;
+  for (const double gap : {1e-3, 2e-3, 3e-3}) {
+    World world(controlled(kStep, 1e-4));
+    Body deck = make_body("deck", Box{{1.0, 1.0, 0.1}}, 0.0, {0.0, 0.0, -0.05});
+    deck.type = BodyType::kKinematic;
+    deck.state.linear_velocity = {0.0, 0.0, 0.5};
+    world.add_body(deck);
+    world.add_body(ball(0.1 + gap, {0.0, 0.0, -1.0}));
+    world.step();
+    EXPECT_EQ(world.report().hits, 1u) << gap;
+    EXPECT_LT(deepest_contact(world), 1e-8) << gap;
+    EXPECT_LT(world.report().local_error, 1e-4 * kStep) << gap;
+  }
+}
+
+// A tumbling box on a deck that is faster than it: the deck is where it is at the time of each
+// part.
+TEST(ContactControl, AFastDeckDoesNotPassIntoABox) {
+  World world(controlled(1.0 / 60.0, 1e-5));
+  Body deck = make_body("deck", Box{{4.0, 4.0, 0.1}}, 0.0, {0.0, 0.0, -0.05});
+  deck.type = BodyType::kKinematic;
+  deck.state.linear_velocity = {0.0, 0.0, 10.0};
+  world.add_body(deck);
+  world.add_body(tilted_box());
+  for (int k = 0; k < 6; ++k) {
+    world.step();
+    EXPECT_LT(deepest_contact(world), 1e-4) << k;
+  }
+}
+
+// Three hits of a column in a step: what contacts report is the change of momentum.
+TEST(ContactControl, ReportedForcesAreTheChangeOfMomentum) {
+  constexpr double kStep = 1.0 / 60.0;
+  Body low = ball(0.11, {0.0, 0.0, -3.0}), high = ball(0.33, {0.0, 0.0, -3.0});
+  high.name = "high";
+  low.restitution = high.restitution = 1.0;
+  World world = on_floor(weightless_and_controlled(kStep, 1e-4), {low, high});
+  world.step();
+  EXPECT_GE(world.report().hits, 3u);
+  double by_floor = 0.0, between = 0.0;
+  for (const Contact& contact : world.contacts())
+    (contact.body_a == world.find_body("floor") ? by_floor : between) +=
+        contact.normal_force * kStep;
+  const double low_after = world.state(world.find_body("ball")).linear_velocity.z();
+  const double high_after = world.state(world.find_body("high")).linear_velocity.z();
+  EXPECT_NEAR(by_floor, low_after + high_after + 6.0, 1e-9);
+  EXPECT_NEAR(between, high_after + 3.0, 1e-9);
+}
+
+TEST(ContactControl, AGapThatStaysOpenIsNoContact) {
+  World world = on_floor(controlled(1.0 / 240.0, 1e-4), {ball(0.103, {1.5, 0.0, 0.0})});
+  world.step();
+  EXPECT_TRUE(world.contacts().empty());
+}
+
+// Many touching balls are taken in two halves; a ball that is hit within the step is seen by a thin
+// wall beside it.
+TEST(ContactControl, ABodyThatIsHitDoesNotPassAThinWall) {
+  for (const int count : {10, 40}) {
+    World world(controlled(1.0 / 60.0, 1e-4));
+    world.add_body(make_floor(0.3));
+    for (int i = 0; i < count; ++i) {
+      Body one = make_body("ball_" + std::to_string(i), Sphere{0.1}, 1.0, {-0.2 * i, 0.0, 0.1});
+      one.friction = 0.3;
+      world.add_body(one);
+    }
+    Body wall = make_body("wall", Box{{0.02, 1.0, 1.0}}, 0.0, {0.18, 0.0, 0.5});
+    wall.type = BodyType::kStatic;
+    world.add_body(wall);
+    world.add_body(make_body("bullet", Sphere{0.05}, 1.0, {0.0, -0.3, 0.1}));
+    BodyState shot = world.state(world.find_body("bullet"));
+    shot.position = {-0.1, -0.25, 0.1};
+    shot.linear_velocity = {15.0, 26.0, 0.0};
+    world.set_state(world.find_body("bullet"), shot);
+    for (int k = 0; k < 12; ++k) {
+      world.step();
+      const bool is_named = world.report().hits_left_body.has_value();
+      EXPECT_TRUE(world.state(world.find_body("ball_0")).position.x() < 0.18 || is_named) << count;
+    }
+  }
+}
+
+// Corners of a body that only turns reach farther than its centre moves.
+TEST(ContactControl, ABodyThatTurnsDoesNotSinkIn) {
+  Body cube = make_body("cube", Box{{0.2, 0.2, 0.2}}, 1.0, {0.0, 0.0, 0.1005});
+  cube.state.angular_velocity = {0.0, 1.9, 0.0};
+  World world(weightless_and_controlled(1.0 / 60.0, 1e-4));
+  Body slab = make_body("slab", Box{{1.0, 1.0, 0.2}}, 0.0, {0.0, 0.0, -0.1});
+  slab.type = BodyType::kStatic;
+  world.add_body(slab);
+  world.add_body(cube);
+  for (int k = 0; k < 6; ++k) {
+    world.step();
+    EXPECT_LT(deepest_contact(world), 1e-6) << k;
+  }
 }
 
 }  // namespace

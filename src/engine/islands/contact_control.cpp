@@ -4,6 +4,8 @@
 #include <iterator>
 #include <limits>
 
+#include "engine/islands/motion_bounds.h"
+#include "engine/islands/swept_hits.h"
 #include "engine/math/larger.h"
 
 namespace constraint_sim::engine {
@@ -44,9 +46,13 @@ List<ContactControl::Group> ContactControl::find_groups(
     const auto takes_part = [&](int body) {
       return is_advanced[body] || !model.is_movable(to_index(body));
     };
-    if (group_of_pair(pair) >= 0 && takes_part(pair.first) && takes_part(pair.second) &&
-        !step.topology.is_unpaired(pair))
-      groups[group_of_pair(pair)].near.push_back(pair);
+    if (group_of_pair(pair) < 0 || step.topology.is_unpaired(pair)) continue;
+    Group& group = groups[group_of_pair(pair)];
+    if (takes_part(pair.first) && takes_part(pair.second))
+      group.near.push_back(pair);
+    else if (!group.has_left_any)
+      group.has_left_any = is_fast(step, *state, pair, model.options.time_step) &&
+                           time_of_hit(step, *state, pair, model.options.time_step);
   }
   List<TouchingPair> others;
   for (TouchingPair& pair : state->touching) {
@@ -71,15 +77,16 @@ ContactControl::Outcome ContactControl::advance(const StepContext& step, const A
   const List<BodyState> at_start = state->states;
   const GroupSurroundings around{step, awake, pipeline->moving_shapes(), wrenches, at_start};
   for (Group& group : groups) {
-    const Outcome of_group = controlled_.advance(around, group.members, group.near, &group.contacts,
-                                                 pipeline->broadphase(), method, state);
+    const ControlledStep::Outcome of_group = controlled_.advance(
+        around, group.members, group.near, &group.contacts, pipeline->broadphase(), method, state);
     for (const int body : group.members.bodies) errors_[body] = of_group.error;
     add_impulses(of_group.impulses, &outcome.impulses);
     outcome.error = larger(outcome.error, of_group.error);
     outcome.substeps += of_group.substeps;
     outcome.rejected += of_group.rejected;
     outcome.hits += of_group.hits;
-    outcome.has_left_any = outcome.has_left_any || of_group.has_left_any;
+    if (group.has_left_any || of_group.has_left_any)
+      outcome.left_body = group.members.bodies.front();
     any_corrections = any_corrections || state->any_corrections;
     std::move(group.contacts.begin(), group.contacts.end(), std::back_inserter(touching));
   }

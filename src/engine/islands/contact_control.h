@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "engine/islands/contact_pipeline.h"
 #include "engine/islands/controlled_step.h"
 #include "engine/islands/island_lists.h"
@@ -11,8 +13,10 @@ namespace constraint_sim::engine {
 /// of bodies that may touch within the step, or that joints connect, by parts of its own.
 class ContactControl {
  public:
-  /// Result of all groups; the error of `outcome` is the largest of a group.
-  using Outcome = ControlledStep::Outcome;
+  /// Result of all groups: the error is the largest of a group.
+  struct Outcome : ControlledStep::Outcome {
+    std::optional<int> left_body;  ///< first body of a group that left hits out
+  };
 
   void begin_step() { errors_.clear(); }
   Outcome advance(const StepContext& step, const AwakeSets& awake, const List<int>& bodies,
@@ -29,6 +33,7 @@ class ContactControl {
     ImpulseGroup members;
     List<Broadphase::Pair> near;
     List<TouchingPair> contacts;
+    bool has_left_any = false;  // a body that had taken its step may be hit
   };
   List<Group> find_groups(const StepContext& step, const List<int>& bodies, const List<int>& joints,
                           const IslandLists& lists, const List<Broadphase::Pair>& near,

@@ -44,7 +44,10 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
       ++fast;
     }
     if (reach != nullptr) widen(reach->of(body), &proxies_.back());
-    if (solves_impulses(model.options))
+    if (controls_contacts(model.options))
+      widen(max_distance(step, state.states[body], body, model.options.time_step),
+            &proxies_.back());
+    else if (solves_impulses(model.options))
       widen(fall_and_way(model.options, state.states[body], model.options.time_step),
             &proxies_.back());
   }

@@ -202,15 +202,33 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
   const auto is_open = [&](const Broadphase::Pair& pair) {
     return !is_led(step, lists, pair) && is_fast(step, *state, pair, h) &&
            find_contact(state->touching, pair) == nullptr && !step.topology.is_unpaired(pair) &&
-           (!follows_contacts(model.options) || may_meet(step, *state, pair, h));
+           (!(follows_contacts(model.options) || controls_contacts(model.options)) ||
+            may_meet(step, *state, pair, h));
   };
   List<bool> hits_something(model.bodies.size());
+  const auto mark = [&](const std::pair<int, int>& bodies) {
+    bool is_new = false;
+    for (const int body : {bodies.first, bodies.second}) {
+      if (!model.is_movable(to_index(body)) || hits_something[body]) continue;
+      hits_something[body] = is_new = true;
+    }
+    return is_new;
+  };
   bool any = false;
   for (const Broadphase::Pair& pair : near) {
     if (!is_open(pair) || !time_of_hit(step, *state, pair, h)) continue;
     any = true;
-    for (const int body : {pair.first, pair.second})
-      if (model.is_movable(to_index(body))) hits_something[body] = true;
+    mark(pair);
+  }
+  if (controls_contacts(model.options)) {  // all that contacts and hits may set in motion
+    for (const TouchingPair& pair : state->touching) any = mark(pair.ends()) || any;
+    bool is_growing = any;
+    while (is_growing) {
+      is_growing = false;
+      for (const Broadphase::Pair& pair : near)
+        if ((hits_something[pair.first] || hits_something[pair.second]) && is_open(pair))
+          is_growing = mark(pair) || is_growing;
+    }
   }
   if (!any) return;
   List<TouchingPair> found;

@@ -39,7 +39,8 @@ inline constexpr double kFastShare = 0.25;
 /// tenth of the smallest half edge would miss features of boxes.
 inline constexpr double kMarginShare = 0.05;
 /// Largest displacement of two bodies in a step that is not fast, as a share of the smaller
-/// thickness; where errors of contacts are controlled, no gap is left out that they can close.
+/// thickness. Where errors of contacts are controlled, no gap is left out that bodies close by
+/// their velocities and gravity; forces may close it.
 double fast_share(const WorldOptions& options);
 
 /// Distance from the centre of a body within which its rotation moves its shape [m]. A plane is

@@ -39,7 +39,6 @@ Failure failure_of_motion(const Model& model, const State& state, const List<int
 bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awake,
                    const StepOutput& output) {
   const StepReport& report = output.report;
-  if (awake.bodies.empty() && awake.joints.empty()) return true;  // nothing is new in this step
   double sum = report.local_error + report.projected_energy + report.correction_work +
                report.driven_work + report.solver_residual + report.max_penetration;
   double squares = 0.0;

@@ -171,8 +171,7 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
     report.substeps += controlled.substeps;
     report.rejected += controlled.rejected;
     report.hits += controlled.hits;
-    if (controlled.has_left_any)
-      report.hits_left_body = body_ids[integration.partition().impulse_bodies.front()];
+    if (controlled.left_body) report.hits_left_body = body_ids[to_index(*controlled.left_body)];
     return;
   }
   if (!continuous.fast_bodies().empty() &&
@@ -257,9 +256,11 @@ void World::Impl::finish_step(const StepContext& step) {
     report.stopped = true;
     return;
   }
-  const Failure failure =
-      failure_of_motion(*this, *this, sleep.awake().bodies, &report.failed_body);
-  if (failure != Failure::kNone) throw StepFailed{failure};
+  const AwakeSets& awake = sleep.awake();
+  if (!awake.bodies.empty()) {
+    const Failure failure = failure_of_motion(*this, *this, awake.bodies, &report.failed_body);
+    if (failure != Failure::kNone) throw StepFailed{failure};
+  }
   if (!integration.partition().impulse_bodies.empty()) finish_impulses(step);
   if (!motions.empty() && !integration.partition().smooth.empty())
     read_smooth_joints(joint_step(options, step.tick.start, options.time_step));
@@ -267,7 +268,9 @@ void World::Impl::finish_step(const StepContext& step) {
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
   if (!touching.empty() || contacts.size() > resting_contacts)
     set_contacts(touching, options.time_step);
-  if (!are_in_bounds(*this, *this, sleep.awake(), *this)) throw StepFailed{Failure::kNotFinite};
+  const bool is_anything_new = !awake.bodies.empty() || !awake.joints.empty();
+  if (is_anything_new && !are_in_bounds(*this, *this, awake, *this))
+    throw StepFailed{Failure::kNotFinite};
   leave_out_estimates();
   if (events.size() > 1) sort_events();
   ++step_count;

@@ -213,7 +213,8 @@ struct MovingStart {
   double acceleration = 0.0;  ///< second derivative of the error [m/s² or rad/s²]
 };
 
-/// Errors that a joint closes, as they were at time `since`, at rest.
+/// Errors that a joint closes, as they were at time `since`. The errors of a coordinate in `moving`
+/// had a rate then; all others were at rest.
 struct ErrorsToClose {
   double since = 0.0;  ///< simulated time at which closing began [s]
   /// Error of each row and coordinate [m or rad]. Zero for rows that are closed by moving the frame

@@ -51,7 +51,8 @@ void check_ends(const Model& model, const Joint& joint) {
   check_axes("body_b", b, turns_b(kind));
 }
 
-/// Checks the joints that a joint couples: their first coordinates have to exist.
+/// Refuses a gear, pulley or screw on a joint without the coordinate that it couples: a free
+/// length, or the first coordinate of the joint.
 void check_coupling(const Model& model, const State& state, const Joint& joint, bool broken) {
   const Coupling& coupling = joint.coupling;
   const auto check = [&](JointId id) {

@@ -90,8 +90,8 @@ void begin_islands(const List<int>& smooth, const List<JointState>& joint_states
   }
 }
 
-// Closes the error of a joint that does not fit from time t on. Coordinates on their way to a
-// position keep their rates.
+// Lets a joint that does not fit begin to close its error at time t [s]. Coordinates that are on
+// their way to a position of their motor keep their rates.
 void begin_misfit(const Model& model, std::size_t j, double t, State* state) {
   const CoordinateMotions motions(model, *state, j);
   const bool was_closing = state->joint_states[j].closing;

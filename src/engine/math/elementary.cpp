@@ -67,8 +67,9 @@ struct ReducedAngle {
   int quadrant;
 };
 
-// Reduces x [rad] of any finite size by as many digits of 2/π as it needs (Payne and Hanek, 1983),
-// in integers: x 2/π modulo 2³², with 224 binary places.
+// Reduces an angle x [rad] of any finite size to its quadrant and a rest (Payne and Hanek, 1983).
+// The product of x and 2/π is computed in integers, modulo 2³² and to 224 binary places, by as many
+// digits of 2/π as the exponent of x needs.
 ReducedAngle reduce_exactly(double x) {
   constexpr int kPlaces = 7;  // words behind the point
   constexpr std::uint64_t kWord = 0xffffffffu;

@@ -14,8 +14,9 @@ struct GeneralForces {
   std::array<JacobianSlopes, 2> slopes;
 };
 
-/// Adds the custom force of a link, with rates where forces are taken: Δx/h (midpoint) or
-/// (3 Δx − Δx₋)/2h (BDF2).
+/// Adds the custom force of a link. Its rates are those where the implicit step takes forces: Δx/h
+/// at the midpoint, or (3 Δx − Δx₋)/2h by BDF2, with Δx the displacement in the step, Δx₋ before
+/// it.
 void add_custom_force(const ImplicitLink& link, const LinkInStep& state, const JointInStep& joint,
                       const ImplicitMotion& motion, const List<double>& unknowns,
                       GeneralForces* forces);

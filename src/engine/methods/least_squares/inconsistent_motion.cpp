@@ -397,10 +397,10 @@ double InconsistentMotion::work_of_drives() const {
   return sum;
 }
 
-// Halves the displacement until bodies at rest at its end would have no more energy than before,
-// apart from lifted weights. Otherwise position corrections would stretch springs without bound
-// near singular rows. The centre of a free island keeps moving. Returns the kinetic energy allowed
-// at the end [J].
+// Shortens the displacement of the step, by halves, until the bodies, stopped at its end, would
+// have no more energy than before the step, lifted weights aside. Without this limit, position
+// corrections near singular rows would stretch springs without bound. The centre of a free island
+// keeps moving. Returns the kinetic energy that the bodies may have at the end [J].
 double InconsistentMotion::hold_back(const EquationsOfMotion& equations, double energy_before,
                                      double allowed) {
   const bool is_free = bodies_.are_free();

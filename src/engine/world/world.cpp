@@ -10,6 +10,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/larger.h"
+#include "engine/model/impulse_method.h"
 #include "engine/model/validate.h"
 #include "engine/world/bounds.h"
 #include "engine/world/world_impl.h"

@@ -34,6 +34,14 @@ Body ball(double height, const Vector3d& velocity) {
   return body;
 }
 
+/// A kinematic deck whose top is at 0.
+Body rising_deck(double speed) {
+  Body deck = make_body("deck", Box{{4.0, 4.0, 0.1}}, 0.0, {0.0, 0.0, -0.05});
+  deck.type = BodyType::kKinematic;
+  deck.state.linear_velocity = {0.0, 0.0, speed};
+  return deck;
+}
+
 Body tilted_box() {
   Body body = make_body("box", Box{{0.3, 0.2, 0.1}}, 1.0, {0.0, 0.0, 0.4});
   body.friction = 0.5;
@@ -175,10 +183,7 @@ TEST(ContactControl, WithoutAToleranceAStepIsOnePartWithoutAnEstimate) {
 // A deck that rises at a constant speed takes a ball along from the instant at which it reaches it.
 TEST(ContactControl, ABodyIsHitByAKinematicDeck) {
   World world(controlled(1.0 / 60.0, 1e-4));
-  Body deck = make_body("deck", Box{{1.0, 1.0, 0.1}}, 0.0, {0.0, 0.0, -0.05});
-  deck.type = BodyType::kKinematic;
-  deck.state.linear_velocity = {0.0, 0.0, 0.5};
-  world.add_body(deck);
+  world.add_body(rising_deck(0.5));
   world.add_body(ball(0.3, Vector3d::Zero()));
   run(&world, 1.0);
   EXPECT_NEAR(world.state(world.find_body("ball")).position.z(), 0.1 + 0.5 * world.time(), 1e-8);
@@ -240,10 +245,7 @@ TEST(ContactControl, AnImpactOnAMovingDeckIsLocated) {
   constexpr double kStep = 1.0 / 240.0;
   for (const double gap : {1e-3, 2e-3, 3e-3}) {
     World world(controlled(kStep, 1e-4));
-    Body deck = make_body("deck", Box{{1.0, 1.0, 0.1}}, 0.0, {0.0, 0.0, -0.05});
-    deck.type = BodyType::kKinematic;
-    deck.state.linear_velocity = {0.0, 0.0, 0.5};
-    world.add_body(deck);
+    world.add_body(rising_deck(0.5));
     world.add_body(ball(0.1 + gap, {0.0, 0.0, -1.0}));
     world.step();
     EXPECT_EQ(world.report().hits, 1u) << gap;
@@ -256,10 +258,7 @@ TEST(ContactControl, AnImpactOnAMovingDeckIsLocated) {
 // part.
 TEST(ContactControl, AFastDeckDoesNotPassIntoABox) {
   World world(controlled(1.0 / 60.0, 1e-5));
-  Body deck = make_body("deck", Box{{4.0, 4.0, 0.1}}, 0.0, {0.0, 0.0, -0.05});
-  deck.type = BodyType::kKinematic;
-  deck.state.linear_velocity = {0.0, 0.0, 10.0};
-  world.add_body(deck);
+  world.add_body(rising_deck(10.0));
   world.add_body(tilted_box());
   for (int k = 0; k < 6; ++k) {
     world.step();

@@ -9,8 +9,8 @@
 
 namespace constraint_sim::engine {
 
-/// Advances all bodies in contact so that their errors stay within `contact_tolerance`, each group
-/// of bodies that may touch within the step, or that joints connect, by parts of its own.
+/// Advances all bodies in contact so that their errors stay within `contact_tolerance`. Bodies that
+/// may touch within the step, or that joints connect, are a group, with parts of its own.
 class ContactControl {
  public:
   /// Result of all groups: the error is the largest of a group.

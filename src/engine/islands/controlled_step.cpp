@@ -8,7 +8,6 @@
 #include "engine/collision/narrowphase.h"
 #include "engine/constraints/contact.h"
 #include "engine/islands/motion_bounds.h"
-#include "engine/islands/swept_hits.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
@@ -80,7 +79,7 @@ ControlledStep::Attempt ControlledStep::attempt(const GroupSurroundings& around,
   attempt.impulses =
       parts_.take(around, done, h, contacts_of(model.options, h), part_kind(), method, state);
   const auto note_solved = [&](const ImpulseReport& report) {
-    attempt.is_solved = attempt.is_solved && !report.unsolved_body;
+    attempt.is_solved = attempt.is_solved && !report.unsolved_body && !report.has_swept;
   };
   note_solved(attempt.impulses);
   list_met(model, state->touching);
@@ -305,8 +304,8 @@ ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
     const double allowed = std::max(floor_of(options), 0.5 * tolerance * part + 0.5 * lump);
     const double ratio = tried.is_solved ? allowed / (kSafety * tried.error) : 0.0;
     if (!is_spent && !is_free && ratio < 1.0 && outcome_.hits < kMostHits) {
-      ++outcome_.rejected;
       if (turn_to_impact(around, done, part, allowed, method, &until_hit, state)) {
+        ++outcome_.rejected;
         h = step;
         continue;
       }
@@ -326,7 +325,7 @@ ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
     }
     unsolved += tried.is_solved ? 0 : 1;
     parts_.restore(state);
-    outcome_.rejected += is_free ? 1 : 0;
+    ++outcome_.rejected;
     until_hit = 0.0;
     h = part *
         (tried.is_solved ? std::clamp(kAim * std::sqrt(ratio), kLeastShrink, kMostShrink) : 0.5);

@@ -153,8 +153,8 @@ void GroupParts::note_rooms(const GroupSurroundings& around, double left, const 
         {state.states[body].position, max_distance(around.step, state.states[body], body, left)});
 }
 
-// Finds the pairs that may touch in the rest of the step again where a body may leave the bounds
-// that they were found by, as after an impact.
+// Finds the pairs that may touch in the rest of the step again, where a body may leave the bounds
+// by which they were found, as after an impact.
 void GroupParts::find_pairs_again(const GroupSurroundings& around, double left,
                                   Broadphase* broadphase, const State& state) {
   const List<int>& bodies = divided_.group().bodies;

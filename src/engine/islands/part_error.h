@@ -7,13 +7,15 @@
 
 namespace constraint_sim::engine {
 
-/// Error estimate of a part of a step of impulses that is taken whole and in two halves: the larger
-/// of two estimates, for the body where it is largest; rotations times radius of gyration.
+/// Error estimate of a part of a step of impulses that is taken whole and in two halves. It is the
+/// larger one of two estimates, for the body where it is largest; rotations count times radius of
+/// gyration.
 ///
 /// The first is the distance of both results. It is blind to an impact that both treat alike. The
-/// second needs no other result. With Δ₁ and Δ₂ the changes of velocity by impulses in the halves
-/// of length h, it is ½ h ‖Δ₂ − Δ₁‖, which both results differ by if they end with one velocity,
-/// and h times the velocity by which each half moved the body off the mean of its velocities.
+/// second needs no other result. With h the length of a half and Δ₁ and Δ₂ the changes of velocity
+/// by impulses in both, it is ½ h ‖Δ₂ − Δ₁‖, which both results differ by if they end with one
+/// velocity, and h times the velocity by which each half moved the body off the mean of its
+/// velocities.
 class PartError {
  public:
   /// Takes the result of the whole part.

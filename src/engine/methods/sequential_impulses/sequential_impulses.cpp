@@ -131,6 +131,7 @@ RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const Impu
   }
   converged_.allow_gains(step.bodies, rows_, rest, by_mean, &solver_);
   report->iterations = static_cast<std::uint32_t>(converged.iterations);
+  report->has_swept = converged.has_swept;
   RowSolver::Outcome outcome = solver_.finish_solve(step.bodies, rows_);
   outcome.residual = larger(outcome.residual, converged.residual);
   // Sweeps leave larger residuals by design; a limit on energy leaves one where it acts.
@@ -181,8 +182,8 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
   return deepest;
 }
 
-// Bounds the rates by which gaps of joints could close within an instant, which would set the scale
-// of the residual.
+// Bounds the rates by which gaps of joints could close within an instant. Without a bound they
+// would set the scale by which residuals are judged.
 void SequentialImpulses::bound_open_rows(std::size_t of_joints, const State& state) {
   double fastest = 0.0;
   for (const Row& row : rows_) {

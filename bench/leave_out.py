@@ -64,6 +64,12 @@ SCENES = (
     Scene('ball_on_incline', 'ball_on_incline', 20, 'a ball that slides, then rolls'),
     Scene('weak_winch', 'weak_winch', 20, 'a motor at its force limit, and a contact'),
     Scene('chain_of_hinges', None, 20, 'ten bars, hinged by turns across each other'),
+    Scene('arm', None, 20, 'seven bars on hinges with springs and dampers'),
+    Scene('arm_with_friction', None, 20, 'the arm with friction and limits, without springs'),
+    Scene('quadruped', None, 20, 'a trunk in flight with twelve hinges'),
+    Scene('gear_train', 'gear_train', 20, 'a planetary gear with a motor'),
+    Scene('screw', 'screw', 20, 'a nut on a screw'),
+    Scene('rod_off_centre', None, 20, 'a box on a rod beside its centre'),
     Scene('dome', None, 20, '258 rods, 63 too many, tumbling at 1/60 s'),
 )
 
@@ -83,10 +89,12 @@ LEFT_OUT = {
                  'methods/runge_kutta/runge_kutta.cpp FreeRotation', 'dynamics/kernels/chain_of_bodies.cpp',
                  'dynamics/kinematics.cpp place_arms',
                  'math/quaternion_state.h rotation_matrix',
-                 'math/quaternion_state.h write_quaternion_rate', 'dynamics/kernels/tree_of_bodies.cpp'],
+                 'math/quaternion_state.h write_quaternion_rate', 'dynamics/kernels/tree_of_bodies.cpp',
+                 'dynamics/kernels/tree_system.cpp', 'dynamics/kernels/tree_dynamics.cpp'],
     'wrenches': ['world/world.cpp find_acting_wrenches', 'methods/sequential_impulses/sequential_impulses.cpp apply_wrenches'],
     'runge_kutta': ['math/integrate.h', 'math/embedded_pairs.h', 'dynamics/kernels/chain_of_rods.',
-                    'dynamics/kernels/chain_of_bodies.cpp', 'dynamics/kernels/tree_of_bodies.cpp'],
+                    'dynamics/kernels/chain_of_bodies.cpp', 'dynamics/kernels/tree_of_bodies.cpp',
+                    'dynamics/kernels/tree_system.cpp', 'dynamics/kernels/tree_dynamics.cpp'],
     'energy_momentum': ['methods/energy_momentum/energy_momentum.cpp', 'dynamics/implicit/', 'math/saddle_lu.'],
     'event_driven': ['methods/event_driven/joints/event_', 'constraints/one_sided_law.', 'math/box_lcp.',
                      'dynamics/held_response.cpp'],
@@ -97,8 +105,9 @@ LEFT_OUT = {
     'islands': [],
 }
 # Files shared by these parts: left out where all of them are.
-SHARED = {'math/integrate.h': {'runge_kutta', 'event_driven'},
-          'math/embedded_pairs.h': {'runge_kutta', 'event_driven'}}
+SHARED = {place: {'runge_kutta', 'event_driven'}
+          for place in ('math/integrate.h', 'math/embedded_pairs.h', 'dynamics/kernels/tree_system.cpp',
+                        'dynamics/kernels/tree_dynamics.cpp')}
 
 
 def lines_of(file, function):
@@ -161,9 +170,9 @@ def dome():
                          'body_b': f'p_{b}'} for i, (a, b) in enumerate(rods)]}, indent=0)
 
 
-def chain_of_hinges():
-    """Returns ten bars in a row, each hinged to the previous one, alternately about y and z."""
-    bars, length = 10, 0.4
+def bars_on_hinges(bars, coordinate):
+    """Returns bars in a row, each hinged to the previous one, alternately about y and z, with laws of the angle."""
+    length = 0.4
     return json.dumps({
         'world': {'method': 'auto'},
         'bodies': [{'name': f'bar_{i}', 'mass': 1.0, 'shape': {'box': {'size': [length, 0.05, 0.05]}},
@@ -173,11 +182,53 @@ def chain_of_hinges():
                          'body_a': f'bar_{i - 1}' if i else 'world',
                          'anchor_a': [0.5 * length if i else 0, 0, 0],
                          'axis_a': [0, 0, 1] if i % 2 else [0, 1, 0],
-                         'body_b': f'bar_{i}', 'anchor_b': [-0.5 * length, 0, 0]}
+                         'body_b': f'bar_{i}', 'anchor_b': [-0.5 * length, 0, 0],
+                         'coordinates': [coordinate]}
                         for i in range(bars)]}, indent=0)
 
 
-GENERATED = {'dome': dome, 'chain_of_hinges': chain_of_hinges}
+def chain_of_hinges():
+    return bars_on_hinges(10, {})
+
+
+def arm():
+    return bars_on_hinges(7, {'stiffness': 50, 'damping': 2})
+
+
+def arm_with_friction():
+    return bars_on_hinges(7, {'damping': 0.1, 'friction': 0.05, 'lower': -2, 'upper': 2})
+
+
+def quadruped():
+    """Returns a trunk in flight with four legs of three hinges: about x, y and y."""
+    bodies = [{'name': 'trunk', 'mass': 10.0, 'shape': {'box': {'size': [0.6, 0.3, 0.15]}},
+               'angular_velocity': [0.3, 0.5, 0.2], 'no_collision': True}]
+    joints = []
+    for leg, (x, y) in enumerate(((0.3, 0.15), (0.3, -0.15), (-0.3, 0.15), (-0.3, -0.15))):
+        links = ((0.1, [1, 0, 0]), (0.3, [0, 1, 0]), (0.3, [0, 1, 0]))
+        top, before, anchor = 0.0, 'trunk', [x, y, 0]
+        for k, (length, axis) in enumerate(links):
+            name = f'leg_{leg}_{k}'
+            bodies.append({'name': name, 'mass': 0.5, 'shape': {'box': {'size': [0.05, 0.05, length]}},
+                           'position': [x, y, top - length / 2], 'no_collision': True})
+            joints.append({'name': f'hinge_{leg}_{k}', 'type': 'hinge', 'body_a': before, 'anchor_a': anchor,
+                           'axis_a': axis, 'body_b': name, 'anchor_b': [0, 0, length / 2],
+                           'coordinates': [{'stiffness': 20, 'damping': 0.5}]})
+            top, before, anchor = top - length, name, [0, 0, -length / 2]
+    return json.dumps({'world': {'method': 'auto'}, 'bodies': bodies, 'constraints': joints}, indent=0)
+
+
+def rod_off_centre():
+    """Returns a box on one rod, which holds it beside its centre."""
+    return json.dumps({
+        'world': {'method': 'auto'},
+        'bodies': [{'name': 'box', 'mass': 1.0, 'shape': {'box': {'size': [0.4, 0.3, 0.2]}},
+                    'position': [1.0, 0, 0], 'no_collision': True}],
+        'constraints': [{'name': 'rod', 'type': 'distance', 'body_a': 'world', 'body_b': 'box',
+                         'anchor_b': [-0.2, 0.1, 0.05]}]}, indent=0)
+
+
+GENERATED = {f.__name__: f for f in (dome, chain_of_hinges, arm, arm_with_friction, quadruped, rod_off_centre)}
 
 
 def tick_of(scene):

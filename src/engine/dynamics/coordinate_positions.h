@@ -30,10 +30,17 @@ class CoordinatePositions {
   void note_soft(std::size_t soft, double position, double rate) {
     softs_[soft] = {position, rate};
   }
+  void note_term(std::size_t coupled, std::size_t term, double position, double rate) {
+    coupled_[coupled].terms[term] = {position, rate};
+  }
   /// Notes the angles that neither springs nor couplings read, as TurnedAngles::integrate().
   template <class Spin, class Axis>
   void note_angles(double t, const Spin& spin, const Axis& axis) {
     angles_.integrate(t, spin, axis);
+  }
+  /// Adds to an angle of link l that neither springs nor couplings read, and sets its rate.
+  void turn_angle(std::size_t l, int coordinate, double by, double rate) {
+    angles_.turn(l, coordinate, by, rate);
   }
   /// Sets the position of a soft coordinate, or of a term of a coupling [m or rad], at a time of
   /// which nothing is known about its rate.
@@ -56,6 +63,8 @@ class CoordinatePositions {
       return axis(angle.joint, angle.is_about_b ? 1 : 0);
     });
   }
+  /// Time of the noted positions [s].
+  double time() const { return angles_.time(); }
   /// Saves all positions; restore() returns to them.
   void keep();
   void restore();

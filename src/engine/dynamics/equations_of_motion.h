@@ -68,7 +68,7 @@ class EquationsOfMotion : public IslandModel {
   const JointForces& forces() const { return forces_; }
   JointForces& forces() { return forces_; }
   /// Whether the joints form a tree of rotating bodies and no joint frame moves in this interval.
-  bool is_tree() const { return !tree_.nodes.empty() && !inputs_.frames_move(); }
+  bool is_tree() const { return tree_.has_fewer_motions && !inputs_.frames_move(); }
 
   // ---- an interval without jumps
 
@@ -100,6 +100,11 @@ class EquationsOfMotion : public IslandModel {
   /// Projects y onto the constraints and evaluates the first derivative. Returns false where the
   /// projection fails.
   bool start(double t, double* y, double* dydt);
+  /// Places bodies and joints at state y and time t [s].
+  void place_bodies(double t, const double* y) {
+    place(t, y);
+    kinematics_.move(*this, inputs_, y);
+  }
   /// Writes a state vector to the bodies.
   void scatter_state(const double* y, List<BodyState>* states);
   /// Saves impulses and coordinate positions; restore_impulses() undoes later substeps.

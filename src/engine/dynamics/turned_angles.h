@@ -77,6 +77,15 @@ class TurnedAngles {
     time_ = t;
   }
 
+  /// Adds to an angle [rad], and sets its rate [rad/s].
+  void turn(std::size_t joint, int coordinate, double by, double rate) {
+    for (auto angle = first_of(joint); angle != list_.end() && angle->joint == joint; ++angle) {
+      if (angle->coordinate != coordinate) continue;
+      angle->position += by;
+      angle->rate = rate;
+    }
+  }
+
   /// Saves positions, rates and time, for a substep that is repeated.
   void keep() {
     for (Angle& angle : list_) {
@@ -95,14 +104,20 @@ class TurnedAngles {
 
   /// Writes the positions of the angles of a joint, by coordinate.
   void read(std::size_t joint, std::array<double, kMaxCoordinates>* positions) const {
-    const auto first =
-        std::lower_bound(list_.begin(), list_.end(), joint,
-                         [](const Angle& angle, std::size_t of) { return angle.joint < of; });
-    for (auto angle = first; angle != list_.end() && angle->joint == joint; ++angle)
+    for (auto angle = first_of(joint); angle != list_.end() && angle->joint == joint; ++angle)
       (*positions)[static_cast<std::size_t>(angle->coordinate)] = angle->position;
   }
 
  private:
+  List<Angle>::iterator first_of(std::size_t joint) {
+    return std::lower_bound(list_.begin(), list_.end(), joint,
+                            [](const Angle& angle, std::size_t of) { return angle.joint < of; });
+  }
+  List<Angle>::const_iterator first_of(std::size_t joint) const {
+    return std::lower_bound(list_.begin(), list_.end(), joint,
+                            [](const Angle& angle, std::size_t of) { return angle.joint < of; });
+  }
+
   List<Angle> list_;  // ordered by joint
   double time_ = 0.0, kept_time_ = 0.0;
 };

@@ -80,19 +80,13 @@ std::size_t free_directions(const List<TreeNode>& tree) {
 BodyTree tree_of(const IslandModel& island) {
   const auto& links = island.links();
   const std::size_t bodies = island.bodies().size();
-  if (bodies == 0 || island.rotating() != bodies || !island.coupled_rows().empty()) return {};
+  if (bodies == 0 || island.rotating() != bodies) return {};
   const auto can_hang = [&](std::size_t l) {
     const JointKindInfo& kind = info(links[l].kind);
     return (island.is_ball(l) || island.is_general(l)) && !kind.function[0].is_length &&
-           !couples(links[l].kind) && !is_custom(links[l].kind) && spans_all_directions(kind);
+           !is_custom(links[l].kind) && spans_all_directions(kind);
   };
-  for (std::size_t l = 0; l < links.size(); ++l)
-    if (!can_hang(l)) return {};
   const auto is_fixed = [&](std::size_t point) { return point >= bodies; };
-  const auto holds_on = static_cast<std::size_t>(std::count_if(
-      links.begin(), links.end(),
-      [&](const IslandModel::Link& link) { return is_fixed(link.a) || is_fixed(link.b); }));
-  if (holds_on > 1 || links.size() + 1 != bodies + holds_on) return {};
 
   List<TreeNode> nodes;
   List<char> is_placed(bodies, 0);
@@ -102,13 +96,19 @@ BodyTree tree_of(const IslandModel& island) {
   };
   const auto hang = [&](std::size_t l, bool is_b) { place(node_of(island, l, is_b)); };
   List<List<std::size_t>> links_on(bodies);
+  std::size_t holding = 0;  // links that hold two bodies, or a body on a fixed point
   for (std::size_t l = 0; l < links.size(); ++l) {
     const auto& link = links[l];
+    if (couples_joints(link.kind)) continue;
+    if (!can_hang(l)) return {};
+    ++holding;
     for (const std::size_t point : {link.a, link.b})
       if (!is_fixed(point)) links_on[point].push_back(l);
-    if (is_fixed(link.a) || is_fixed(link.b)) hang(l, is_fixed(link.a));
+    const bool hangs = is_fixed(link.a) || is_fixed(link.b);
+    if (hangs && is_placed[is_fixed(link.a) ? link.b : link.a] == 0) hang(l, is_fixed(link.a));
   }
-  if (holds_on == 0) place(free_root());  // free island: the first body is the root
+  const std::size_t roots = nodes.size();
+  if (roots == 0) place(free_root());  // free island: the first body is the root
   std::size_t next = 0;
   while (next < nodes.size()) {  // hang() appends to nodes
     const std::size_t parent = nodes[next++].body;
@@ -118,10 +118,13 @@ BodyTree tree_of(const IslandModel& island) {
       if (!is_fixed(other) && is_placed[other] == 0) hang(l, is_a);
     }
   }
-  // Unconnected bodies, or more free directions than rows.
-  if (nodes.size() != bodies || free_directions(nodes) >= island.rows()) return {};
+  const std::size_t used = nodes.size() - (roots == 0 ? 1 : 0);
+  if (used != holding) return {};         // a loop
+  if (nodes.size() != bodies) return {};  // unconnected bodies
   std::reverse(nodes.begin(), nodes.end());
   BodyTree tree;
+  tree.has_fewer_motions =
+      island.coupled_rows().empty() && roots <= 1 && free_directions(nodes) < island.rows();
   tree.nodes = std::move(nodes);
   tree.inertias.resize(bodies);
   tree.forces.resize(bodies);

@@ -23,6 +23,10 @@ struct SpatialVector {
     return {linear - other.linear, angular - other.angular};
   }
   SpatialVector operator*(double factor) const { return {factor * linear, factor * angular}; }
+  /// Returns the power of a force at a motion.
+  double dot(const SpatialVector& other) const {
+    return linear.dot(other.linear) + angular.dot(other.angular);
+  }
 };
 
 /// Symmetric spatial inertia that maps an acceleration to a force: the articulated inertia of a
@@ -77,15 +81,17 @@ struct TreeNode {
   SpatialVector asked;
 };
 
-/// Nodes from the leaves to the root, and work space.
+/// Nodes from the leaves to the roots, and work space. Couplings may join several trees.
 struct BodyTree {
   List<TreeNode> nodes;
   List<SpatialInertia> inertias;        ///< per body
   List<SpatialVector> forces, motions;  ///< per body
+  /// Whether TreeOfBodies applies: one tree without couplings, and fewer free directions than rows.
+  bool has_fewer_motions = false;
 };
 
-/// Builds the tree of an island whose joints form a tree, from the leaves to the root. Returns an
-/// empty tree where there is a loop, or a joint or body that TreeOfBodies does not support.
+/// Builds the trees of an island whose joints form trees, from the leaves to the roots. Returns an
+/// empty tree where there is a loop, or a joint or body without such a node.
 BodyTree tree_of(const IslandModel& island);
 
 }  // namespace constraint_sim::engine

@@ -14,10 +14,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-double dot(const SpatialVector& a, const SpatialVector& b) {
-  return a.linear.dot(b.linear) + a.angular.dot(b.angular);
-}
-
 }  // namespace
 
 // Shifts the inertia by r with [r] x = r × x: H += M [r], and J += Hᵀ [r] − [r] (H + M [r]).
@@ -188,7 +184,7 @@ void TreeOfBodies::substitute(const Act& act) {
     for (std::size_t k = node.count; k-- > 0;) {
       const Direction& direction = node.directions[k];
       if (direction.row != TreeNode::kNone) continue;
-      const double q = (direction.force - dot(direction.u, a)) / direction.pivot;
+      const double q = (direction.force - direction.u.dot(a)) / direction.pivot;
       (direction.turns ? a.angular : a.linear) += q * direction.along;
     }
     a = a + node.asked;
@@ -376,6 +372,8 @@ void TreeOfBodies::write_forces(const TreeNode& node, const SpatialVector& on_ch
 
 // Projects velocities onto the joints by the least impulses.
 bool TreeOfBodies::restart(double* y, double* dydt) {
+  // The projection may have ended with the rows, after a stage in which a pivot was lost.
+  place(*view_.placed_at, y);
   is_lost_ = !factor();
   if (is_lost_) return equations_.restart(y, dydt);
   find_spins(y);

@@ -8,6 +8,7 @@
 #include "engine/dynamics/kernels/chain_of_rods.h"
 #include "engine/dynamics/kernels/point_on_rod.h"
 #include "engine/dynamics/kernels/tree_of_bodies.h"
+#include "engine/dynamics/kernels/tree_system.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/math/quaternion_state.h"
@@ -77,12 +78,14 @@ class Turning {
 
 }  // namespace
 
-RungeKutta::RungeKutta(EquationsOfMotion equations) : equations_(std::move(equations)) {
+RungeKutta::RungeKutta(EquationsOfMotion equations)
+    : equations_(std::move(equations)), tree_(equations_) {
   numbers_.resize(StageMemory::kRows * equations_.size());
 }
 
 void RungeKutta::restart() {
   has_started_ = false;
+  tree_.restart();
   step_ = 0.0;
   equations_.forget_redundant_rows();
 }
@@ -110,7 +113,20 @@ auto RungeKutta::with_system(Act act) {
 
 IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOptions& accuracy,
                                     const List<BodyState>& states) {
-  if (span.is_disturbed) has_started_ = false;
+  const IntegrationResult begun = begin_equations(span, accuracy, states);
+  if (!begun.done || !tree_.can_advance(equations_)) return begun;
+  TreeSystem system = TreeSystem::for_impulses(equations_, tree_, accuracy.order);
+  if (!tree_.is_current()) system.read(span.t);
+  if (tree_.is_current()) system.begin(span.t);
+  return begun;
+}
+
+// Begins an interval in the state of the equations. Where joint coordinates go on, only the inputs
+// of the interval are set.
+IntegrationResult RungeKutta::begin_equations(const Interval& span,
+                                              const IntegratorOptions& accuracy,
+                                              const List<BodyState>& states) {
+  if (span.is_disturbed) forget();
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
   if (!has_started_) gather_state(equations_, states, y);
@@ -119,7 +135,14 @@ IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOption
     equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
   // has_jumped() is of the last begin(): without a begin() now, an earlier interval handled it.
   const bool has_jumped = begins && equations_.inputs().has_jumped();
-  if (!has_started_ || has_jumped || !equations_.satisfies_velocity_constraints(span.t, y))
+  if (tree_.is_current() && (has_jumped || !tree_.can_advance(equations_))) {
+    tree_.forget();
+    has_started_ = false;
+    gather_state(equations_, states, y);
+  }
+  if (tree_.is_current()) return {};
+  if (!has_started_ || has_jumped || tree_.can_advance(equations_) ||
+      !equations_.satisfies_velocity_constraints(span.t, y))
     return start(span, accuracy, memory);
   return {};
 }
@@ -137,6 +160,13 @@ IntegrationResult RungeKutta::integrate_span(const Interval& span,
                                              List<BodyState>* states) {
   const IntegrationResult begun = begin(span, accuracy, *states);
   if (!begun.done) return begun;
+  if (tree_.is_current()) {
+    IntegrationResult progress = integrate_tree(span, accuracy, states);
+    progress.projected += begun.projected;
+    if (!tree_.is_ill_conditioned()) return progress;
+    equations_.restore_impulses();
+    return integrate_span(span, accuracy, states);
+  }
   const StageMemory memory(numbers_.data(), equations_.size());
   const double momentary = equations_.redundant().momentary_error();
   IntegrationResult progress = integrate_equations(memory, span, accuracy);
@@ -144,11 +174,7 @@ IntegrationResult RungeKutta::integrate_span(const Interval& span,
   progress.projected = begun.projected + equations_.take_projected_energy();
   progress.is_inconsistent =
       !progress.done && (progress.is_inconsistent || equations_.redundant().is_inconsistent());
-  if (std::isfinite(accuracy.most_frequency) &&
-      kMostStable * progress.substeps >= accuracy.most_frequency * span.h) {
-    progress.frequency = equations_.frequency();
-    progress.is_stiff = progress.frequency > accuracy.most_frequency;
-  }
+  if (may_be_stiff(span, accuracy, progress.substeps)) note_stiffness(accuracy, &progress);
   if (progress.done)
     equations_.scatter_state(memory.state(), states);
   else
@@ -156,10 +182,44 @@ IntegrationResult RungeKutta::integrate_span(const Interval& span,
   return progress;
 }
 
+// Whether so many substeps were taken that the frequency of the joints' forces matters.
+bool RungeKutta::may_be_stiff(const Interval& span, const IntegratorOptions& accuracy,
+                              int substeps) const {
+  return std::isfinite(accuracy.most_frequency) &&
+         kMostStable * substeps >= accuracy.most_frequency * span.h;
+}
+
+void RungeKutta::note_stiffness(const IntegratorOptions& accuracy, IntegrationResult* progress) {
+  progress->frequency = equations_.frequency();
+  progress->is_stiff = progress->frequency > accuracy.most_frequency;
+}
+
+// Integrates in joint coordinates. The bodies are unchanged where that fails, or a pivot is lost.
+IntegrationResult RungeKutta::integrate_tree(const Interval& span,
+                                             const IntegratorOptions& accuracy,
+                                             List<BodyState>* states) {
+  TreeSystem system = TreeSystem::for_impulses(equations_, tree_, accuracy.order);
+  IntegrationResult progress =
+      integrate(system, tree_.memory(), span.t, span.h, accuracy, span.stop, step_);
+  if (!progress.done) {
+    forget();
+    return progress;
+  }
+  system.note_coordinates();
+  system.scatter(states);
+  if (may_be_stiff(span, accuracy, progress.substeps)) {
+    system.write_state(numbers_.data());
+    equations_.place_bodies(span.t + span.h, numbers_.data());
+    note_stiffness(accuracy, &progress);
+  }
+  return progress;
+}
+
 // ---- substep by substep
 
 bool RungeKutta::advance_substep(const Interval& span, const IntegratorOptions& accuracy,
                                  SubstepSpan* left, IntegrationResult* progress) {
+  if (tree_.is_current()) return advance_in_coordinates(span, accuracy, left, progress);
   const StageMemory memory(numbers_.data(), equations_.size());
   if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
   const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, span.stop};
@@ -172,20 +232,76 @@ bool RungeKutta::advance_substep(const Interval& span, const IntegratorOptions& 
   return has_started_;
 }
 
+// Where a pivot is lost, the substep begins again in the state of the equations, from the impulses
+// of its start. keep_start() was called there.
+bool RungeKutta::advance_in_coordinates(const Interval& span, const IntegratorOptions& accuracy,
+                                        SubstepSpan* left, IntegrationResult* progress) {
+  TreeSystem system(equations_, tree_);
+  system.begin(left->t);
+  if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
+  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, span.stop};
+  const auto take = [&](auto pair) {
+    return take_substep<decltype(pair)>(system, tree_.memory(), limits, *left, step_, *progress);
+  };
+  const SubstepSpan start = *left;
+  const IntegrationResult before = *progress;
+  if (accuracy.order == 5 ? take(DormandPrince5{}) : take(DormandPrince8{})) {
+    system.note_coordinates();
+    return true;
+  }
+  if (!tree_.is_ill_conditioned()) return false;
+  *left = start;
+  *progress = before;
+  equations_.restore_first_stage();
+  system.write_start(start.t, numbers_.data());
+  has_started_ = equations_.start(start.t, numbers_.data(),
+                                  numbers_.data() + StageMemory::kDerivatives * equations_.size());
+  if (!has_started_) return false;
+  keep_start();
+  return advance_substep(span, accuracy, left, progress);
+}
+
+void RungeKutta::scatter(List<BodyState>* states) {
+  if (tree_.is_current())
+    TreeSystem(equations_, tree_).scatter(states);
+  else
+    equations_.scatter_state(numbers_.data(), states);
+}
+
+void RungeKutta::find_accelerations(double t, Motions* rates) {
+  if (!tree_.is_current())
+    return engine::find_accelerations(
+        equations_, numbers_.data(),
+        numbers_.data() + StageMemory::kDerivatives * equations_.size(), rates);
+  if (!tree_.is_placed()) TreeSystem(equations_, tree_).place_start(t);
+  tree_.find_accelerations(rates);
+}
+
 void RungeKutta::keep_start() {
-  const std::size_t n = equations_.size();
-  const double* const rates = numbers_.data() + StageMemory::kDerivatives * n;
-  kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
+  const bool is_tree = tree_.is_current();
+  const std::size_t n = is_tree ? tree_.tree().size : equations_.size();
+  const double* const state = is_tree ? tree_.memory().state() : numbers_.data();
+  const double* const rates = state + StageMemory::kDerivatives * n;
+  kept_.assign(state, state + n);
   kept_.insert(kept_.end(), rates, rates + n);
+  if (is_tree) {
+    kept_momentum_ = tree_.momentum();
+    kept_size_ = tree_.size();
+  }
   equations_.keep_first_stage();
 }
 
 void RungeKutta::return_to_start() {
-  const std::size_t n = equations_.size();
-  std::copy_n(kept_.begin(), n, numbers_.begin());
-  std::copy_n(kept_.begin() + static_cast<std::ptrdiff_t>(n), n,
-              numbers_.begin() + static_cast<std::ptrdiff_t>(StageMemory::kDerivatives * n));
+  const bool is_tree = tree_.is_current();
+  const std::size_t n = is_tree ? tree_.tree().size : equations_.size();
+  double* const state = is_tree ? tree_.memory().state() : numbers_.data();
+  std::copy_n(kept_.data(), n, state);
+  std::copy_n(kept_.data() + n, n, state + StageMemory::kDerivatives * n);
   equations_.restore_first_stage();
+  if (!is_tree) return;
+  tree_.momentum() = kept_momentum_;
+  tree_.set_size(kept_size_);
+  TreeSystem(equations_, tree_).place_start(equations_.coordinates().time());
 }
 
 bool RungeKutta::repeat_substep(const Interval& span, const IntegratorOptions& accuracy, double t,

@@ -4,6 +4,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/dynamics/kernels/articulated_tree.h"
 #include "engine/dynamics/method.h"
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"
@@ -28,8 +29,8 @@ class RungeKutta {
   /// First part of advance(), for methods that look at every substep.
   IntegrationResult begin(const Interval& span, const IntegratorOptions& accuracy,
                           const List<BodyState>& states);
-  /// Makes one substep of the rest of the interval and adds to `progress`. Returns false where it
-  /// gives up.
+  /// Makes one substep of the rest of the interval and adds to `progress`. Evaluates the forces of
+  /// all stages, which impulses do not need. Returns false where it gives up.
   bool advance_substep(const Interval& span, const IntegratorOptions& accuracy, SubstepSpan* left,
                        IntegrationResult* progress);
   /// Saves the start of a substep.
@@ -38,18 +39,20 @@ class RungeKutta {
   void return_to_start();
   /// Repeats a substep with length h from the saved start at time t. Returns false where it fails.
   bool repeat_substep(const Interval& span, const IntegratorOptions& accuracy, double t, double h);
-  /// State and derivative, laid out as in EquationsOfMotion.
-  const double* state() const { return numbers_.data(); }
-  const double* derivative() const {
-    return numbers_.data() + StageMemory::kDerivatives * equations_.size();
-  }
+  /// Writes the bodies at the present state.
+  void scatter(List<BodyState>* states);
+  /// Accelerations of the bodies at the present state, at time t [s].
+  void find_accelerations(double t, Motions* rates);
   /// First guess of the next substep [s].
   double step() const { return step_; }
   void set_step(double step) { step_ = step; }
   /// Whether the next interval continues the last one.
   bool has_started() const { return has_started_; }
   /// Notes that bodies were moved from outside.
-  void forget() { has_started_ = false; }
+  void forget() {
+    has_started_ = false;
+    tree_.forget();
+  }
   /// Resets to the state after construction.
   void restart();
   /// Visits all state that the next advance() continues from, except the bodies, as
@@ -60,7 +63,9 @@ class RungeKutta {
     EquationsOfMotion::visit_memory(self.equations_, visit, self.has_started_);
     visit(self.step_);
     visit(self.has_started_);
+    ArticulatedTree::visit_memory(self.tree_, visit, self.has_started_);
     if (!self.has_started_) return;
+    if (self.tree_.is_current()) return;
     const std::size_t n = self.equations_.size();
     for (std::size_t i = 0; i < n; ++i) visit(self.numbers_[i]);
     for (std::size_t i = 0; i < n; ++i) visit(self.numbers_[StageMemory::kDerivatives * n + i]);
@@ -70,6 +75,14 @@ class RungeKutta {
   IntegrationResult start(const Interval& span, const IntegratorOptions& accuracy,
                           const StageMemory& memory);
 
+  IntegrationResult begin_equations(const Interval& span, const IntegratorOptions& accuracy,
+                                    const List<BodyState>& states);
+  bool advance_in_coordinates(const Interval& span, const IntegratorOptions& accuracy,
+                              SubstepSpan* left, IntegrationResult* progress);
+  IntegrationResult integrate_tree(const Interval& span, const IntegratorOptions& accuracy,
+                                   List<BodyState>* states);
+  bool may_be_stiff(const Interval& span, const IntegratorOptions& accuracy, int substeps) const;
+  void note_stiffness(const IntegratorOptions& accuracy, IntegrationResult* progress);
   IntegrationResult integrate_span(const Interval& span, const IntegratorOptions& accuracy,
                                    List<BodyState>* states);
   bool is_far_too_stiff(const IntegratorOptions& accuracy);
@@ -79,10 +92,13 @@ class RungeKutta {
                                         const IntegratorOptions& accuracy);
 
   EquationsOfMotion equations_;
-  List<double> numbers_;      // storage of StageMemory
-  double step_ = 0.0;         // first guess of the next substep [s]
-  bool has_started_ = false;  // whether the derivative of the first stage is known
-  List<double> kept_;         // state and derivative, saved by keep_start()
+  ArticulatedTree tree_;        // state in joint coordinates, where it is used
+  List<double> numbers_;        // storage of StageMemory
+  double step_ = 0.0;           // first guess of the next substep [s]
+  bool has_started_ = false;    // whether the derivative of the first stage is known
+  List<double> kept_;           // state and derivative, saved by keep_start()
+  TreeMomentum kept_momentum_;  // saved with them
+  double kept_size_ = 0.0;
 };
 
 /// Rotation of a body without joints. L is constant or grows with a constant torque; only q̇ = ½

@@ -102,7 +102,7 @@ bool EventDriven::begin_span(Span* span) {
 // ---- between events
 
 void EventDriven::watch(const Span& span, List<WatchedByJoints>* list) {
-  watch_joints(motions_, span.bodies(), span.t(), span.accuracy.order, *span.motion, &rates_, list);
+  watch_joints(motions_, span.bodies(), span.t(), span.accuracy.order, span.motion, &rates_, list);
 }
 
 // Makes the next substep, or the part of it before an event.
@@ -112,13 +112,13 @@ bool EventDriven::advance_to_event(Span* span) {
   motion.keep_start();
   if (!motion.advance_substep(rest_of(*span), span->accuracy, &span->left, &span->progress))
     return false;
-  motion.equations().scatter_state(motion.state(), span->states);
+  motion.scatter(span->states);
   const auto repeat = [&](double h, bool is_start) {
     if (is_start)
       motion.return_to_start();
     else if (!motion.repeat_substep(rest_of(*span), span->accuracy, start.t, h))
       return false;
-    motion.equations().scatter_state(motion.state(), span->states);
+    motion.scatter(span->states);
     return true;
   };
   const auto list_watched = [&](List<WatchedByJoints>* list) { watch(*span, list); };
@@ -346,7 +346,7 @@ bool EventDriven::switch_to_states(Span* span) {
   const IntegrationResult begun = motion.begin(rest_of(*span), span->accuracy, *span->states);
   span->progress.projected += begun.projected;
   if (!begun.done) return false;
-  motion.equations().scatter_state(motion.state(), span->states);
+  motion.scatter(span->states);
   motions_.set_started(true);
   watch(*span, stepper_.before());
   return true;

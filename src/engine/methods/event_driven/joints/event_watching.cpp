@@ -75,10 +75,10 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
 }  // namespace
 
 void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t, int order,
-                  const RungeKutta& motion, Motions* rates, List<WatchedByJoints>* list) {
+                  RungeKutta* motion, Motions* rates, List<WatchedByJoints>* list) {
   list->clear();
-  const EquationsOfMotion& equations = motion.equations();
-  find_accelerations(equations, motion.state(), motion.derivative(), rates);
+  const EquationsOfMotion& equations = motion->equations();
+  motion->find_accelerations(t, rates);
   for (std::size_t c = 0; c < motions.laws().size(); ++c) {
     const OneSidedLaw& law = motions.laws()[c];
     const OneSidedState& state = motions.states()[c];

@@ -19,6 +19,6 @@ struct WatchedByJoints : WatchedValue {
 /// Lists all watched values at time t, in an order that depends only on the states of rows.
 /// `motion` is at that time, by substeps of the given order. Sets the accelerations of the bodies.
 void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t, int order,
-                  const RungeKutta& motion, Motions* rates, List<WatchedByJoints>* list);
+                  RungeKutta* motion, Motions* rates, List<WatchedByJoints>* list);
 
 }  // namespace constraint_sim::engine

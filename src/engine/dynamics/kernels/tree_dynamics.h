@@ -1,0 +1,147 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+
+#include "engine/dynamics/kernels/body_tree.h"
+#include "engine/dynamics/kernels/joint_tree.h"
+#include "engine/math/lanes.h"
+#include "engine/math/list.h"
+
+namespace constraint_sim::engine {
+
+/// Motion of the point that a tree hangs on, in world axes. A free tree moves from its root.
+struct TreeRoot {
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();          ///< [m/s]
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();      ///< [m/s²]
+  Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();  ///< constant [rad/s]
+};
+
+/// Symmetric matrix by its diagonal and the entries yz, xz, xy. Number: double, or Lanes.
+template <class Number>
+struct SymmetricMatrix {
+  using Vector = Eigen::Matrix<Number, 3, 1>;
+
+  Vector diagonal = Vector::Zero(), beside = Vector::Zero();
+
+  Vector operator*(const Vector& v) const {
+    return {diagonal.x() * v.x() + beside.z() * v.y() + beside.y() * v.z(),
+            beside.z() * v.x() + diagonal.y() * v.y() + beside.x() * v.z(),
+            beside.y() * v.x() + beside.x() * v.y() + diagonal.z() * v.z()};
+  }
+  Eigen::Matrix<Number, 3, 3> matrix() const {
+    Eigen::Matrix<Number, 3, 3> full;
+    full << diagonal.x(), beside.z(), beside.y(), beside.z(), diagonal.y(), beside.x(), beside.y(),
+        beside.x(), diagonal.z();
+    return full;
+  }
+};
+
+/// Inertia of a body or a subtree about the origin.
+struct CompositeInertia {
+  double mass = 0.0;
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();  ///< mass times centre [kg m]
+  SymmetricMatrix<double> inertia;                   ///< [kg m²]
+
+  /// Returns the momentum at motion (v of the point at the origin, ω).
+  SpatialVector operator*(const SpatialVector& motion) const {
+    return {mass * motion.linear - moment.cross(motion.angular),
+            inertia * motion.angular + moment.cross(motion.linear)};
+  }
+  CompositeInertia& operator+=(const CompositeInertia& other) {
+    mass += other.mass;
+    moment += other.moment;
+    inertia.diagonal += other.inertia.diagonal;
+    inertia.beside += other.inertia.beside;
+    return *this;
+  }
+};
+
+/// Equations of motion of a JointTree: H ẍ = b for the unknown motions. H follows from the
+/// composite inertias of subtrees (Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 6).
+/// Spatial vectors are in world axes; their point of reference, the origin of a tree, is where its
+/// root hangs, or the centre of a free root, at the time of the evaluation. Motions that follow
+/// others by couplings have no unknown of their own: ẍ = factor · ẍ of the source.
+class TreeDynamics {
+ public:
+  TreeDynamics() = default;
+  explicit TreeDynamics(const JointTree& tree);
+
+  /// Places all bodies at state y. `roots`: per body, of its tree.
+  void place(const JointTree& tree, const List<TreeRoot>& roots, const double* y);
+  /// Evaluates H and b after place(). `acceleration` [m/s²] and `torque` [N m] per body of the
+  /// island are those of gravity and loads.
+  void evaluate(const JointTree& tree, const Eigen::Vector3d* acceleration,
+                const Eigen::Vector3d* torque);
+  /// Solves for ẍ of the unknown motions.
+  void solve(const JointTree& tree);
+  /// Least share of a pivot of the last solve() in its diagonal entry.
+  double least_pivot(const JointTree& tree) const;
+  /// Evaluates what joints transmit, after solve().
+  void find_transmitted(const JointTree& tree);
+
+  /// Position of a node and axes of its frame, relative to the origin [m].
+  struct Placed {
+    Eigen::Matrix3d axes;
+    Eigen::Matrix3d axes_before;  ///< axes of the joint on the parent, before its motions
+    Eigen::Vector3d point, centre;
+    Eigen::Vector3d point_before;  ///< anchor on the parent
+    SpatialVector motion;          ///< velocity of the point at the origin, angular velocity
+    SpatialVector bias;            ///< acceleration with zero ẍ of unknown motions
+  };
+  const Placed& placed(std::size_t body) const { return placed_[body]; }
+  /// Velocity of the centre of a body [m/s].
+  Eigen::Vector3d velocity(std::size_t body) const {
+    const Placed& at = placed_[body];
+    return at.motion.linear + at.motion.angular.cross(at.centre);
+  }
+  /// Direction of a motion as a spatial vector.
+  const SpatialVector& direction(std::size_t motion) const { return direction_[motion]; }
+  /// Force on each unknown motion, besides those of evaluate() [N or N m]; set before evaluate().
+  double& force(std::size_t motion) { return force_[motion]; }
+  /// ẍ of each motion; of prescribed ones set before place().
+  double& acceleration(std::size_t motion) { return acceleration_[motion]; }
+  double acceleration(std::size_t motion) const { return acceleration_[motion]; }
+  /// Force and torque about the origin on the subtree of a body by its joint.
+  const SpatialVector& transmitted(std::size_t body) const { return transmitted_[body]; }
+  /// Writes the momenta of all bodies, about the origin, and their inertia there.
+  void find_momentum(const JointTree& tree, SpatialVector* momentum,
+                     CompositeInertia* inertia) const;
+  /// Evaluates what rates of all motions add to the motion of each body; see added().
+  void add_along_branches(const JointTree& tree, const double* rates) const;
+  /// Evaluates likewise with ẍ of the unknown motions.
+  void add_accelerations(const JointTree& tree) const {
+    add_along_branches(tree, unknown_acceleration_.data());
+  }
+  const SpatialVector& added(std::size_t body) const { return added_[body]; }
+  /// Returns the square of the largest displacement by a small change of all motions, of a centre
+  /// of mass or of a point at the radius of gyration [m²].
+  double squared_size_of(const JointTree& tree, const double* change) const;
+
+ private:
+  /// Row k of H: an entry for each motion before motion k by its depth, then the diagonal one.
+  double* row(std::size_t k) { return H_.data() + k * direction_.size(); }
+  void solve_coupled(const JointTree& tree);
+  void find_own(const JointTree& tree, std::size_t first, const Eigen::Vector3d* acceleration,
+                const Eigen::Vector3d* torque);
+  void place_node(const TreeBody& body, const TreeMotion* motions, const double* y,
+                  const double* rates, Placed* at);
+
+  List<Placed> placed_;                // per body
+  List<Lanes33> inertia_;              // per two bodies, in axes of their nodes
+  List<SpatialVector> direction_;      // per motion
+  List<double> force_, acceleration_;  // per motion
+  List<double> unknown_acceleration_;  // per motion, 0 where it is prescribed
+  List<CompositeInertia> composite_;   // per body, of its subtree
+  List<SpatialVector> transmitted_;    // per body
+  List<SpatialVector> moved_;          // per motion: composite inertia × direction
+  mutable List<SpatialVector> added_;  // per body
+  List<SpatialVector> subtree_;        // per body: force by the unknown motions of its subtree
+  List<double> H_, b_;                 // rows of H, right-hand side
+  List<double> reduced_, reduced_b_;   // H and b of independent motions
+  List<std::size_t> place_of_;         // place of an independent motion in these, per motion
+  List<double> diagonal_;              // diagonal of H, per motion
+};
+
+}  // namespace constraint_sim::engine

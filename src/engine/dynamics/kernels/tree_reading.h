@@ -1,0 +1,16 @@
+#pragma once
+
+#include "engine/dynamics/equations_of_motion.h"
+#include "engine/dynamics/kernels/joint_tree.h"
+#include "engine/dynamics/kernels/tree_dynamics.h"
+#include "engine/math/list.h"
+
+namespace constraint_sim::engine {
+
+/// Reads positions and rates of all motions from the bodies where the equations were evaluated
+/// last. `roots`: per body, of its tree. Whole turns are those that the coordinates of the joints
+/// note.
+void read_tree(const EquationsOfMotion& equations, const JointTree& tree,
+               const List<TreeRoot>& roots, double* y);
+
+}  // namespace constraint_sim::engine

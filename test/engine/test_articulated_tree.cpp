@@ -381,6 +381,38 @@ TEST(ArticulatedTree, TakesEditsOfBodies) {
   }
 }
 
+// A tree of so many coordinates that its matrix is too dear, and one of a hinge less, move alike:
+// the last link has 1e-12 of the mass.
+TEST(ArticulatedTree, GoesOverToPivotsWhereItIsLong) {
+  const auto chain = [](int bars) {
+    WorldOptions options;
+    options.method = Method::kRungeKutta;
+    options.tolerance = 1e-10;
+    World world(options);
+    BodyId before = kWorldBody;
+    for (int i = 0; i < bars; ++i) {
+      Body bar = make_body("bar_" + std::to_string(i), Box{{0.09, 0.01, 0.01}},
+                           i < 24 ? 1.0 : 1e-12, Vector3d(0.1 * i + 0.05, 0.0, 0.0));
+      bar.no_collision = true;
+      Joint hinge;
+      hinge.name = "hinge_" + std::to_string(i);
+      hinge.kind = JointKind::kHinge;
+      hinge.body_a = before;
+      if (i > 0) hinge.anchor_a = {0.05, 0.0, 0.0};
+      hinge.anchor_b = {-0.05, 0.0, 0.0};
+      hinge.frame_a = frame_along(i % 2 == 0 ? Vector3d::UnitY() : Vector3d::UnitZ());
+      hinge.coordinates[0].damping = i < 24 ? 0.01 : 0.0;
+      hinge.body_b = before = world.add_body(bar);
+      world.add_joint(hinge);
+    }
+    for (int i = 0; i < 20; ++i) EXPECT_FALSE(world.step().failed);
+    return world;
+  };
+  const World in_coordinates = chain(24), by_pivots = chain(25);
+  for (const BodyId id : in_coordinates.body_ids())
+    EXPECT_LE((in_coordinates.state(id).position - by_pivots.state(id).position).norm(), 1e-8);
+}
+
 /// Two bodies of 1e-10 kg between the world and one of 1 kg, on hinges about z, x and z. A motor
 /// turns the middle one so that both axes z agree for a moment: then the inertia of the light ones
 /// is all that is left, and a pivot is lost. The last of four bodies swings between stops.

@@ -9,8 +9,10 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Coordinates beyond which the elimination of TreeOfBodies is cheaper than one matrix.
-constexpr std::size_t kMostMotions = 20;
+// Entries of H beyond which the elimination of TreeOfBodies is cheaper: those of a chain of 24
+// hinges, where both take as many instructions, and more than those of a free robot with 30 motions
+// on four limbs.
+constexpr std::size_t kMostEntries = 300;
 
 std::size_t next_even(std::size_t n) { return n + n % 2; }
 
@@ -188,7 +190,6 @@ bool add_bodies(const IslandModel& island, const BodyTree& tree, JointTree* made
     body.end = made->motions.size();
     // From B to A, shifts along axes of A would follow the rotation instead of going before it.
     if (body.turns_freely && body.is_a && body.end - body.first > 3) return false;
-    if (body.end > kMostMotions) return false;
     body.first_row = made->rows.size();
     if (node.link != kNoIndex) add_rows(island, node.link, body.is_a, &made->rows);
     body.end_row = made->rows.size();
@@ -245,7 +246,9 @@ JointTree joint_tree_of(const IslandModel& island, const BodyTree& tree) {
     if (!made.motions[k].is_prescribed && made.motions[k].source == kNoIndex)
       made.independent.push_back(k);
   lay_out_state(&made);
-  return made;
+  std::size_t entries = 0;
+  for (const TreeMotion& motion : made.motions) entries += motion.depth + 1;
+  return entries <= kMostEntries ? made : JointTree{};
 }
 
 }  // namespace constraint_sim::engine

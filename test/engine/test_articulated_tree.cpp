@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "bars_on_hinges.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "engine/math/list.h"
 #include "random_joints.h"
@@ -58,7 +59,7 @@ struct RandomTree {
     }
     return made;
   }
-  /// The same tree, whose last joint is there twice: redundant rows, which need all rows.
+  /// Makes the tree with its last joint twice. Redundant rows are advanced by the rows.
   World world_by_rows() const {
     World made = world();
     Joint again = made.joint(made.joint_ids()[links.size() - 1]);
@@ -268,28 +269,6 @@ TEST(ArticulatedTree, MeetsJointsToRounding) {
   }
 }
 
-/// Bars of 1 kg and 1 m along x on hinges with axes y and z in turn.
-World arm_of_bars(const WorldOptions& options, double damping = 0.0) {
-  World world(options);
-  BodyId before = kWorldBody;
-  for (int i = 0; i < 3; ++i) {
-    Body bar = make_body("bar_" + std::to_string(i), Box{{0.9, 0.1, 0.1}}, 1.0,
-                         Vector3d(i + 0.5, 0.0, 0.0));
-    bar.no_collision = true;
-    Joint hinge;
-    hinge.name = "hinge_" + std::to_string(i);
-    hinge.kind = JointKind::kHinge;
-    hinge.body_a = before;
-    if (i > 0) hinge.anchor_a = {0.5, 0.0, 0.0};
-    hinge.anchor_b = {-0.5, 0.0, 0.0};
-    hinge.frame_a = frame_along(i % 2 == 0 ? Vector3d::UnitY() : Vector3d::UnitZ());
-    hinge.coordinates[0].damping = damping;
-    hinge.body_b = before = world.add_body(bar);
-    world.add_joint(hinge);
-  }
-  return world;
-}
-
 // The global error falls with the order of the pair while it is above rounding.
 TEST(ArticulatedTree, HasTheOrderOfThePair) {
   const auto after = [](int order, int steps) {
@@ -298,7 +277,7 @@ TEST(ArticulatedTree, HasTheOrderOfThePair) {
     options.order = order;
     options.tolerance = 0.0;
     options.time_step = 0.4 / steps;
-    World world = arm_of_bars(options);
+    World world = bars_on_hinges(options, {1.0, 1.0, 1.0});
     for (int i = 0; i < steps; ++i) world.step();
     return world;
   };
@@ -387,23 +366,10 @@ TEST(ArticulatedTree, GoesOverToPivotsWhereItIsLong) {
     WorldOptions options;
     options.method = Method::kRungeKutta;
     options.tolerance = 1e-10;
-    World world(options);
-    BodyId before = kWorldBody;
-    for (int i = 0; i < bars; ++i) {
-      Body bar = make_body("bar_" + std::to_string(i), Box{{0.09, 0.01, 0.01}},
-                           i < 24 ? 1.0 : 1e-12, Vector3d(0.1 * i + 0.05, 0.0, 0.0));
-      bar.no_collision = true;
-      Joint hinge;
-      hinge.name = "hinge_" + std::to_string(i);
-      hinge.kind = JointKind::kHinge;
-      hinge.body_a = before;
-      if (i > 0) hinge.anchor_a = {0.05, 0.0, 0.0};
-      hinge.anchor_b = {-0.05, 0.0, 0.0};
-      hinge.frame_a = frame_along(i % 2 == 0 ? Vector3d::UnitY() : Vector3d::UnitZ());
-      hinge.coordinates[0].damping = i < 24 ? 0.01 : 0.0;
-      hinge.body_b = before = world.add_body(bar);
-      world.add_joint(hinge);
-    }
+    std::vector<double> masses(24, 1.0);
+    masses.resize(static_cast<std::size_t>(bars), 1e-12);
+    World world = bars_on_hinges(options, masses, 0.1, 0.01);
+    if (bars > 24) world.set_law(world.joint_ids().back(), 0, CoordinateLaw{});
     for (int i = 0; i < 20; ++i) EXPECT_FALSE(world.step().failed);
     return world;
   };
@@ -481,7 +447,7 @@ TEST(ArticulatedTree, GoesOnWithStiffDampersWithoutATolerance) {
       options.order = order;
       options.tolerance = 0.0;
       options.gravity.setZero();
-      World world = arm_of_bars(options, damping);
+      World world = bars_on_hinges(options, {1.0, 1.0, 1.0}, 1.0, damping);
       BodyState moving = world.state(world.body_ids().back());
       moving.angular_velocity = {0.0, 0.0, 3.0};
       world.set_state(world.body_ids().back(), moving);

@@ -1,8 +1,9 @@
-// Trees of joints with axes by their own elimination, against the rows of the same mechanism, and
-// where rows lose the force on a light link. Comparisons with the independent reference, moved,
-// reordered, with laws and with a moving base, are in test_random_mechanisms.cpp and
-// test_judged_mechanisms.cpp.
+// Trees of joints with axes by their own elimination, as long trees have it, or in joint
+// coordinates, as short ones; against the rows of the same mechanism, and where rows lose the force
+// on a light link. Comparisons with the independent reference, moved, reordered, with laws and with
+// a moving base, are in test_random_mechanisms.cpp and test_judged_mechanisms.cpp.
 
+#include "bars_on_hinges.h"
 #include "random_joints.h"
 #include "support.h"
 
@@ -11,30 +12,15 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Bars of 1 kg and 1 m along x on hinges with alternating axes, the last of `load` kg.
-World arm_of_bars(int bars, double load, double h = 0.01) {
+/// Bars of 1 kg and 1 m on hinges, the last of `load` kg.
+World arm_of_bars(int bars, double load) {
   WorldOptions chosen;
   chosen.method = Method::kRungeKutta;
   chosen.gravity = {0.0, 0.3, -kGravity};
   chosen.tolerance = 1e-9;
-  chosen.time_step = h;
-  World world(chosen);
-  BodyId before = kWorldBody;
-  for (int i = 0; i < bars; ++i) {
-    Body bar = make_body("bar_" + std::to_string(i), Box{{0.9, 0.1, 0.1}},
-                         i + 1 < bars ? 1.0 : load, Vector3d(i + 0.5, 0.0, 0.0));
-    bar.no_collision = true;
-    Joint hinge;
-    hinge.name = "hinge_" + std::to_string(i);
-    hinge.kind = JointKind::kHinge;
-    hinge.body_a = before;
-    if (i > 0) hinge.anchor_a = {0.5, 0.0, 0.0};
-    hinge.anchor_b = {-0.5, 0.0, 0.0};
-    hinge.frame_a = frame_along(i % 2 == 0 ? Vector3d::UnitY() : Vector3d::UnitZ());
-    hinge.body_b = before = world.add_body(bar);
-    world.add_joint(hinge);
-  }
-  return world;
+  std::vector<double> masses(static_cast<std::size_t>(bars), 1.0);
+  masses.back() = load;
+  return bars_on_hinges(chosen, masses);
 }
 
 // A pivot per hinge keeps the accuracy that the Delassus matrix loses by adding 1 / m of the load
@@ -52,7 +38,7 @@ TEST(TreeOfBodies, HoldsAnyLoadOnLightLinks) {
 
 // A second hinge on the axis of the first makes rows redundant, for which the tree is not used.
 TEST(TreeOfBodies, MovesAsTheRowsOfTheSameMechanismDo) {
-  for (const int bars : {1, 2, 5}) {
+  for (const int bars : {1, 2, 5, 26}) {
     World tree = arm_of_bars(bars, 2.0), rows = arm_of_bars(bars, 2.0);
     Joint again = rows.joint(rows.joint_ids().front());
     again.name = "again";

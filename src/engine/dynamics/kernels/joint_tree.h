@@ -14,8 +14,8 @@ namespace constraint_sim::engine {
 inline constexpr std::size_t kNoIndex = TreeNode::kNone;
 
 /// One-dimensional motion of a child relative to its parent, along or about an axis of a frame that
-/// the motions before it move: a shift x along the axis, or a turn x about it. The
-/// coordinate of the joint is x where the child is body B, and −x where the child is body A.
+/// the motions before it move: a shift x along the axis, or a turn x about it. The coordinate of
+/// the joint is x where the child is body B, and −x where the child is body A.
 struct TreeMotion {
   bool turns = false;
   std::uint8_t axis = 0;     ///< 0 to 2: x, y, z of the moved frame
@@ -37,7 +37,7 @@ struct TreeCoupling {
   std::size_t from = 0, to = 0;  ///< motions
   std::size_t from_term = 0;     ///< which of both terms of the row is `from`
   double from_ratio = 1.0, to_ratio = 1.0;
-  double zero = 0.0;  ///< Σ ratio x where all coordinates are 0, less that of the coordinates
+  double zero = 0.0;  ///< Σ ratio q₀, q₀: the coordinate q where its form is 0
 };
 
 /// A row of a joint as a component of what the joint transmits to the child.
@@ -50,8 +50,8 @@ struct TransmittedRow {
   };
   Along along = Along::kWorld;
   std::uint8_t axis = 0;
-  bool is_torque =
-      false;  ///< component of the torque about the anchor on body B, else of the force
+  /// Whether it is a component of the torque about the anchor on body B, else of the force.
+  bool is_torque = false;
   double sign = 1.0;
   std::size_t row = 0;  ///< index in the island
 };
@@ -75,9 +75,10 @@ struct TreeBody {
   Eigen::Vector3d centre;           ///< centre of mass in the node [m]
   double mass = 0.0;                ///< [kg]
   Eigen::Matrix3d inertia;          ///< about the centre, in axes of the node [kg m²]
-  bool is_of_rotation(std::size_t motion) const { return turns_freely && motion + 3 >= end; }
+  double squared_gyration = 0.0;    ///< square of the largest radius of gyration [m²]
 
-  double squared_gyration = 0.0;  ///< square of the largest radius of gyration [m²]
+  /// Whether a motion of this body is part of the rotation in all directions.
+  bool is_of_rotation(std::size_t motion) const { return turns_freely && motion + 3 >= end; }
 };
 
 /// Trees of bodies by the coordinates of their joints; couplings may join several. A state holds

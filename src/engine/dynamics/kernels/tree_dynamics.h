@@ -115,8 +115,8 @@ class TreeDynamics {
     add_along_branches(tree, unknown_acceleration_.data());
   }
   const SpatialVector& added(std::size_t body) const { return added_[body]; }
-  /// Returns the square of the largest displacement by a small change of all motions, of a centre
-  /// of mass or of a point at the radius of gyration [m²].
+  /// Returns the largest square of a displacement by a small change of all motions [m²]. Centres of
+  /// mass count, and points at the radius of gyration.
   double squared_size_of(const JointTree& tree, const double* change) const;
 
  private:
@@ -136,7 +136,7 @@ class TreeDynamics {
   List<CompositeInertia> composite_;   // per body, of its subtree
   List<SpatialVector> transmitted_;    // per body
   List<SpatialVector> moved_;          // per motion: composite inertia × direction
-  mutable List<SpatialVector> added_;  // per body
+  mutable List<SpatialVector> added_;  // per body: result of add_along_branches()
   List<SpatialVector> subtree_;        // per body: force by the unknown motions of its subtree
   List<double> H_, b_;                 // rows of H, right-hand side
   List<double> reduced_, reduced_b_;   // H and b of independent motions

@@ -121,8 +121,8 @@ IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOption
   return begun;
 }
 
-// Begins an interval in the state of the equations. Where joint coordinates go on, only the inputs
-// of the interval are set.
+// Begins an interval in the state of the equations. Where joint coordinates go on, sets only the
+// inputs of the interval.
 IntegrationResult RungeKutta::begin_equations(const Interval& span,
                                               const IntegratorOptions& accuracy,
                                               const List<BodyState>& states) {
@@ -232,8 +232,8 @@ bool RungeKutta::advance_substep(const Interval& span, const IntegratorOptions& 
   return has_started_;
 }
 
-// Where a pivot is lost, the substep begins again in the state of the equations, from the impulses
-// of its start. keep_start() was called there.
+// Where a pivot is lost, the substep begins again in the state of the equations, with the impulses
+// that keep_start() saved.
 bool RungeKutta::advance_in_coordinates(const Interval& span, const IntegratorOptions& accuracy,
                                         SubstepSpan* left, IntegrationResult* progress) {
   TreeSystem system(equations_, tree_);

@@ -97,7 +97,7 @@ class RungeKutta {
   double step_ = 0.0;           // first guess of the next substep [s]
   bool has_started_ = false;    // whether the derivative of the first stage is known
   List<double> kept_;           // state and derivative, saved by keep_start()
-  TreeMomentum kept_momentum_;  // saved with them
+  TreeMomentum kept_momentum_;  // momenta and size of a tree, saved by keep_start()
   double kept_size_ = 0.0;
 };
 

@@ -328,8 +328,8 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
       place.z() = std::min(place.z(), low.z() - 2.0 * kAbove * height_);
     }
   if (is_beside) {
-    place.z() +=
-        is_broken ? 0.0 : line;  // the name, and the next line beside the line of the joint
+    // The line of the joint passes between the name and the next line of text.
+    place.z() += is_broken ? 0.0 : line;
   } else if (end) {
     place = free_place(lines, *end);
   } else {

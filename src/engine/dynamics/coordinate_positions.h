@@ -77,7 +77,8 @@ class CoordinatePositions {
   }
   /// Constant of coupled row c.
   double constant(std::size_t c) const { return coupled_[c].constant; }
-  /// Position at a pose of a soft coordinate that moves at `rate` [m or rad].
+  /// Position of a soft coordinate at the pose of `kinematics` [m or rad], whole turns included;
+  /// `rate`: its rate there [m/s or rad/s].
   double soft_at(const IslandModel& island, const Kinematics& kinematics, std::size_t soft,
                  double rate) const;
   /// C of coupled row c at a pose, with rates as of the last velocities.

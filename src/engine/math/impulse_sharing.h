@@ -11,13 +11,13 @@ namespace constraint_sim::engine {
 
 /// Finds how far the rates of contacts depend on the sharing of impulses among them.
 ///
-/// Where rows depend on each other, impulses with z of G z = 0 added leave the rates along loaded
-/// rows as they are: normals, tangents of sticking contacts and rows within their bounds. A
-/// slipping contact has friction in proportion to its normal impulse, F = n − μ û, so that z
-/// changes the other rates where slips have different directions, as under a box that slides and
-/// rotates on four corners. The sharing moves along the projections of unit impulses on all z until
-/// a row is at its bound. Slip directions count as constant, which is exact to first order in the
-/// change. Keeps its storage.
+/// Rows depend on each other where there are impulses z with G z = 0. Such z, added to a solution,
+/// change no rate of a loaded row: of a normal, of a tangent of a sticking contact, or of a row
+/// within its bounds. They do change rates where contacts slip. The friction of a slipping contact
+/// is in proportion to its normal impulse, F = n − μ û, and slips may have different directions, as
+/// under a box that slides and rotates on four corners. Solutions are found by adding the
+/// projections of unit impulses on all z until a row is at its bound. Slip directions count as
+/// constant, which is exact to first order in the change. Keeps its storage.
 class ImpulseSharing {
  public:
   /// Returns the largest change of u = b + A p between the solution `p` and other solutions of the

@@ -149,11 +149,12 @@ double squared_error(const System& system, const StageMemory& memory, double h) 
   return system.squared_size_of(memory.error(), h);
 }
 
-// Errors of embedded formulas decrease more slowly with h than the error of the step. Their ratios
-// supply the missing powers of h. The ratios are chosen so that all errors rise and fall together
-// where a motion reverses or passes its middle, and every other derivative vanishes. An estimate
-// never exceeds the error of the best formula, and is infinite where another one overflows.
-// bench/error_estimates.cpp prints their accuracy.
+// An embedded formula of order p has an error of h^(p+1), which falls more slowly with h than the
+// error of the step. An estimate is the error of the best embedded formula times ratios of errors
+// of different orders; each ratio adds the powers of h by which the orders differ. Every other
+// derivative vanishes where a motion reverses or passes its middle, so ratios are taken of errors
+// that rise and fall together there. An estimate never exceeds the error of the best formula, and
+// is infinite where another error overflows. bench/error_estimates.cpp prints the accuracy.
 
 /// Returns the estimate h⁶ (h⁶/h⁵)(h⁶/h⁴), with a factor fitted to pendulums, chains and free
 /// bodies.

@@ -184,8 +184,8 @@ void LeastNormForces::place(const EquationsOfMotion& equations, const List<BodyS
       double row_weight = 0.0;
       for (std::size_t e = 0; e < 2; ++e) {
         if (link.unknowns[e] == 0) continue;
-        std::array<double, 6>& row = rows_[link.first_row + to_index(k)][e];
-        Eigen::Map<Vector3d> force(row.data()), torque(row.data() + 3);
+        double* const row = rows_[link.first_row + to_index(k)].data() + 6 * e;
+        Eigen::Map<Vector3d> force(row), torque(row + 3);
         force = push[e];
         double weight = equations.inverse_mass(points[e]) * force.squaredNorm();
         if (link.unknowns[e] == 6) {
@@ -263,12 +263,15 @@ void LeastNormForces::factor() {
   List<double>& K = ldlt_.values();
   std::fill(K.begin(), K.end(), 0.0);
   for (const Link& link : links_) {
+    std::array<std::array<double, 12>, 12> sum{};  // lower triangle of both ends
+    for (std::size_t r = link.first_row; r < link.first_row + to_index(link.rows); ++r) {
+      const double* const row = rows_[r].data();
+      for (std::size_t i = link.unknowns[0] == 0 ? 6 : 0; i < 12; ++i)
+        for (std::size_t k = 0; k <= i; ++k) sum[i][k] += inverse_weights_[r] * row[i] * row[k];
+    }
     const SparseLdlt::Slot* slot = slots_.data() + link.first_slot;
     for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
-      double sum = 0.0;
-      for (std::size_t r = link.first_row; r < link.first_row + to_index(link.rows); ++r)
-        sum += inverse_weights_[r] * rows_[r][e][i] * rows_[r][f][k];
-      K[*slot++] += sum;
+      K[*slot++] += sum[6 * e + i][6 * f + k];
     });
   }
   for (const CoupledRow& coupled : coupled_) {
@@ -323,7 +326,7 @@ double LeastNormForces::find_missing() {
       const double impulse = impulses_[r] - shares_[r];
       for (std::size_t e = 0; e < 2; ++e)
         for (std::size_t k = 0; k < link.unknowns[e]; ++k)
-          missing_[to_index(link.unknown[e]) + k] += impulse * rows_[r][e][k];
+          missing_[to_index(link.unknown[e]) + k] += impulse * rows_[r][6 * e + k];
     }
   }
   for (const CoupledRow& coupled : coupled_)
@@ -349,7 +352,7 @@ void LeastNormForces::add_shares() {
       double sum = 0.0;
       for (std::size_t e = 0; e < 2; ++e)
         for (std::size_t k = 0; k < link.unknowns[e]; ++k)
-          sum += rows_[r][e][k] * missing_[to_index(link.unknown[e]) + k];
+          sum += rows_[r][6 * e + k] * missing_[to_index(link.unknown[e]) + k];
       shares_[r] += inverse_weights_[r] * sum;
     }
   }
@@ -368,8 +371,8 @@ bool LeastNormForces::has_same_sum() const {
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     const double most = std::max(std::abs(impulses_[r]), std::abs(shares_[r]));
     force = std::max(force, most);
-    for (const auto& end : rows_[r])
-      torque = std::max(torque, most * Eigen::Map<const Vector3d>(end.data() + 3).norm());
+    for (const double* const end : {rows_[r].data(), rows_[r].data() + 6})
+      torque = std::max(torque, most * Eigen::Map<const Vector3d>(end + 3).norm());
   }
   for (const CoupledRow& coupled : coupled_) {
     const double most = std::max(std::abs(coupled.impulse), std::abs(coupled.share));

@@ -36,7 +36,7 @@ class LeastNormForces {
     std::size_t first_row, first_slot;
   };
   /// Force and torque of a unit impulse of a row on its ends A and B.
-  using Row = std::array<std::array<double, 6>, 2>;
+  using Row = std::array<double, 12>;
 
   /// Coupling row on up to four bodies.
   struct CoupledRow {

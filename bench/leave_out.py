@@ -69,6 +69,7 @@ SCENES = (
     Scene('quadruped', None, 20, 'a trunk in flight with twelve hinges'),
     Scene('gear_train', 'gear_train', 20, 'a planetary gear with a motor'),
     Scene('screw', 'screw', 20, 'a nut on a screw'),
+    Scene('four_bar', None, 20, 'three bars on four hinges, a loop that falls'),
     Scene('rod_off_centre', None, 20, 'a box on a rod beside its centre'),
     Scene('dome', None, 20, '258 rods, 63 too many, tumbling at 1/60 s'),
 )
@@ -218,6 +219,26 @@ def quadruped():
     return json.dumps({'world': {'method': 'auto'}, 'bodies': bodies, 'constraints': joints}, indent=0)
 
 
+def four_bar():
+    """Returns a crank, a coupler and a rocker on four hinges about y, which is a loop with three redundant rows."""
+    points = ((0, 0, 0), (0, 0, 0.3), (0.9, 0, 0.6), (1, 0, 0))
+    middles = [[(a + b) / 2 for a, b in zip(points[i], points[i + 1])] for i in range(3)]
+
+    def anchor(end, point):  # identity orientations
+        return list(point) if end < 0 or end > 2 else [p - m for p, m in zip(point, middles[end])]
+
+    def name(end):
+        return 'world' if end < 0 or end > 2 else f'bar_{end}'
+
+    return json.dumps({
+        'world': {'method': 'auto'},
+        'bodies': [{'name': name(i), 'mass': 1.0, 'shape': {'box': {'size': [0.3, 0.05, 0.05]}},
+                    'position': middles[i], 'no_collision': True} for i in range(3)],
+        'constraints': [{'name': f'hinge_{i}', 'type': 'hinge', 'axis_a': [0, 1, 0],
+                         'body_a': name(i - 1), 'anchor_a': anchor(i - 1, points[i]),
+                         'body_b': name(i), 'anchor_b': anchor(i, points[i])} for i in range(4)]}, indent=0)
+
+
 def rod_off_centre():
     """Returns a box on one rod, which holds it beside its centre."""
     return json.dumps({
@@ -228,7 +249,8 @@ def rod_off_centre():
                          'anchor_b': [-0.2, 0.1, 0.05]}]}, indent=0)
 
 
-GENERATED = {f.__name__: f for f in (dome, chain_of_hinges, arm, arm_with_friction, quadruped, rod_off_centre)}
+GENERATED = {f.__name__: f for f in (dome, chain_of_hinges, arm, arm_with_friction, quadruped, four_bar,
+                                       rod_off_centre)}
 
 
 def tick_of(scene):

@@ -65,6 +65,7 @@ class EquationsOfMotion : public IslandModel {
   const DelassusMatrix& delassus() const { return delassus_; }
   DelassusMatrix& delassus() { return delassus_; }
   const RedundantRows& redundant() const { return redundant_; }
+  RedundantRows& redundant() { return redundant_; }
   const JointForces& forces() const { return forces_; }
   JointForces& forces() { return forces_; }
   /// Whether the joints form a tree of rotating bodies and no joint frame moves in this interval.

@@ -50,8 +50,7 @@ constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows before t
 
 RedundantRows::RedundantRows(const IslandModel& island) {
   const std::size_t n = island.rows();
-  for (auto* list : {&is_redundant_, &is_of_branch_, &is_needed_, &is_verified_})
-    list->assign(n, 0);
+  for (auto* list : {&is_redundant_, &is_required_, &is_needed_, &is_verified_}) list->assign(n, 0);
   for (auto* list : {&imbalance_, &tolerance_, &stress_, &residual_}) list->assign(n, 0.0);
   find_branches(island);
 }
@@ -89,8 +88,7 @@ void RedundantRows::find_branches(const IslandModel& island) {
     for (std::size_t node = leaf; degree[node] == 1;) {
       const std::size_t l = of_links[node];
       const auto [a, b] = ends(l);
-      const std::size_t first = island.row_of(l);
-      for (std::size_t k = 0; k < island.rows_of(l); ++k) is_of_branch_[first + k] = 1;
+      require(island, l);
       for (const std::size_t end : {a, b}) {
         --degree[end];
         of_links[end] ^= l;
@@ -98,6 +96,11 @@ void RedundantRows::find_branches(const IslandModel& island) {
       node = node == a ? b : a;
     }
   }
+}
+
+void RedundantRows::require(const IslandModel& island, std::size_t link) {
+  const std::size_t first = island.row_of(link);
+  for (std::size_t k = 0; k < island.rows_of(link); ++k) is_required_[first + k] = 1;
 }
 
 int RedundantRows::choose(const PlacedRows& rows, DelassusMatrix* delassus, JointForces* forces) {
@@ -124,7 +127,7 @@ int RedundantRows::choose(const PlacedRows& rows, DelassusMatrix* delassus, Join
 
   List<char> redundant = independent_rows(rows, least, delassus);
   for (std::size_t i = 0; i < n; ++i)
-    redundant[i] = !redundant[i] && !is_needed_[i] && !is_of_branch_[i] ? 1 : 0;
+    redundant[i] = !redundant[i] && !is_needed_[i] && !is_required_[i] ? 1 : 0;
   set(rows.island, redundant, delassus, forces);
   factor(kRoundOffPivot);
   int momentary = 0;
@@ -171,7 +174,7 @@ Eigen::MatrixXd RedundantRows::dense_matrix(const PlacedRows& rows, DelassusMatr
 List<char> RedundantRows::independent_rows(const PlacedRows& rows, double least,
                                            DelassusMatrix* delassus) {
   const std::size_t n = is_redundant_.size();
-  List<char> was_kept(n), is_needed = is_of_branch_;
+  List<char> was_kept(n), is_needed = is_required_;
   for (std::size_t i = 0; i < n; ++i) {
     was_kept[i] = is_redundant_[i] ? 0 : 1;
     is_needed[i] = is_needed[i] || is_needed_[i] ? 1 : 0;

@@ -34,6 +34,10 @@ class RedundantRows {
   explicit RedundantRows(const IslandModel& island);
 
   const List<char>& is_redundant() const { return is_redundant_; }
+  /// Lets no choice take a row of a link for redundant. Joints of one tree are independent.
+  void require(const IslandModel& island, std::size_t link);
+  /// Whether the error of a redundant row [m] is within its tolerance.
+  bool is_within_tolerance(std::size_t row, double error) const { return error <= tolerance_[row]; }
   /// Whether redundant rows were chosen.
   bool has_chosen() const { return has_chosen_; }
   /// Lets the next start() choose again.
@@ -128,7 +132,7 @@ class RedundantRows {
   double tolerance(const PlacedRows& rows, std::size_t row, const DelassusMatrix& delassus) const;
 
   List<char> is_redundant_;       // per row
-  List<char> is_of_branch_;       // per row: no loop of joints passes through it
+  List<char> is_required_;        // per row: is never redundant
   List<char> is_needed_;          // per row: was redundant once, by mistake
   List<char> is_verified_;        // per row: left out, and its self-stress is balanced
   List<double> imbalance_;        // per row: imbalance of its self-stress when chosen as redundant

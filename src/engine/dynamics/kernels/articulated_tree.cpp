@@ -11,6 +11,11 @@ ArticulatedTree::ArticulatedTree(EquationsOfMotion& equations)
     : tree_(joint_tree_of(equations, *equations.kernel_view().tree)) {
   if (tree_.bodies.empty()) return;
   dynamics_ = TreeDynamics(tree_);
+  if (!tree_.closings.empty()) {
+    closings_ = TreeClosings(tree_, equations);
+    for (const TreeBody& body : tree_.bodies)
+      if (body.link != kNoIndex) equations.redundant().require(equations, body.link);
+  }
   numbers_.assign(StageMemory::kRows * tree_.size, 0.0);
   work_.assign(tree_.size, 0.0);
   noted_.assign(tree_.motions.size(), 0.0);
@@ -18,8 +23,9 @@ ArticulatedTree::ArticulatedTree(EquationsOfMotion& equations)
 }
 
 bool ArticulatedTree::can_advance(const EquationsOfMotion& equations) const {
-  if (tree_.bodies.empty() || is_ill_conditioned_ || equations.delassus().redundant() > 0)
-    return false;
+  if (tree_.bodies.empty() || is_left_to_rows()) return false;
+  const bool has_dependent = equations.delassus().redundant() > 0;
+  if (closings_.empty() ? has_dependent : equations.redundant().is_passing()) return false;
   const auto& motions = equations.inputs().motions();
   return std::none_of(motions.begin(), motions.end(),
                       [](const auto& motion) { return motion.second.is_closing(); });

@@ -5,6 +5,7 @@
 
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/dynamics/kernels/joint_tree.h"
+#include "engine/dynamics/kernels/tree_closings.h"
 #include "engine/dynamics/kernels/tree_dynamics.h"
 #include "engine/dynamics/kernels/tree_momentum.h"
 #include "engine/math/integrate.h"
@@ -12,21 +13,23 @@
 
 namespace constraint_sim::engine {
 
-/// State of an island in joint coordinates, where its joints form a tree: the state of JointTree
-/// with the memory of Runge-Kutta steps. Bodies follow from it, and not the other way round, from
+/// State of an island in joint coordinates: the state of JointTree with the memory of Runge-Kutta
+/// steps. Bodies follow from it, and not the other way round, from
 /// interval to interval, so that joints are met to rounding without projections.
 class ArticulatedTree {
  public:
   explicit ArticulatedTree(EquationsOfMotion& equations);
 
   /// Whether the interval that begin() of the equations has set can be integrated in joint
-  /// coordinates: no joint is being closed.
+  /// coordinates: no joint is being closed, and no row of a loop is momentary.
   bool can_advance(const EquationsOfMotion& equations) const;
   /// Whether the coordinates are those of the bodies.
   bool is_current() const { return is_current_; }
   void forget() { is_current_ = false; }
   /// Resets to the state after construction.
-  void restart() { is_current_ = is_ill_conditioned_ = false; }
+  void restart() { is_current_ = is_ill_conditioned_ = is_passing_ = false; }
+  /// Begins a step, in which loops may have left a singular pose.
+  void begin_step() { is_passing_ = false; }
 
   /// Accelerations of the bodies where the dynamics were evaluated.
   void find_accelerations(Motions* rates) const;
@@ -37,6 +40,7 @@ class ArticulatedTree {
   List<TreeRoot>& roots() { return roots_; }
   List<double>& noted() { return noted_; }
   TreeMomentum& momentum() { return momentum_; }
+  TreeClosings& closings() { return closings_; }
   void set_current() { is_current_ = true; }
   /// Whether the dynamics were evaluated at the state in this interval.
   bool is_placed() const { return is_placed_; }
@@ -45,10 +49,15 @@ class ArticulatedTree {
   double size() const { return size_; }
   void set_size(double size) { size_ = size; }
   void note_size();
-  /// Whether a pivot was lost: the tree is left to the rows from then on.
-  bool is_ill_conditioned() const { return is_ill_conditioned_; }
+  /// Whether the rows advance the island: from then on where a pivot of H was lost, else for the
+  /// rest of the step, in which a loop passes a singular pose.
+  bool is_left_to_rows() const { return is_ill_conditioned_ || is_passing_; }
   void set_ill_conditioned() {
     is_ill_conditioned_ = true;
+    is_current_ = false;
+  }
+  void set_passing() {
+    is_passing_ = true;
     is_current_ = false;
   }
 
@@ -73,6 +82,7 @@ class ArticulatedTree {
  private:
   JointTree tree_;
   TreeDynamics dynamics_;
+  TreeClosings closings_;
   List<double> numbers_;   // storage of StageMemory
   List<double> work_;      // a state with prescribed coordinates; changes of all motions
   List<TreeRoot> roots_;   // per body, of its tree
@@ -82,6 +92,7 @@ class ArticulatedTree {
   bool is_placed_ = false;
   double size_ = 0.0;
   bool is_ill_conditioned_ = false;
+  bool is_passing_ = false;  // false between steps
 };
 
 }  // namespace constraint_sim::engine

@@ -75,20 +75,58 @@ std::size_t free_directions(const List<TreeNode>& tree) {
   return count;
 }
 
+/// Flags the links that close loops: those that a largest tree leaves out, where joints with laws
+/// come first, then those with more rows. All fixed points count as one body. Returns false where a
+/// link can neither hang nor close.
+bool find_closings(const IslandModel& island, List<char>* closes) {
+  const auto& links = island.links();
+  const std::size_t ground = island.bodies().size();
+  List<std::size_t> order;
+  for (std::size_t l = 0; l < links.size(); ++l) {
+    const JointKindInfo& kind = info(links[l].kind);
+    if (couples_joints(links[l].kind)) continue;
+    const bool is_rod = island.is_rod(l);
+    if (is_rod) (*closes)[l] = 1;
+    if (is_rod) continue;
+    if (!island.is_by_offset(l) || kind.function[0].is_length || is_custom(links[l].kind) ||
+        !spans_all_directions(kind))
+      return false;
+    order.push_back(l);
+  }
+  const auto has_laws = [&](std::size_t l) {
+    return links[l].softs > 0 || links[l].rows > info(links[l].kind).rows;
+  };
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {
+    if (has_laws(i) != has_laws(j)) return has_laws(i);
+    return info(links[i].kind).rows > info(links[j].kind).rows;
+  });
+  List<std::size_t> group(ground + 1);  // towards a body of each connected group
+  for (std::size_t i = 0; i <= ground; ++i) group[i] = i;
+  const auto group_of = [&](std::size_t point) {
+    std::size_t i = std::min(point, ground);
+    while (group[i] != i) i = group[i] = group[group[i]];
+    return i;
+  };
+  for (const std::size_t l : order) {
+    const std::size_t a = group_of(links[l].a), b = group_of(links[l].b);
+    if (a == b) (*closes)[l] = 1;
+    group[a] = b;
+  }
+  return true;
+}
+
 }  // namespace
 
 BodyTree tree_of(const IslandModel& island) {
   const auto& links = island.links();
   const std::size_t bodies = island.bodies().size();
   if (bodies == 0 || island.rotating() != bodies) return {};
-  const auto can_hang = [&](std::size_t l) {
-    const JointKindInfo& kind = info(links[l].kind);
-    return (island.is_ball(l) || island.is_general(l)) && !kind.function[0].is_length &&
-           !is_custom(links[l].kind) && spans_all_directions(kind);
-  };
   const auto is_fixed = [&](std::size_t point) { return point >= bodies; };
+  BodyTree tree;
+  List<char> closes(links.size(), 0);
+  if (!find_closings(island, &closes)) return {};
 
-  List<TreeNode> nodes;
+  List<TreeNode>& nodes = tree.nodes;
   List<char> is_placed(bodies, 0);
   const auto place = [&](const TreeNode& node) {
     is_placed[node.body] = 1;
@@ -96,16 +134,16 @@ BodyTree tree_of(const IslandModel& island) {
   };
   const auto hang = [&](std::size_t l, bool is_b) { place(node_of(island, l, is_b)); };
   List<List<std::size_t>> links_on(bodies);
-  std::size_t holding = 0;  // links that hold two bodies, or a body on a fixed point
   for (std::size_t l = 0; l < links.size(); ++l) {
     const auto& link = links[l];
     if (couples_joints(link.kind)) continue;
-    if (!can_hang(l)) return {};
-    ++holding;
+    if (closes[l] != 0) {
+      tree.closings.push_back(l);
+      continue;
+    }
     for (const std::size_t point : {link.a, link.b})
       if (!is_fixed(point)) links_on[point].push_back(l);
-    const bool hangs = is_fixed(link.a) || is_fixed(link.b);
-    if (hangs && is_placed[is_fixed(link.a) ? link.b : link.a] == 0) hang(l, is_fixed(link.a));
+    if (is_fixed(link.a) || is_fixed(link.b)) hang(l, is_fixed(link.a));
   }
   const std::size_t roots = nodes.size();
   if (roots == 0) place(free_root());  // free island: the first body is the root
@@ -118,14 +156,10 @@ BodyTree tree_of(const IslandModel& island) {
       if (!is_fixed(other) && is_placed[other] == 0) hang(l, is_a);
     }
   }
-  const std::size_t used = nodes.size() - (roots == 0 ? 1 : 0);
-  if (used != holding) return {};         // a loop
   if (nodes.size() != bodies) return {};  // unconnected bodies
   std::reverse(nodes.begin(), nodes.end());
-  BodyTree tree;
-  tree.has_fewer_motions =
-      island.coupled_rows().empty() && roots <= 1 && free_directions(nodes) < island.rows();
-  tree.nodes = std::move(nodes);
+  tree.has_fewer_motions = tree.closings.empty() && island.coupled_rows().empty() && roots <= 1 &&
+                           free_directions(nodes) < island.rows();
   tree.inertias.resize(bodies);
   tree.forces.resize(bodies);
   tree.motions.resize(bodies);

@@ -9,9 +9,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Entries of H beyond which the elimination of TreeOfBodies is cheaper: those of a chain of 24
-// hinges, where both take as many instructions, and more than those of a free robot with 30 motions
-// on four limbs.
+// Entries of H and of the matrices of loops beyond which the elimination of TreeOfBodies is
+// cheaper. A chain of 24 hinges has as many; there both take as many instructions. A free robot
+// with 30 motions on four limbs has fewer.
 constexpr std::size_t kMostEntries = 300;
 
 std::size_t next_even(std::size_t n) { return n + n % 2; }
@@ -125,6 +125,7 @@ bool add_couplings(const IslandModel& island, JointTree* tree) {
           motions[k] = motion_of(*tree, coupled[c].terms[k].link, coupled[c].terms[k].coordinate);
           made.zero += coupled[c].terms[k].ratio * coupled[c].terms[k].zero;
         }
+        if (motions[0] == kNoIndex || motions[1] == kNoIndex) return false;
         if (motions[0] != to && motions[1] != to) continue;
         made.coupled = c;
         made.from_term = motions[0] == to ? 1 : 0;
@@ -210,6 +211,41 @@ bool add_bodies(const IslandModel& island, const BodyTree& tree, JointTree* made
   return true;
 }
 
+/// Lists the joints that close loops.
+void add_closings(const IslandModel& island, const BodyTree& tree, JointTree* made) {
+  List<std::size_t> place_of(island.bodies().size(), kNoIndex);
+  for (std::size_t i = 0; i < made->bodies.size(); ++i) place_of[made->bodies[i].body] = i;
+  for (const std::size_t l : tree.closings) {
+    const IslandModel::Link& link = island.links()[l];
+    const auto end_of = [&](std::size_t point, const Vector3d& anchor, const Matrix3d& frame) {
+      ClosingJoint::End end;
+      end.axes = frame;
+      end.anchor = Vector3d::Zero();
+      if (point >= place_of.size()) {
+        end.point = point;
+        return end;
+      }
+      end.body = place_of[point];
+      const TreeBody& body = made->bodies[end.body];
+      end.axes = body.axes_of_body * frame;
+      end.anchor = body.centre + body.axes_of_body * anchor;
+      return end;
+    };
+    made->closings.push_back({l, end_of(link.a, link.anchor_a, link.frame_a),
+                              end_of(link.b, link.anchor_b, link.frame_b)});
+  }
+}
+
+/// Returns the number of entries of H, and of the matrices of closing rows.
+std::size_t entries_of(const IslandModel& island, const JointTree& tree) {
+  std::size_t entries = 0, rows = 0;
+  for (const TreeMotion& motion : tree.motions) entries += motion.depth + 1;
+  for (const ClosingJoint& closing : tree.closings) rows += island.rows_of(closing.link);
+  const std::size_t independent = tree.independent.size();
+  rows = std::min(rows, independent);  // others depend on these
+  return entries + rows * (rows + independent);
+}
+
 /// Sets the places of motions in a state, and the chain of unknown motions to the root.
 void lay_out_state(JointTree* tree) {
   List<std::size_t> last_of(tree->bodies.size(), kNoIndex);
@@ -235,6 +271,13 @@ void lay_out_state(JointTree* tree) {
 
 }  // namespace
 
+bool JointTree::keeps_momenta() const {
+  const auto is_on_fixed_point = [](const ClosingJoint& closing) {
+    return closing.a.body == kNoIndex || closing.b.body == kNoIndex;
+  };
+  return is_free() && std::none_of(closings.begin(), closings.end(), is_on_fixed_point);
+}
+
 JointTree joint_tree_of(const IslandModel& island, const BodyTree& tree) {
   JointTree made;
   if (island.is_chain_of_bodies() || !add_bodies(island, tree, &made)) return {};
@@ -246,9 +289,8 @@ JointTree joint_tree_of(const IslandModel& island, const BodyTree& tree) {
     if (!made.motions[k].is_prescribed && made.motions[k].source == kNoIndex)
       made.independent.push_back(k);
   lay_out_state(&made);
-  std::size_t entries = 0;
-  for (const TreeMotion& motion : made.motions) entries += motion.depth + 1;
-  return entries <= kMostEntries ? made : JointTree{};
+  add_closings(island, tree, &made);
+  return entries_of(island, made) <= kMostEntries ? made : JointTree{};
 }
 
 }  // namespace constraint_sim::engine

@@ -40,6 +40,18 @@ struct TreeCoupling {
   double zero = 0.0;  ///< Σ ratio q₀, q₀: the coordinate q where its form is 0
 };
 
+/// Joint that closes a loop of a JointTree, by rows between two bodies.
+struct ClosingJoint {
+  struct End {
+    std::size_t body = kNoIndex;   ///< index in JointTree::bodies; a fixed point has none
+    std::size_t point = kNoIndex;  ///< index in the island, of a fixed point
+    Eigen::Matrix3d axes;          ///< axes of the joint in the node, or on the fixed point
+    Eigen::Vector3d anchor;        ///< in the node [m]; on the fixed point 0
+  };
+  std::size_t link = 0;
+  End a, b;
+};
+
 /// A row of a joint as a component of what the joint transmits to the child.
 struct TransmittedRow {
   enum class Along : std::uint8_t {
@@ -81,7 +93,8 @@ struct TreeBody {
   bool is_of_rotation(std::size_t motion) const { return turns_freely && motion + 3 >= end; }
 };
 
-/// Trees of bodies by the coordinates of their joints; couplings may join several. A state holds
+/// Trees of bodies by the coordinates of their joints; couplings and closing joints may join
+/// several. A state holds
 /// the positions x of all motions and the quaternions (x, y, z, w) of rotations by three angles,
 /// then the rates of all motions; rates of such a rotation are angular velocities about the axes of
 /// the child's node.
@@ -89,19 +102,22 @@ struct JointTree {
   List<TreeBody> bodies;  ///< parents before their children
   List<TreeMotion> motions;
   List<TransmittedRow> rows;
-  List<TreeCoupling> couplings;   ///< `to` before what follows it
+  List<TreeCoupling> couplings;  ///< `to` before what follows it
+  List<ClosingJoint> closings;
   List<std::size_t> independent;  ///< motions that are neither prescribed nor follow others
   std::size_t rate_at = 0;        ///< number of positions, which is even
   std::size_t size = 0;           ///< numbers of a state, even
   bool has_quaternions = false;
 
   bool is_free() const { return bodies.front().fixed == kNoIndex; }
+  /// Whether only loads change the momenta of the whole.
+  bool keeps_momenta() const;
 };
 
 /// Returns the trees of an island by joint coordinates. Empty where `tree` is empty, where so many
-/// coordinates are not worth one matrix, and where more than half of the bodies turn by three
-/// angles, whose errors are smaller with angular momenta as the state; also where couplings form a
-/// loop.
+/// coordinates or loops are not worth dense matrices, and where more than half of the bodies turn
+/// by three angles, whose errors are smaller with angular momenta as the state; also where
+/// couplings form a loop or have a term on a joint that closes one.
 JointTree joint_tree_of(const IslandModel& island, const BodyTree& tree);
 
 }  // namespace constraint_sim::engine

@@ -203,12 +203,11 @@ void TreeDynamics::find_own(const JointTree& tree, std::size_t i, const Vector3d
 }
 
 // H = Lᵀ D L along branches. Rows of a motion and of one before it begin with the same motions.
-[[gnu::flatten]] void TreeDynamics::solve(const JointTree& tree) {
-  if (!tree.couplings.empty()) return solve_coupled(tree);
-  const std::size_t motions = tree.motions.size();
+// Forces are eliminated on the way.
+[[gnu::flatten]] void TreeDynamics::factor(const JointTree& tree, double* forces) {
   const auto before = [&](std::size_t k) { return tree.motions[k].before; };
   for (const std::size_t k : tree.independent) diagonal_[k] = row(k)[tree.motions[k].depth];
-  for (std::size_t k = motions; k-- > 0;) {
+  for (std::size_t k = tree.motions.size(); k-- > 0;) {
     if (tree.motions[k].is_prescribed) continue;
     double* const entries = row(k);
     std::size_t depth = tree.motions[k].depth;
@@ -217,39 +216,64 @@ void TreeDynamics::find_own(const JointTree& tree, std::size_t i, const Vector3d
       const double l = entries[--depth] * inverse;
       double* const above = row(i);
       for (std::size_t d = 0; d <= depth; ++d) above[d] -= l * entries[d];
-      b_[i] -= l * b_[k];
+      forces[i] -= l * forces[k];
       entries[depth] = l;
     }
-    b_[k] *= inverse;
-  }
-  for (std::size_t k = 0; k < motions; ++k) {
-    if (tree.motions[k].is_prescribed) continue;
-    const double* const entries = row(k);
-    double sum = b_[k];
-    for (std::size_t i = before(k); i != kNoIndex; i = before(i))
-      sum -= entries[tree.motions[i].depth] * acceleration_[i];
-    acceleration_[k] = unknown_acceleration_[k] = sum;
+    forces[k] *= inverse;
   }
 }
 
-// Solves for the independent motions: Gᵀ H G ẍ = Gᵀ b, where G has the factors.
-void TreeDynamics::solve_coupled(const JointTree& tree) {
+// Replaces eliminated forces on motions by accelerations.
+void TreeDynamics::substitute(const JointTree& tree, double* numbers) const {
+  for (std::size_t k = 0; k < tree.motions.size(); ++k) {
+    if (tree.motions[k].is_prescribed) continue;
+    const double* const entries = row(k);
+    double sum = numbers[k];
+    for (std::size_t i = tree.motions[k].before; i != kNoIndex; i = tree.motions[i].before)
+      sum -= entries[tree.motions[i].depth] * numbers[i];
+    numbers[k] = sum;
+  }
+}
+
+void TreeDynamics::apply_inverse(const JointTree& tree, double* numbers) const {
+  if (!tree.couplings.empty()) return apply_coupled_inverse(tree, numbers);
+  for (std::size_t k = tree.motions.size(); k-- > 0;) {
+    if (tree.motions[k].is_prescribed) continue;
+    const double* const entries = row(k);
+    for (std::size_t i = tree.motions[k].before; i != kNoIndex; i = tree.motions[i].before)
+      numbers[i] -= entries[tree.motions[i].depth] * numbers[k];
+    numbers[k] /= entries[tree.motions[k].depth];
+  }
+  substitute(tree, numbers);
+}
+
+void TreeDynamics::solve(const JointTree& tree) {
+  double* const accelerations = unknown_acceleration_.data();
+  std::copy(b_.begin(), b_.end(), accelerations);
+  if (tree.couplings.empty()) {
+    factor(tree, accelerations);
+    substitute(tree, accelerations);
+  } else {
+    factor_coupled(tree);
+    apply_coupled_inverse(tree, accelerations);
+  }
+  for (std::size_t k = 0; k < tree.motions.size(); ++k)
+    if (!tree.motions[k].is_prescribed) acceleration_[k] = accelerations[k];
+}
+
+// Factors the matrix of the independent motions, Gᵀ H G, where G has the factors of couplings.
+void TreeDynamics::factor_coupled(const JointTree& tree) {
   const std::size_t n = reduced_b_.size();
   const auto R = [&](std::size_t i, std::size_t j) -> double& { return reduced_[i * n + j]; };
   std::fill(reduced_.begin(), reduced_.end(), 0.0);
-  std::fill(reduced_b_.begin(), reduced_b_.end(), 0.0);
-  const auto source_of = [&](std::size_t k) {
-    return place_of_[tree.motions[k].source == kNoIndex ? k : tree.motions[k].source];
-  };
   for (std::size_t k = 0; k < tree.motions.size(); ++k) {
     if (tree.motions[k].is_prescribed) continue;
-    const double factor = tree.motions[k].factor;
-    const std::size_t place = source_of(k);
-    reduced_b_[place] += factor * b_[k];
+    const std::size_t place = place_of_source(tree, k);
     for (std::size_t j = k; j != kNoIndex; j = tree.motions[j].before) {
-      const double entry = factor * tree.motions[j].factor * row(k)[tree.motions[j].depth];
-      R(place, source_of(j)) += entry;
-      if (j != k) R(source_of(j), place) += entry;
+      const double entry =
+          tree.motions[k].factor * tree.motions[j].factor * row(k)[tree.motions[j].depth];
+      R(place, place_of_source(tree, j)) += entry;
+      if (j != k) R(place_of_source(tree, j), place) += entry;
     }
   }
   for (std::size_t i = 0; i < n; ++i) diagonal_[tree.independent[i]] = R(i, i);
@@ -257,19 +281,45 @@ void TreeDynamics::solve_coupled(const JointTree& tree) {
     for (std::size_t j = i; j-- > 0;) {
       const double l = R(i, j) / R(i, i);
       for (std::size_t k = 0; k <= j; ++k) R(j, k) -= l * R(i, k);
-      reduced_b_[j] -= l * reduced_b_[i];
       R(i, j) = l;
     }
-    reduced_b_[i] /= R(i, i);
     const std::size_t k = tree.independent[i];
     row(k)[tree.motions[k].depth] = R(i, i);
+  }
+}
+
+void TreeDynamics::apply_coupled_inverse(const JointTree& tree, double* numbers) const {
+  const std::size_t n = reduced_b_.size();
+  const auto R = [&](std::size_t i, std::size_t j) { return reduced_[i * n + j]; };
+  std::fill(reduced_b_.begin(), reduced_b_.end(), 0.0);
+  for (std::size_t k = 0; k < tree.motions.size(); ++k)
+    if (!tree.motions[k].is_prescribed)
+      reduced_b_[place_of_source(tree, k)] += tree.motions[k].factor * numbers[k];
+  for (std::size_t i = n; i-- > 0;) {
+    for (std::size_t j = i; j-- > 0;) reduced_b_[j] -= R(i, j) * reduced_b_[i];
+    reduced_b_[i] /= R(i, i);
   }
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j < i; ++j) reduced_b_[i] -= R(i, j) * reduced_b_[j];
   for (std::size_t k = 0; k < tree.motions.size(); ++k)
     if (!tree.motions[k].is_prescribed)
-      acceleration_[k] = unknown_acceleration_[k] =
-          tree.motions[k].factor * reduced_b_[source_of(k)];
+      numbers[k] = tree.motions[k].factor * reduced_b_[place_of_source(tree, k)];
+}
+
+void TreeDynamics::add_wrench(const JointTree& tree, std::size_t body,
+                              const SpatialVector& wrench) {
+  for (std::size_t i = body; i != kNoIndex; i = tree.bodies[i].parent) {
+    transmitted_[i] = transmitted_[i] - wrench;
+    for (std::size_t k = tree.bodies[i].first; k < tree.bodies[i].end; ++k)
+      if (!tree.motions[k].is_prescribed) b_[k] += direction_[k].dot(wrench);
+  }
+}
+
+void TreeDynamics::add_to_accelerations(const double* change) {
+  for (std::size_t k = 0; k < acceleration_.size(); ++k) {
+    acceleration_[k] += change[k];
+    unknown_acceleration_[k] += change[k];
+  }
 }
 
 double TreeDynamics::least_pivot(const JointTree& tree) const {
@@ -290,8 +340,8 @@ void TreeDynamics::add_along_branches(const JointTree& tree, const double* rates
   }
 }
 
-// A joint transmits the forces that move its subtree as the parent moves, and for each motion in
-// it.
+// A joint transmits the forces that move its subtree as the parent moves, and those for each motion
+// in the subtree.
 [[gnu::flatten]] void TreeDynamics::find_transmitted(const JointTree& tree) {
   add_accelerations(tree);
   for (std::size_t i = 0; i < tree.bodies.size(); ++i)

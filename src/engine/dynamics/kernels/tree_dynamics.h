@@ -76,6 +76,14 @@ class TreeDynamics {
                 const Eigen::Vector3d* torque);
   /// Solves for ẍ of the unknown motions.
   void solve(const JointTree& tree);
+  /// Replaces forces on motions by H⁻¹ of them, with the factors of the last solve(). Numbers of
+  /// prescribed motions stay.
+  void apply_inverse(const JointTree& tree, double* numbers) const;
+  /// Adds a wrench about the origin on a body, after evaluate(). Where it is called after solve(),
+  /// only what joints transmit changes.
+  void add_wrench(const JointTree& tree, std::size_t body, const SpatialVector& wrench);
+  /// Adds to ẍ of all unknown motions, after solve().
+  void add_to_accelerations(const double* change);
   /// Least share of a pivot of the last solve() in its diagonal entry.
   double least_pivot(const JointTree& tree) const;
   /// Evaluates what joints transmit, after solve().
@@ -122,7 +130,15 @@ class TreeDynamics {
  private:
   /// Row k of H: an entry for each motion before motion k by its depth, then the diagonal one.
   double* row(std::size_t k) { return H_.data() + k * direction_.size(); }
-  void solve_coupled(const JointTree& tree);
+  const double* row(std::size_t k) const { return H_.data() + k * direction_.size(); }
+  void factor(const JointTree& tree, double* forces);
+  void substitute(const JointTree& tree, double* numbers) const;
+  void factor_coupled(const JointTree& tree);
+  void apply_coupled_inverse(const JointTree& tree, double* numbers) const;
+  std::size_t place_of_source(const JointTree& tree, std::size_t motion) const {
+    const std::size_t source = tree.motions[motion].source;
+    return place_of_[source == kNoIndex ? motion : source];
+  }
   void find_own(const JointTree& tree, std::size_t first, const Eigen::Vector3d* acceleration,
                 const Eigen::Vector3d* torque);
   void place_node(const TreeBody& body, const TreeMotion* motions, const double* y,
@@ -139,7 +155,8 @@ class TreeDynamics {
   mutable List<SpatialVector> added_;  // per body: result of add_along_branches()
   List<SpatialVector> subtree_;        // per body: force by the unknown motions of its subtree
   List<double> H_, b_;                 // rows of H, right-hand side
-  List<double> reduced_, reduced_b_;   // H and b of independent motions
+  List<double> reduced_;               // H of independent motions, then its factors
+  mutable List<double> reduced_b_;     // forces on independent motions
   List<std::size_t> place_of_;         // place of an independent motion in these, per motion
   List<double> diagonal_;              // diagonal of H, per motion
 };

@@ -4,7 +4,9 @@
 #include <array>
 #include <cmath>
 
+#include "engine/dynamics/kernels/tree_forces.h"
 #include "engine/dynamics/kernels/tree_reading.h"
+#include "engine/dynamics/kernels/tree_writing.h"
 #include "engine/math/embedded_pairs.h"
 #include "engine/math/larger.h"
 #include "engine/math/numbers.h"
@@ -13,13 +15,17 @@
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Matrix3d;
-using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 // A pivot below this share of its diagonal entry has lost half of its digits to the masses of the
 // subtree.
 constexpr double kLeastPivot = 1e-8;
+// Near a singular pose of a loop the rows of all joints go on, and joint coordinates take over
+// again well past it. Of a planar loop the pivot is the square of an angle, so these are 1e-3 and
+// 1e-2.
+constexpr double kLeastPivotOfLoops = 1e-6;
+constexpr double kPivotToReturn = 1e-4;
+constexpr int kMostNewtonSteps = 8;
 // An estimate of this many sizes of the tree is no error of a step but a step far beyond stability.
 constexpr double kMostSizes = 1.0;
 constexpr double kTurn = 6.283185307179586;            // [rad]
@@ -46,7 +52,8 @@ TreeSystem::TreeSystem(EquationsOfMotion& equations, ArticulatedTree& tree)
       view_(equations.kernel_view()),
       state_(tree),
       tree_(tree.tree()),
-      dynamics_(tree.dynamics()) {
+      dynamics_(tree.dynamics()),
+      closings_(tree.closings()) {
   place_roots();
 }
 
@@ -112,15 +119,15 @@ bool TreeSystem::read(double t) {
   std::fill_n(memory.state(), tree_.size, 0.0);
   read_tree(equations_, tree_, state_.roots(), memory.state());
   move_with_time(t, memory.state());
+  closings_.select(equations_.redundant().is_redundant());
   place_start(t);
-  if (!(dynamics_.least_pivot(tree_) > kLeastPivot)) {
-    state_.set_ill_conditioned();
-    return false;
-  }
+  if (!(dynamics_.least_pivot(tree_) > kLeastPivot)) state_.set_ill_conditioned();
+  if (!closings_.empty() && !are_loops_regular(kPivotToReturn)) state_.set_passing();
+  if (state_.is_left_to_rows()) return false;
   write_derivative(memory.state(), memory.derivatives());
   write_forces(0);
   state_.note_size();
-  if (tree_.is_free()) state_.momentum() = TreeMomentum(tree_, dynamics_);
+  if (tree_.keeps_momenta()) state_.momentum() = TreeMomentum(tree_, dynamics_);
   state_.set_current();
   return true;
 }
@@ -135,6 +142,11 @@ void TreeSystem::begin(double t) {
     state_.set_placed(false);
   }
   drop_whole_turns(y);
+  if (!closings_.empty()) {
+    closings_.select(equations_.redundant().is_redundant());
+    if (!state_.is_placed()) place_start(t);
+    closings_.begin_coordinates();
+  }
   for (std::size_t k = 0; k < tree_.motions.size(); ++k)
     state_.noted()[k] = y[tree_.motions[k].position];
 }
@@ -184,48 +196,22 @@ void TreeSystem::note_coordinates() {
   view_.coordinates->set_time(time_);
 }
 
-Vector3d TreeSystem::origin(const TreeBody& body) const {
-  return tree_.is_free() ? Vector3d(Vector3d::Map(state_.memory().state()))
-                         : view_.position[body.fixed];
-}
-
 void TreeSystem::scatter(List<BodyState>* states) {
-  for (std::size_t i = 0; i < tree_.bodies.size(); ++i) {
-    const TreeDynamics::Placed& at = dynamics_.placed(i);
-    const TreeBody& body = tree_.bodies[i];
-    BodyState& state = (*states)[equations_.bodies()[body.body]];
-    state.position = origin(body) + at.centre;
-    state.linear_velocity = dynamics_.velocity(i);
-    state.angular_velocity = at.motion.angular;
-    Quaterniond q(Matrix3d(at.axes * body.axes_of_body));
-    if (q.coeffs().dot(state.orientation.coeffs()) < 0.0) q.coeffs() = -q.coeffs();
-    normalize_quaternions(q.coeffs().data(), 1);
-    state.orientation = q;
-  }
-}
-
-void TreeSystem::write_state(double* y) {
-  for (std::size_t i = 0; i < tree_.bodies.size(); ++i) {
-    const TreeDynamics::Placed& at = dynamics_.placed(i);
-    const TreeBody& body = tree_.bodies[i];
-    const Matrix3d axes = at.axes * body.axes_of_body;
-    const std::size_t b = body.body;
-    Vector3d::Map(y + 3 * b) = origin(body) + at.centre;
-    Vector3d::Map(y + view_.v_at + 3 * b) = dynamics_.velocity(i);
-    Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * b) = Quaterniond(axes).coeffs();
-    Vector3d::Map(y + view_.L_at + 3 * b) =
-        axes * equations_.inertia(b).cwiseProduct(Vector3d(axes.transpose() * at.motion.angular));
-  }
+  scatter_tree(in_interval(), root(state_.memory().state()), states);
 }
 
 void TreeSystem::place_start(double t) {
-  find_accelerations(0, prescribed(t, state_.memory().state()));
+  find_accelerations(0, t, prescribed(t, state_.memory().state()));
   state_.set_placed(true);
 }
 
 void TreeSystem::write_start(double t, double* y) {
   place_start(t);
   write_state(y);
+}
+
+void TreeSystem::write_state(double* y) {
+  write_tree_state(in_interval(), root(state_.memory().state()), y);
 }
 
 // ---- one evaluation
@@ -243,11 +229,19 @@ void TreeSystem::pull(std::size_t stage, const double* y) {
   }
 }
 
-void TreeSystem::find_accelerations(std::size_t stage, const double* y) {
-  dynamics_.place(tree_, state_.roots(), y);
+void TreeSystem::find_accelerations(std::size_t stage, double t, const double* y) {
+  place(y);
   if (!equations_.soft_coordinates().empty()) pull(stage, y);
   dynamics_.evaluate(tree_, view_.applied_acceleration, view_.applied_torque);
+  if (closings_.empty()) return dynamics_.solve(tree_);
+  closings_.pull(in_interval(), t, view_.stage_forces + stage * view_.unknowns);
   dynamics_.solve(tree_);
+  closings_.accelerate(in_interval());
+}
+
+void TreeSystem::place(const double* y) {
+  dynamics_.place(tree_, state_.roots(), y);
+  if (!closings_.empty()) closings_.place(in_interval(), root(y));
 }
 
 // Returns y with what is prescribed at time t [s].
@@ -261,16 +255,16 @@ const double* TreeSystem::prescribed(double t, const double* y) {
 
 void TreeSystem::derivative(std::size_t stage, double t, const double* y, double* dydt) {
   y = prescribed(t, y);
-  find_accelerations(stage, y);
+  find_accelerations(stage, t, y);
   write_derivative(y, dydt);
   if (needs_forces_ == nullptr || needs_forces_[stage]) write_forces(stage);
 }
 
 void TreeSystem::write_forces(std::size_t stage) {
-  dynamics_.find_transmitted(tree_);
   double* const forces = view_.stage_forces + stage * view_.unknowns;
-  for (std::size_t i = 0; i < tree_.bodies.size(); ++i) write_row_forces(i, forces);
-  write_motor_forces(forces);
+  if (!closings_.empty()) closings_.write_forces(in_interval(), forces);
+  dynamics_.find_transmitted(tree_);
+  write_transmitted_forces(in_interval(), state_.work().data(), forces);
 }
 
 void TreeSystem::write_derivative(const double* y, double* dydt) {
@@ -286,76 +280,60 @@ void TreeSystem::write_derivative(const double* y, double* dydt) {
   }
 }
 
-// Writes the forces of the rows of a joint, from what it transmits to the child.
-void TreeSystem::write_row_forces(std::size_t i, double* forces) const {
-  const TreeBody& body = tree_.bodies[i];
-  const TreeDynamics::Placed& at = dynamics_.placed(i);
-  const SpatialVector& transmitted = dynamics_.transmitted(i);
-  const Vector3d& on_b = body.is_a ? at.point_before : at.point;
-  const Vector3d torque = transmitted.angular - on_b.cross(transmitted.linear);
-  for (std::size_t k = body.first_row; k < body.end_row; ++k) {
-    const TransmittedRow& row = tree_.rows[k];
-    const Vector3d& of = row.is_torque ? torque : transmitted.linear;
-    double component = 0.0;
-    switch (row.along) {
-      case TransmittedRow::Along::kWorld:
-        component = of[row.axis];
-        break;
-      case TransmittedRow::Along::kBefore:
-        component = at.axes_before.col(row.axis).dot(of);
-        break;
-      case TransmittedRow::Along::kNode:
-        component = at.axes.col(row.axis).dot(of);
-        break;
-      case TransmittedRow::Along::kAcross:
-        component = dynamics_.direction(body.first + 1)
-                        .angular.cross(dynamics_.direction(body.first).angular)
-                        .dot(of);
-        break;
-    }
-    forces[view_.unknown[row.row]] = row.sign * component;
-  }
-}
-
-// Writes the forces of couplings and of motors that prescribe a motion: what a joint transmits
-// along a motion, less what springs and dampers do. Couplings are gone through towards their
-// sources.
-void TreeSystem::write_motor_forces(double* forces) {
-  if (tree_.independent.size() == tree_.motions.size()) return;
-  double* const left = state_.work().data();  // per motion
-  for (const TreeBody& body : tree_.bodies) {
-    const SpatialVector& transmitted =
-        dynamics_.transmitted(static_cast<std::size_t>(&body - tree_.bodies.data()));
-    for (std::size_t k = body.first; k < body.end; ++k)
-      left[k] = dynamics_.direction(k).dot(transmitted) - dynamics_.force(k);
-  }
-  for (std::size_t c = tree_.couplings.size(); c-- > 0;) {
-    const TreeCoupling& coupling = tree_.couplings[c];
-    const double force = left[coupling.from] / coupling.from_ratio;
-    left[coupling.to] -= coupling.to_ratio * force;
-    forces[view_.unknown[equations_.coupled_rows()[coupling.coupled].row]] = force;
-  }
-  for (std::size_t k = 0; k < tree_.motions.size(); ++k)
-    if (tree_.motions[k].row != kNoIndex)
-      forces[view_.unknown[tree_.motions[k].row]] = tree_.motions[k].sense * left[k];
-}
-
 // ---- the end of a substep
 
 bool TreeSystem::project(double t, double* y) {
   time_ = t;
   if (is_prescribing()) move_with_time(t, y);
+  return normalize(y) && (closings_.empty() || close_loops(y));
+}
+
+bool TreeSystem::normalize(double* y) const {
   for (const TreeBody& body : tree_.bodies)
     if (body.turns_freely && !normalize_quaternions(y + body.quaternion, 1)) return false;
   return true;
 }
 
+// Meets the rows of closing joints and their rates, by Newton steps with H of the last stage.
+bool TreeSystem::close_loops(double* y) {
+  double* const change = state_.work().data();
+  double before = kInfinity;
+  const double rounding = kEpsilon * std::max(state_.size(), view_.scale);
+  for (int i = 0;; ++i) {
+    place(y);
+    const double error = closings_.find_errors(in_interval());
+    if (error <= rounding || (error > 0.5 * before && error <= 16.0 * rounding)) break;
+    if (!(error <= 0.5 * before) || i == kMostNewtonSteps) return false;
+    before = error;
+    closings_.find_correction(in_interval(), change);
+    move(change, y);
+    if (!normalize(y)) return false;
+  }
+  substep_projected_ = closings_.find_rate_correction(in_interval(), change);
+  for (std::size_t k = 0; k < tree_.motions.size(); ++k) y[tree_.rate_at + k] += change[k];
+  return true;
+}
+
+// Adds a small change of all motions to the positions of y.
+void TreeSystem::move(const double* change, double* y) const {
+  for (const TreeBody& body : tree_.bodies) {
+    for (std::size_t k = body.first; k < body.end; ++k)
+      if (!body.is_of_rotation(k)) y[tree_.motions[k].position] += change[k];
+    if (!body.turns_freely) continue;
+    double rate[4];
+    write_rate_of_rotation(y + body.quaternion, change + body.end - 3, rate);
+    for (std::size_t e = 0; e < 4; ++e) y[body.quaternion + e] += rate[e];
+  }
+}
+
 bool TreeSystem::restart(double* y, double* dydt) {
-  if (tree_.is_free())
+  projected_ += substep_projected_;
+  if (tree_.keeps_momenta())
     state_.momentum().keep(tree_, state_.roots(),
                            {view_.applied_acceleration, view_.applied_torque}, substep_,
                            state_.memory().state(), &dynamics_, y);
-  if (next_stage_ > 0 && !tree_.has_quaternions) {  // the last stage was at this state
+  const bool has_moved = tree_.has_quaternions || !closings_.empty();
+  if (next_stage_ > 0 && !has_moved) {  // the last stage was at this state
     std::copy_n(dydt + next_stage_ * tree_.size, tree_.size, dydt);
     std::copy_n(view_.stage_forces + next_stage_ * view_.unknowns, view_.unknowns,
                 view_.stage_forces);
@@ -365,7 +343,18 @@ bool TreeSystem::restart(double* y, double* dydt) {
   state_.note_size();
   state_.set_placed(true);
   if (!(dynamics_.least_pivot(tree_) > kLeastPivot)) state_.set_ill_conditioned();
-  return !state_.is_ill_conditioned();
+  if (!closings_.empty()) {
+    closings_.note_coordinates(in_interval(), substep_);
+    view_.coordinates->set_time(time_);
+    if (!are_loops_regular(kLeastPivotOfLoops)) state_.set_passing();
+  }
+  return !state_.is_left_to_rows();
+}
+
+// Whether the rows of closing joints are independent, and determine the redundant rows.
+bool TreeSystem::are_loops_regular(double least_pivot) {
+  closings_.find_errors(in_interval());
+  return closings_.least_pivot() > least_pivot && closings_.redundant_rows_are_met(in_interval());
 }
 
 double TreeSystem::rounding() const { return 4.0 * kEpsilon * state_.size(); }

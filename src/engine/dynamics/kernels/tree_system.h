@@ -34,6 +34,8 @@ class TreeSystem {
   void write_state(double* y);
   /// Writes the state at the start of a substep that failed, at time t [s], likewise.
   void write_start(double t, double* y);
+  /// Kinetic energy lost by projecting velocities onto loops [J].
+  double projected() const { return projected_; }
   /// Evaluates the dynamics at the present state and time t [s], but neither derivative nor forces.
   void place_start(double t);
 
@@ -54,18 +56,22 @@ class TreeSystem {
   using Vector3d = Eigen::Vector3d;
 
   void place_roots();
-  Vector3d origin(const TreeBody& body) const;
+  Vector3d root(const double* y) const { return Vector3d::Map(y); }
   bool is_prescribing() const;
   void move_with_time(double t, double* y);
   void prescribe(double* y) const;
   void drop_whole_turns(double* y) const;
   const double* prescribed(double t, const double* y);
-  void find_accelerations(std::size_t stage, const double* y);
+  void find_accelerations(std::size_t stage, double t, const double* y);
+  void place(const double* y);
   void write_derivative(const double* y, double* dydt);
   void pull(std::size_t stage, const double* y);
   void write_forces(std::size_t stage);
-  void write_row_forces(std::size_t body, double* forces) const;
-  void write_motor_forces(double* forces);
+  bool normalize(double* y) const;
+  bool close_loops(double* y);
+  void move(const double* change, double* y) const;
+  bool are_loops_regular(double least_pivot);
+  TreeInInterval in_interval() { return {tree_, equations_, view_, dynamics_}; }
   double position_of(const TreeMotion& motion, double x) const;
 
   EquationsOfMotion& equations_;
@@ -73,8 +79,10 @@ class TreeSystem {
   ArticulatedTree& state_;
   const JointTree& tree_;
   TreeDynamics& dynamics_;
-  double time_ = 0.0, substep_ = 0.0;   // [s]
-  const bool* needs_forces_ = nullptr;  // per stage; null: all
+  TreeClosings& closings_;
+  double time_ = 0.0, substep_ = 0.0;                 // [s]
+  double projected_ = 0.0, substep_projected_ = 0.0;  // [J]
+  const bool* needs_forces_ = nullptr;                // per stage; null: all
   std::size_t next_stage_ = 0;  // stage of the substep that is the first of the next; 0: none
 };
 

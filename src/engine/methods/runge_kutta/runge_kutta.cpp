@@ -163,7 +163,7 @@ IntegrationResult RungeKutta::integrate_span(const Interval& span,
   if (tree_.is_current()) {
     IntegrationResult progress = integrate_tree(span, accuracy, states);
     progress.projected += begun.projected;
-    if (!tree_.is_ill_conditioned()) return progress;
+    if (!tree_.is_left_to_rows()) return progress;
     equations_.restore_impulses();
     return integrate_span(span, accuracy, states);
   }
@@ -205,6 +205,7 @@ IntegrationResult RungeKutta::integrate_tree(const Interval& span,
     forget();
     return progress;
   }
+  progress.projected = system.projected();
   system.note_coordinates();
   system.scatter(states);
   if (may_be_stiff(span, accuracy, progress.substeps)) {
@@ -246,10 +247,11 @@ bool RungeKutta::advance_in_coordinates(const Interval& span, const IntegratorOp
   const SubstepSpan start = *left;
   const IntegrationResult before = *progress;
   if (accuracy.order == 5 ? take(DormandPrince5{}) : take(DormandPrince8{})) {
+    progress->projected += system.projected();
     system.note_coordinates();
     return true;
   }
-  if (!tree_.is_ill_conditioned()) return false;
+  if (!tree_.is_left_to_rows()) return false;
   *left = start;
   *progress = before;
   equations_.restore_first_stage();

@@ -21,7 +21,10 @@ class RungeKutta {
 
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
-  void begin_step(const List<JointState>& joints) { equations_.begin_step(joints); }
+  void begin_step(const List<JointState>& joints) {
+    equations_.begin_step(joints);
+    tree_.begin_step();
+  }
   /// Advances the island as method.h describes, with its own equations. Impulses and angles of a
   /// failed attempt do not count.
   IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,

@@ -229,6 +229,11 @@ engine::reference::Scene axes_of(const Problem& problem, bool with_couplings) {
     added.state = {body.start.position, body.start.orientation, body.start.velocity,
                    body.start.angular_velocity};
     scene.bodies.push_back(added);
+    if (body.force.isZero(0.0)) continue;
+    engine::Wrench push;
+    push.body.value = static_cast<std::uint32_t>(scene.bodies.size());
+    push.force = body.force;
+    scene.wrenches.push_back(push);
   }
   std::vector<engine::JointId> ids(problem.joints.size());  // ids from 1, in the order of joints
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {

@@ -1,6 +1,6 @@
 // A problem for each kind of joint with axes, and each kind of coupling: two boxes in a chain on
 // the world, or both on the world, released at rest in general poses, so that nothing is planar and
-// no axis is principal.
+// no axis is principal. Then mechanisms of hinges: a chain, an arm, a quadruped and a loop.
 
 #include "common.h"
 #include "rotation_between.h"
@@ -115,12 +115,96 @@ Problem pulley() {
   return with_reference(made);
 }
 
+/// Bars along x, each hinged to the one before it; axes by number of the hinge.
+Problem bars_on_hinges(const std::string& name, const std::vector<double>& lengths,
+                       const std::vector<Vector3d>& axes, double duration) {
+  Problem made = problem(name, "mechanism", duration);
+  made.is_planar = false;
+  double reach = 0.0;
+  for (std::size_t i = 0; i < lengths.size(); ++i) {
+    Body bar = box(2.0 * lengths[i], {lengths[i], 0.06, 0.05});
+    bar.start.position = {reach + 0.5 * lengths[i], 0.0, 0.0};
+    made.bodies.push_back(bar);
+    const int own = static_cast<int>(i);
+    made.joints.push_back(on_axes(made, JointKind::kHinge, i == 0 ? kWorld : own - 1, own,
+                                  {reach, 0.0, 0.0},
+                                  rotation_between(Vector3d::UnitZ(), axes[i % axes.size()])));
+    reach += lengths[i];
+  }
+  return with_reference(made);
+}
+
+/// A trunk in flight with four legs of three hinges, about x, y and y. Forces on the lowest links
+/// move them.
+Problem quadruped() {
+  Problem made = problem("quadruped", "mechanism", 1.0);
+  made.is_planar = false;
+  made.bodies = {box(10.0, {0.6, 0.3, 0.15})};
+  const double lengths[] = {0.1, 0.3, 0.3};
+  for (int leg = 0; leg < 4; ++leg) {
+    const Vector3d hip(leg < 2 ? 0.3 : -0.3, leg % 2 == 0 ? 0.15 : -0.15, 0.0);
+    double top = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      Body link = box(0.5, {0.05, 0.04, lengths[k]});
+      link.start.position = hip + Vector3d(0.0, 0.0, top - 0.5 * lengths[k]);
+      if (k == 2) link.force = Vector3d(1.0 + leg, 0.5 - leg, 0.3 * leg);
+      made.bodies.push_back(link);
+      const int own = 1 + 3 * leg + k;
+      made.joints.push_back(
+          on_axes(made, JointKind::kHinge, k == 0 ? 0 : own - 1, own, hip + Vector3d(0.0, 0.0, top),
+                  rotation_between(Vector3d::UnitZ(),
+                                   k == 0 ? Vector3d::UnitX() : Vector3d(Vector3d::UnitY()))));
+      top -= lengths[k];
+    }
+  }
+  return with_reference(made);
+}
+
+/// A crank, a coupler and a rocker on four hinges with parallel axes. Three rows are redundant; in
+/// the reference a point on the line of the axis stands for the last hinge.
+Problem four_bar() {
+  Problem made = problem("hinge_four_bar", "mechanism", 5.0);
+  made.is_planar = false;
+  const Vector3d axis = Vector3d(0.2, 1.0, 0.1).normalized();
+  const Quaterniond frame = rotation_between(Vector3d::UnitZ(), axis);
+  const Vector3d points[] = {Vector3d::Zero(), frame * Vector3d(0.3, 0.1, 0.0),
+                             frame * Vector3d(0.7, 1.0, 0.1), frame * Vector3d(0.1, 1.2, 0.0)};
+  for (int i = 0; i < 3; ++i) {
+    const Vector3d between = points[i + 1] - points[i];
+    Body bar = box(1.0 + i, {between.norm(), 0.06, 0.05});
+    bar.start.position = 0.5 * (points[i] + points[i + 1]);
+    bar.start.orientation = rotation_between(Vector3d::UnitX(), between.normalized());
+    made.bodies.push_back(bar);
+  }
+  const auto hinge = [&](int i) {
+    return on_axes(made, JointKind::kHinge, i == 0 ? kWorld : i - 1, i < 3 ? i : kWorld, points[i],
+                   frame);
+  };
+  for (int i = 0; i < 3; ++i) made.joints.push_back(hinge(i));
+  Joint last = hinge(3);
+  std::swap(last.a, last.b);
+  std::swap(last.anchor_a, last.anchor_b);
+  std::swap(last.frame_a, last.frame_b);
+  Problem reduced = made;
+  reduced.joints.push_back(last);
+  reduced.joints.back().kind = JointKind::kPointOnLine;
+  made.joints.push_back(last);
+  made.reference = mechanism_motion(reduced);
+  made.source = with_reference(reduced).source;
+  return made;
+}
+
 std::vector<Problem> make() {
+  const std::vector<Vector3d> crossed{Vector3d::UnitY(), Vector3d::UnitZ()};
   const Vector3d level(0.3, 1.0, 0.2), steep(0.5, -0.4, 1.0);
   return {gears(level),
           rack(level, steep),
           screws(steep),
           pulley(),
+          bars_on_hinges("hinge_chain_10", std::vector<double>(10, 0.4), crossed, 2.0),
+          bars_on_hinges("arm_7", {0.2, 0.3, 0.3, 0.2, 0.2, 0.1, 0.1}, crossed, 2.0),
+          quadruped(),
+          four_bar(),
           two_boxes(JointKind::kHinge, JointKind::kHinge, level, 5.0),
           two_boxes(JointKind::kSlider, JointKind::kSlider, steep, 1.0),
           two_boxes(JointKind::kCylindrical, JointKind::kCylindrical, steep, 1.0),

@@ -278,19 +278,25 @@ bool JointTree::keeps_momenta() const {
   return is_free() && std::none_of(closings.begin(), closings.end(), is_on_fixed_point);
 }
 
-JointTree joint_tree_of(const IslandModel& island, const BodyTree& tree) {
+JointTree whole_joint_tree_of(const IslandModel& island, const BodyTree& tree) {
   JointTree made;
-  if (island.is_chain_of_bodies() || !add_bodies(island, tree, &made)) return {};
+  if (!add_bodies(island, tree, &made) || !add_couplings(island, &made)) return {};
   if (made.motions.empty()) return {};  // no bodies, or only welds
-  const auto turning = std::count_if(made.bodies.begin(), made.bodies.end(),
-                                     [](const TreeBody& body) { return body.turns_freely; });
-  if (2 * to_index(turning) > made.bodies.size() || !add_couplings(island, &made)) return {};
   for (std::size_t k = 0; k < made.motions.size(); ++k)
     if (!made.motions[k].is_prescribed && made.motions[k].source == kNoIndex)
       made.independent.push_back(k);
   lay_out_state(&made);
   add_closings(island, tree, &made);
-  return entries_of(island, made) <= kMostEntries ? made : JointTree{};
+  return made;
+}
+
+JointTree joint_tree_of(const IslandModel& island, const BodyTree& tree) {
+  if (island.is_chain_of_bodies()) return {};
+  JointTree made = whole_joint_tree_of(island, tree);
+  const auto turning = std::count_if(made.bodies.begin(), made.bodies.end(),
+                                     [](const TreeBody& body) { return body.turns_freely; });
+  const bool is_dear = entries_of(island, made) > kMostEntries;
+  return is_dear || 2 * to_index(turning) > made.bodies.size() ? JointTree{} : made;
 }
 
 }  // namespace constraint_sim::engine

@@ -114,10 +114,14 @@ struct JointTree {
   bool keeps_momenta() const;
 };
 
-/// Returns the trees of an island by joint coordinates. Empty where `tree` is empty, where so many
+/// Returns the trees of an island by joint coordinates. Empty where `tree` is empty, where a child
+/// is end A of a joint with shifts and a turn by three angles, and where couplings form a loop or
+/// have a term on a joint that closes one.
+JointTree whole_joint_tree_of(const IslandModel& island, const BodyTree& tree);
+
+/// Returns likewise the trees that are integrated by joint coordinates. Empty also where so many
 /// coordinates or loops are not worth dense matrices, and where more than half of the bodies turn
-/// by three angles, whose errors are smaller with angular momenta as the state; also where
-/// couplings form a loop or have a term on a joint that closes one.
+/// by three angles, whose errors are smaller with angular momenta as the state.
 JointTree joint_tree_of(const IslandModel& island, const BodyTree& tree);
 
 }  // namespace constraint_sim::engine

@@ -74,6 +74,9 @@ class TreeDynamics {
   /// island are those of gravity and loads.
   void evaluate(const JointTree& tree, const Eigen::Vector3d* acceleration,
                 const Eigen::Vector3d* torque);
+  /// Entry of H, after evaluate() and before solve(): row k, and the column of the motion with this
+  /// depth among k and the motions before it.
+  double entry(std::size_t k, std::size_t depth) const { return H_[k * direction_.size() + depth]; }
   /// Solves for ẍ of the unknown motions.
   void solve(const JointTree& tree);
   /// Replaces forces on motions by H⁻¹ of them, with the factors of the last solve(). Numbers of

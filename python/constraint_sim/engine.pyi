@@ -184,6 +184,34 @@ class Event(TypedDict):
     impulse: float             # impulse of the impact at the event [N s or N m s]
 
 
+class RobotCoordinate(TypedDict):
+    name: str                  # unique in the robot
+    joint: Optional[str]       # None: of a free base
+    coordinate: Optional[int]  # of the joint; None: a motion without laws
+    is_angle: bool
+    position: Optional[float]  # [m or rad]; None for turns by three angles
+    velocity: float            # [m/s or rad/s]
+
+
+class RobotFollower(TypedDict):
+    joint: str
+    coordinate: int            # of the joint
+    leader: int                # index in RobotDynamics.coordinates
+    ratio: float               # rate over the rate of the leader
+
+
+class PointMotion(TypedDict):
+    jacobian: np.ndarray       # (6, n), linear rows before angular ones, world axes
+    velocity: np.ndarray       # (6,) [m/s, rad/s]
+    bias: np.ndarray           # (6,) [m/s^2, rad/s^2]
+
+
+class Linearization(TypedDict):
+    A: np.ndarray              # (2n, 2n)
+    B: np.ndarray              # (2n, n)
+    acceleration: np.ndarray   # (n,) [m/s^2 or rad/s^2]
+
+
 class StepReport:
     """What one step did, how wrong it is and what it cost. A copy: it keeps its values when the
     world steps on."""
@@ -472,6 +500,60 @@ class VerifyReport:
         """reason why the runs ended early; empty otherwise"""
 
 
+class RobotDynamics:
+    """Dynamics M qdd + b = force + p of a robot at the state in which World.robot_dynamics read it.
+    Independent of the world."""
+    @property
+    def coordinates(self) -> List[RobotCoordinate]:
+        """Coordinates in their order."""
+    @property
+    def followers(self) -> List[RobotFollower]:
+        """Coordinates that follow others by gears and screws."""
+    @property
+    def bodies(self) -> List[str]:
+        """Names of the bodies in the order of adding."""
+    @property
+    def pose_error(self) -> float:
+        """Largest error of a joint, which is left out: distance [m] plus angle [rad]."""
+    @property
+    def position(self) -> np.ndarray:
+        """Positions of the coordinates [m or rad], shape (n,); NaN for turns by three angles."""
+    @property
+    def velocity(self) -> np.ndarray:
+        """Rates of the coordinates [m/s or rad/s], shape (n,)."""
+    @property
+    def mass_matrix(self) -> np.ndarray:
+        """M, symmetric, shape (n, n) [kg, kg m or kg m^2]."""
+    @property
+    def bias(self) -> np.ndarray:
+        """b: Coriolis and centrifugal forces, of a moving base, and gravity, shape (n,) [N or N m]."""
+    @property
+    def gravity(self) -> np.ndarray:
+        """Forces that carry the weights at rest, part of bias, shape (n,) [N or N m]."""
+    @property
+    def passive(self) -> np.ndarray:
+        """p: forces of stiffness and damping of the coordinates, shape (n,) [N or N m]."""
+    def motion_of(self, body: str, point: Optional[Vector] = ...) -> PointMotion:
+        """motion_of(body, point=(0, 0, 0) [m] in the body's frame)
+
+        Motion of a point fixed on a body, or of a frame there, in world axes. The acceleration is
+        jacobian @ qdd + bias."""
+    def inverse_dynamics(self, acceleration: Vector) -> np.ndarray:
+        """inverse_dynamics(acceleration)
+
+        Forces M qdd + b - p [N or N m] for accelerations qdd [m/s^2 or rad/s^2], shape (n,)."""
+    def forward_dynamics(self, force: Vector) -> np.ndarray:
+        """forward_dynamics(force)
+
+        Accelerations [m/s^2 or rad/s^2] by forces along the coordinates [N or N m], shape (n,)."""
+    def linearize(self, force: Vector) -> Linearization:
+        """linearize(force)
+
+        Derivatives at the present state and forces [N or N m], analytical: d/dt (dq, dqd) =
+        A (dq, dqd) + B dforce. Of turns by three angles dq is a rotation vector in axes of the
+        body farther from the base."""
+
+
 class World:
     """World(**options)
 
@@ -758,6 +840,12 @@ class World:
 
         The same of a file, with the .yaml and .srdf of the same name beside it; an `extra`
         replaces the YAML."""
+    def robot_dynamics(self, body: str) -> RobotDynamics:
+        """robot_dynamics(body)
+
+        RobotDynamics of the robot that has this dynamic body, at the present state: all bodies that
+        acting joints connect. Motors, limits, friction, contacts and wrenches are left out. Raises
+        ValueError naming joint or body where the joints form no tree."""
     def save_scene(self) -> str:
         """The world as it is now, as text of a scene; every number to 4 ulp."""
     def save_scene_file(self, path: str) -> None:

@@ -26,6 +26,8 @@ void define_geometry(WorldClass* world);
 void define_joints(WorldClass* world);
 void define_robots(WorldClass* world);
 void define_verify(WorldClass* world);
+/// RobotDynamics and World.robot_dynamics.
+void define_robot_dynamics(py::module* module, WorldClass* world);
 
 /// Returns an estimate; None for NaN, which means that there is no estimate.
 inline std::optional<double> known(double estimate) {

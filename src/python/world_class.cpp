@@ -379,6 +379,7 @@ void define_world(py::module* module) {
   define_geometry(&world);
   define_joints(&world);
   define_robots(&world);
+  define_robot_dynamics(module, &world);
   define_wrenches(&world);
   define_motion(&world);
   define_verify(&world);

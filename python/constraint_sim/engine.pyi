@@ -508,7 +508,7 @@ class RobotDynamics:
         """Coordinates in their order."""
     @property
     def followers(self) -> List[RobotFollower]:
-        """Coordinates that follow others by gears and screws."""
+        """Coordinates that follow others by couplings."""
     @property
     def bodies(self) -> List[str]:
         """Names of the bodies in the order of adding."""
@@ -840,12 +840,13 @@ class World:
 
         The same of a file, with the .yaml and .srdf of the same name beside it; an `extra`
         replaces the YAML."""
-    def robot_dynamics(self, body: str) -> RobotDynamics:
+    def robot_dynamics(self, body: Union[str, Sequence[str]]) -> RobotDynamics:
         """robot_dynamics(body)
 
-        RobotDynamics of the robot that has this dynamic body, at the present state: all bodies that
-        acting joints connect. Motors, limits, friction, contacts and wrenches are left out. Raises
-        ValueError naming joint or body where the joints form no tree."""
+        RobotDynamics at the present state of the robot that has this dynamic body, or these: a list
+        of names, such as `bodies` of add_urdf, of which those that are not dynamic are ignored. It
+        has all bodies that acting joints connect. Motors, limits, friction, contacts and wrenches
+        are left out. Raises ValueError naming joint or body where the joints form no tree."""
     def save_scene(self) -> str:
         """The world as it is now, as text of a scene; every number to 4 ulp."""
     def save_scene_file(self, path: str) -> None:

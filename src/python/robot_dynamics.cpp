@@ -31,8 +31,8 @@ struct NamedFollower {
 /// Dynamics with the names of bodies and joints when they were read.
 class NamedDynamics {
  public:
-  NamedDynamics(const engine::World& world, const std::string& body)
-      : dynamics_(world, world.find_body(body)) {
+  NamedDynamics(const engine::World& world, const std::vector<std::string>& bodies)
+      : dynamics_(world, ids_of(world, bodies)) {
     for (const engine::RobotCoordinate& coordinate : dynamics_.coordinates()) {
       std::optional<std::string> joint;
       if (coordinate.joint) joint = world.joint(*coordinate.joint).name;
@@ -56,6 +56,13 @@ class NamedDynamics {
   }
 
  private:
+  static std::vector<engine::BodyId> ids_of(const engine::World& world,
+                                            const std::vector<std::string>& names) {
+    std::vector<engine::BodyId> ids;
+    for (const std::string& name : names) ids.push_back(world.find_body(name));
+    return ids;
+  }
+
   engine::RobotDynamics dynamics_;
   std::vector<NamedCoordinate> coordinates_;
   std::vector<NamedFollower> followers_;
@@ -127,7 +134,7 @@ void define_quantities(Class* dynamics) {
               "of the joint (None: a motion without laws), is_angle, position [m or rad] (None for "
               "turns by three angles), velocity [m/s or rad/s].");
   define_list(dynamics, "followers", &NamedDynamics::followers, follower_dict,
-              "Coordinates that follow others by gears and screws, dicts of joint, coordinate, "
+              "Coordinates that follow others by couplings, dicts of joint, coordinate, "
               "leader (index in coordinates) and ratio of the rates.");
   dynamics->def_property_readonly("bodies", &NamedDynamics::bodies,
                                   "Names of the bodies in the order of adding.");
@@ -222,13 +229,22 @@ void define_robot_dynamics(py::module* module, WorldClass* world) {
   world->def(
       "robot_dynamics",
       [](const SharedWorld& self, const std::string& body) {
-        return std::make_unique<NamedDynamics>(self.read(), body);
+        return std::make_unique<NamedDynamics>(self.read(), std::vector<std::string>{body});
+      },
+      py::arg("body"));
+  world->def(
+      "robot_dynamics",
+      [](const SharedWorld& self, const std::vector<std::string>& bodies) {
+        return std::make_unique<NamedDynamics>(self.read(), bodies);
       },
       py::arg("body"),
-      "robot_dynamics(body)\n\nRobotDynamics of the robot that has this dynamic body, at the "
-      "present state: all bodies that acting joints connect. Motors, limits, friction, contacts "
-      "and wrenches are left out. Raises ValueError naming joint or body where the joints form no "
-      "tree.");
+      "robot_dynamics(body)\n\nRobotDynamics at the present state of the robot that has this "
+      "dynamic "
+      "body, or these: a list of names, such as `bodies` of add_urdf, of which those that are not "
+      "dynamic are ignored. It has all bodies that acting joints connect. Motors, limits, "
+      "friction, "
+      "contacts and wrenches are left out. Raises ValueError naming joint or body where the joints "
+      "form no tree.");
 }
 
 }  // namespace constraint_sim::python

@@ -324,6 +324,43 @@ TEST(RobotMechanisms, SaysWhyThereIsNone) {
       << why_not(world, bars[0]);
 }
 
+// Limbs on one static body are robots of their own, or one robot; a joint that holds nothing makes
+// them no other.
+TEST(RobotMechanisms, SeveralTrees) {
+  World world = bars_on_hinges(WorldOptions{}, {1.0, 2.0});
+  const BodyId arm = world.body_ids().back();
+  const BodyId wheel = world.add_body(massive("wheel", 1.0, {0.1, 0.1, 0.7}));
+  world.add_joint(joint_of("axle", JointKind::kHinge, kWorldBody, wheel, Vector3d::UnitZ()));
+  Joint idle;
+  idle.name = "idle";
+  idle.kind = JointKind::kFreeDistance;
+  idle.body_a = arm;
+  idle.body_b = wheel;
+  const JointId measured = world.add_joint(idle);
+  EXPECT_EQ(RobotDynamics(world, wheel).size(), 1u);
+  const RobotDynamics both(world, {kWorldBody, wheel, arm});
+  ASSERT_EQ(both.size(), 3u);
+  EXPECT_EQ(both.coordinates()[2].name, "axle");
+  MatrixXd M = MatrixXd::Zero(3, 3);
+  M.topLeftCorner(2, 2) = RobotDynamics(world, arm).mass_matrix();
+  M(2, 2) = 0.7;
+  EXPECT_LE((both.mass_matrix() - M).norm(), kRounding);
+  CoordinateLaw spring;
+  spring.stiffness = 1.0;
+  world.set_law(measured, 0, spring);
+  EXPECT_NE(refusal([&] { RobotDynamics(world, wheel); }).find("'idle' (free_distance) acts"),
+            std::string::npos);
+  world.remove_joint(measured);
+  const BodyId drone = world.add_body(massive("drone", 1.0, {0.1, 0.1, 0.7}));
+  EXPECT_EQ(
+      refusal([&] {
+        RobotDynamics(world, {wheel, drone});
+      }),
+      "body: 'drone' is part of a tree that hangs on nothing, beside other trees of the robot");
+  EXPECT_EQ(refusal([&] { RobotDynamics(world, std::vector<BodyId>{}); }),
+            "body: must name a body of the robot, got none");
+}
+
 TEST(RobotMechanisms, SaysWhyItIsNoTree) {
   World world = empty_world();
   Body point = make_body("point", Point{}, 1.0, {1.0, 0.0, 0.0});

@@ -151,6 +151,35 @@ def test_a_free_base():
     assert np.abs(fall[3:]).max() < 1e-8
 
 
+def test_every_robot_of_the_repository():
+    """Robots that are trees have a coordinate for each joint that neither follows nor is fixed, whatever joints keep
+    bodies from colliding; robots with closed loops are rejected by the joint that closes one."""
+    trees, loops = [], []
+    for folder in ('config/robots', 'test/urdf/robots', 'examples'):
+        for path in sorted((SOURCES / folder).glob('*.urdf')):
+            for fixed in (False, True):
+                world = engine.World(time_step=0.001)
+                robot = world.add_urdf_file(str(path), fixed=fixed)
+                world.run(0.02)
+                types = [world.joint(name)['type'] for name in robot['constraints']]
+                try:
+                    dynamics = world.robot_dynamics(robot['bodies'])
+                except ValueError as error:
+                    loops.append(path.stem)
+                    assert 'closes a loop' in str(error) or 'between two points' in str(error), (path, error)
+                    continue
+                trees.append(path.stem)
+                has_base = dynamics.coordinates[0]['joint'] is None
+                joints = sum(type in ('hinge', 'slider') for type in types)
+                assert len(dynamics.coordinates) + len(dynamics.followers) == joints + 6 * has_base
+                assert np.linalg.eigvalsh(dynamics.mass_matrix).min() > 0.0
+                assert dynamics.pose_error < 1e-11
+                bodies = [name for name in robot['bodies'] if world.body(name)['type'] == 'dynamic']
+                assert dynamics.bodies == bodies
+    assert {'arm', 'quadruped', 'arm6', 'gantry', 'quad12', 'picker'} == set(trees)
+    assert {'gripper', 'fivebar', 'delta'} == set(loops)
+
+
 def test_bad_input_is_named():
     world, robot = arm()
     world.add_body('wall', type='static', shape=engine.Plane())

@@ -47,12 +47,13 @@ struct RobotFollower {
 /// with forces τ along the coordinates [N or N m], the bias b of Coriolis forces and gravity, and
 /// passive forces p of springs and dampers of the joints.
 ///
-/// A robot is all dynamic bodies that acting joints connect with a body, directly or by others,
-/// with bodies that gears couple. Its joints have to form trees, on static or kinematic bodies or
-/// on a free base, which is the body that was added first. Kinematic bases keep their velocity.
-/// Motors, limits, friction, contacts and wrenches are left out: coordinates with motors are free,
-/// and what a motor does is part of τ. Of coordinates that gears or screws couple the first one
-/// stays; its τ is the sum over all, by their ratios.
+/// A robot is all dynamic bodies that acting joints connect with given bodies, directly or by
+/// others, and bodies that gears couple with them. Its joints have to form trees, on static or
+/// kinematic bodies, or one tree with a free base, which is the body that was added first.
+/// Kinematic bases keep their velocity. Motors, limits, friction, contacts and wrenches are left
+/// out: coordinates with motors are free, and what a motor does is part of τ. Joints of kind
+/// kFreeDistance without laws are left out. Of coordinates that gears or screws couple the first
+/// one stays; its τ is the sum over all, by their ratios.
 ///
 /// Coordinates are ordered by the joints in the order of adding, behind a free base. Joints are
 /// taken as met: positions and rates are read from the bodies, see pose_error().
@@ -67,6 +68,9 @@ class RobotDynamics {
   /// other packages, a joint that is still being closed, and point masses and bodies that only ball
   /// joints at their centre of mass hold.
   RobotDynamics(const World& world, BodyId body);
+  /// Reads the robot of several bodies, such as limbs on one static body. At least one body has to
+  /// be dynamic; others are ignored. Throws likewise, and for a tree on a free base beside others.
+  RobotDynamics(const World& world, const std::vector<BodyId>& bodies);
 
   /// Number n of coordinates.
   std::size_t size() const { return coordinates().size(); }

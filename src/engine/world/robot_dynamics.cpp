@@ -42,7 +42,7 @@ MatrixXd symmetric(const MatrixXd& M) { return 0.5 * (M + M.transpose()); }
 }  // namespace
 
 struct RobotDynamics::Impl {
-  Impl(const WorldImpl& world, std::size_t body);
+  Impl(const WorldImpl& world, const List<std::size_t>& seeds);
   Impl(const Impl&) = delete;  // `quantities` refers to `robot`
   Impl& operator=(const Impl&) = delete;
 
@@ -67,10 +67,10 @@ struct RobotDynamics::Impl {
   MatrixXd stiffness, damping;  // −∂p/∂q, −∂p/∂q̇
 };
 
-RobotDynamics::Impl::Impl(const WorldImpl& world, std::size_t body)
-    : joints(joints_of_robot(world, world, body)),
+RobotDynamics::Impl::Impl(const WorldImpl& world, const List<std::size_t>& seeds)
+    : joints(joints_of_robot(world, world, seeds)),
       robot([&] {
-        RobotTree made(robot_joints(world, joints), world.masses, body);
+        RobotTree made(robot_joints(world, joints), world.masses, seeds.front());
         check_robot(world, joints, made);
         return made;
       }()),
@@ -155,10 +155,13 @@ MatrixXd RobotDynamics::Impl::turning() const {
   return rates;
 }
 
-RobotDynamics::RobotDynamics(const World& world, BodyId body) {
+RobotDynamics::RobotDynamics(const World& world, const std::vector<BodyId>& bodies) {
   const WorldImpl& impl = ImplAccess::of(world);
-  impl_ = std::make_shared<const Impl>(impl, impl.index(body));
+  impl_ = std::make_shared<const Impl>(impl, dynamic_bodies(impl, bodies));
 }
+
+RobotDynamics::RobotDynamics(const World& world, BodyId body)
+    : RobotDynamics(world, std::vector<BodyId>{body}) {}
 
 const std::vector<RobotCoordinate>& RobotDynamics::coordinates() const {
   return impl_->coordinates.all();

@@ -5,6 +5,7 @@
 
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/law.h"
 #include "engine/islands/topology.h"
 #include "engine/model/validate.h"
 
@@ -17,37 +18,59 @@ std::string described(const Joint& joint) {
   return "constraint " + in_quotes(joint.name) + " (" + name(joint.kind) + ")";
 }
 
+/// Whether a joint holds nothing and has no laws. It measures a length, or lets two bodies pass
+/// through each other.
+bool is_idle(const Joint& joint) {
+  const CoordinateLaw& law = joint.coordinates[0];
+  return is_free_length(joint.kind) && !law.motor && !is_one_sided(law) && soft_law(law).is_none();
+}
+
 /// Walks along the joints of a robot.
 class RobotWalk {
  public:
   RobotWalk(const Model& model, const State& state)
-      : model_(model), joints_on_(model.bodies.size()) {
+      : model_(model), joints_on_(model.bodies.size()), ends_(model.joints.size()) {
     is_reached_.assign(model.bodies.size(), false);
+    const List<bool> is_coupled = find_couplings(state);
     for (std::size_t j = 0; j < model.joints.size(); ++j) {
-      if (!acts(model.joints[j], state.joint_states[j])) continue;
-      if (couples_joints(model.joints[j].kind)) {
-        gears_.push_back(j);
-        continue;
-      }
-      ends_.resize(model.joints.size());
-      ends_[j] = ends_of(model, model.joints[j]);
+      const Joint& joint = model.joints[j];
+      if (!acts(joint, state.joint_states[j]) || couples_joints(joint.kind)) continue;
+      if (is_idle(joint) && !is_coupled[j]) continue;
+      ends_[j] = ends_of(model, joint);
       for (const std::size_t body : {ends_[j].first, ends_[j].second})
         if (model.is_movable(body)) joints_on_[body].push_back(j);
     }
   }
 
-  /// Reaches the tree of a body, and trees that gears couple with it.
-  List<std::size_t> joints_from(std::size_t body) {
-    reach_tree(body);
+  /// Reaches the trees of bodies, and trees that gears couple with them.
+  List<std::size_t> joints_from(const List<std::size_t>& bodies) {
+    for (const std::size_t body : bodies)
+      if (!is_reached_[body]) reach_tree(body);
     for (bool has_grown = true; has_grown;) {
       has_grown = false;
       for (const std::size_t gear : gears_) has_grown = reach_over(gear) || has_grown;
     }
+    if (trees_ > 1 && free_root_ != kNoIndex)
+      refuse(kField,
+             in_quotes(model_.bodies[free_root_].name) +
+                 " is part of a tree that hangs on nothing, beside other trees of the robot");
     std::sort(found_.begin(), found_.end());
     return found_;
   }
 
  private:
+  /// Lists acting gears and pulleys, and returns which joints they couple.
+  List<bool> find_couplings(const State& state) {
+    List<bool> is_coupled(model_.joints.size(), false);
+    for (std::size_t j = 0; j < model_.joints.size(); ++j) {
+      if (!couples_joints(model_.joints[j].kind) || !acts(model_.joints[j], state.joint_states[j]))
+        continue;
+      gears_.push_back(j);
+      for (const CoupledTerm& term : model_.terms_of(j)) is_coupled[term.joint] = true;
+    }
+    return is_coupled;
+  }
+
   bool has(std::size_t joint) const {
     return std::find(found_.begin(), found_.end(), joint) != found_.end();
   }
@@ -90,6 +113,8 @@ class RobotWalk {
         }
       }
     }
+    ++trees_;
+    if (base == kNoIndex) free_root_ = root;
   }
 
   void check_kind(const Joint& joint) const {
@@ -117,15 +142,26 @@ class RobotWalk {
   List<std::size_t> gears_;
   List<bool> is_reached_;
   List<std::size_t> found_;
+  std::size_t trees_ = 0;
+  std::size_t free_root_ = kNoIndex;  // body of a tree that hangs on nothing
 };
 
 }  // namespace
 
-List<std::size_t> joints_of_robot(const Model& model, const State& state, std::size_t body) {
-  if (!model.is_movable(body))
-    refuse(kField,
-           "must be a dynamic body of the robot, got " + in_quotes(model.bodies[body].name));
-  return RobotWalk(model, state).joints_from(body);
+List<std::size_t> dynamic_bodies(const Model& model, const std::vector<BodyId>& ids) {
+  if (ids.empty()) refuse(kField, "must name a body of the robot, got none");
+  List<std::size_t> found;
+  for (const BodyId id : ids)
+    if (const std::size_t body = model.index(id); model.is_movable(body)) found.push_back(body);
+  if (found.empty())
+    refuse(kField, "must be a dynamic body of the robot, got " +
+                       in_quotes(model.bodies[model.index(ids.front())].name));
+  return found;
+}
+
+List<std::size_t> joints_of_robot(const Model& model, const State& state,
+                                  const List<std::size_t>& bodies) {
+  return RobotWalk(model, state).joints_from(bodies);
 }
 
 RobotJoints robot_joints(const Model& model, const List<std::size_t>& joints) {
@@ -152,8 +188,7 @@ void check_robot(const Model& model, const List<std::size_t>& joints, const Robo
                        " is a point mass, or is held at its centre of mass by ball joints only, so "
                        "that its rotation is not part of the robot");
   }
-  if (robot.nodes().empty())
-    refuse(kField, "gears couple a tree of joints that hangs on nothing with another tree");
+  if (robot.nodes().empty()) refuse(kField, "the joints of the robot do not form trees");
   for (const TreeNode& node : robot.nodes()) {
     const auto turns = std::count_if(
         node.directions.begin(), node.directions.begin() + static_cast<std::ptrdiff_t>(node.count),

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 #include "engine/dynamics/robots/robot_tree.h"
 #include "engine/math/list.h"
@@ -9,11 +10,15 @@
 
 namespace constraint_sim::engine {
 
-/// Returns the joints of the robot with a body, in the order of adding: acting joints between
-/// bodies, and gears between their coordinates. Throws std::invalid_argument("body: why") naming a
-/// joint where the body is not dynamic, where joints close a loop, and where a joint
-/// cannot be part of a tree.
-List<std::size_t> joints_of_robot(const Model& model, const State& state, std::size_t body);
+/// Returns the dynamic bodies among `ids`. Throws std::invalid_argument("body: why") where there is
+/// none.
+List<std::size_t> dynamic_bodies(const Model& model, const std::vector<BodyId>& ids);
+
+/// Returns the joints of the robot with these dynamic bodies, in the order of adding: acting joints
+/// between bodies, and gears between their coordinates. Throws std::invalid_argument("body: why")
+/// naming a joint where joints close a loop, and where a joint cannot be part of a tree.
+List<std::size_t> joints_of_robot(const Model& model, const State& state,
+                                  const List<std::size_t>& bodies);
 
 /// Returns the joints with these indices in the world, as RobotTree takes them.
 RobotJoints robot_joints(const Model& model, const List<std::size_t>& joints);

@@ -139,7 +139,7 @@ class Island(TypedDict):
     joints: int
     method: str
     why: str
-    local_error: Optional[float]  # error estimate [m]; None where impulses advance the island
+    local_error: Optional[float]  # error estimate [m]; None where there is none
     substeps: int
     rejected: int
     events: int
@@ -265,8 +265,8 @@ class StepReport:
         """rise of an island's energy without a cause [J]; 0: none"""
     @property
     def local_error(self) -> Optional[float]:
-        """largest error estimate of an island for this step [m]; None where impulses advanced
-        one, which have no estimate"""
+        """largest error estimate of an island for this step [m]; None where an island has none,
+        as where impulses were not solved"""
     @property
     def dependent_rows(self) -> int:
         """redundant equations, at most at once"""

@@ -50,8 +50,8 @@ void define_step_report(py::module* module) {
                     "rise of an island's energy without a cause [J]; 0: none")
       .def_property_readonly(
           "local_error", [](const Report& report) { return known(report.local_error); },
-          "largest error estimate of an island for this step [m]; None where impulses advanced "
-          "one, which have no estimate")
+          "largest error estimate of an island for this step [m]; None where an island has none, "
+          "as where impulses were not solved")
       .def_readonly("dependent_rows", &Report::dependent_rows,
                     "redundant equations, at most at once")
       .def_readonly("unresolved_bodies", &Report::unresolved_bodies,

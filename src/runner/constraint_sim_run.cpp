@@ -386,7 +386,7 @@ void print_summary(const World& world, const Outcome& outcome) {
   if (outcome.max_closing_error > 0.0)
     std::printf("largest error closing  %.3g m\n", outcome.max_closing_error);
   if (std::isnan(outcome.accumulated_local_error))
-    std::printf("sum of local errors    none: impulses have no estimate\n");
+    std::printf("sum of local errors    none: a step has no estimate\n");
   else
     std::printf("sum of local errors    %.3g m\n", outcome.accumulated_local_error);
   std::printf("energy drift           %.3g of the largest kinetic energy\n", outcome.energy_drift);

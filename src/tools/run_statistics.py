@@ -18,8 +18,8 @@ Line = collections.namedtuple('Line', COLUMNS)
 ERRORS = {'constraint_error': 'constraints [m]', 'energy_drift': 'energy drift [1]',
           'accumulated_error': 'local errors, summed [m]'}
 SMALLEST = 1e-17  # errors of zero are drawn here
-ESTIMATES = ('local_error', 'accumulated_error')  # NaN where impulses advanced an island
-NO_ESTIMATE = 'unknown: impulses have no estimate'
+ESTIMATES = ('local_error', 'accumulated_error')  # NaN where a tick had none
+NO_ESTIMATE = 'unknown: a tick has no estimate'
 
 
 class Reader:

@@ -172,10 +172,10 @@ TEST(ContactControl, WhatRestsIsSolvedOnceAStep) {
   EXPECT_NEAR(world.state(world.find_body("cube_9")).position.z(), 1.9, 1e-8);
 }
 
-TEST(ContactControl, WithoutAToleranceAStepIsOnePartWithoutAnEstimate) {
+TEST(ContactControl, WithoutAToleranceAStepIsOnePart) {
   World world = on_floor(controlled(0.01, 0.0), {ball(0.1, {1.0, 0.0, 0.0})});
   const StepReport& report = world.step();
-  EXPECT_TRUE(std::isnan(report.local_error));
+  EXPECT_GT(report.local_error, 0.0);
   EXPECT_EQ(report.substeps, 0u);
   EXPECT_EQ(report.hits, 0u);
 }

@@ -42,7 +42,7 @@ struct Island {
   std::uint32_t joints = 0;  ///< enabled joints that are not broken
   Method method = Method::kSequentialImpulses;
   MethodReason why = MethodReason::kAskedFor;
-  /// Estimate of the error of the step [m]; NaN where the method has none.
+  /// Estimate of the error of the step [m]; NaN where there is none, as in StepReport.
   double local_error = 0.0;
   std::uint32_t substeps = 0;
   std::uint32_t rejected = 0;    ///< rejected substeps

@@ -86,7 +86,7 @@ void visit_options(Options& options, Visit visit) {
         options.warm_starting, AnyValue{});
   visit(OptionInfo{"contact_tolerance", "m/s", Method::kTimeStepping,
                    "estimated error per simulated second that steps of contacts are divided to, "
-                   "rotation times radius of gyration; 0: one step a tick, no estimate"},
+                   "rotation times radius of gyration; 0: one step a tick"},
         options.contact_tolerance, NotNegative{});
   visit(OptionInfo{"baumgarte", "", kAny, "share of each error that impulses remove in a step"},
         options.baumgarte, Share{});

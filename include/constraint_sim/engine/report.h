@@ -114,8 +114,9 @@ struct StepReport {
   /// Unexplained rise of energy above its minimum [J]; 0 within rounding and tolerance.
   double energy_rise = 0.0;
   std::optional<BodyId> energy_rise_body;  ///< first body of the island with the largest rise
-  /// Largest error estimate of an island for this step [m]; NaN where impulses advanced an island
-  /// without `contact_tolerance`, or were not solved.
+  /// Largest error estimate of an island for this step [m]; NaN where impulses were not solved or
+  /// rows of more than 500 bodies were swept, where hits were left out, and where joints contradict
+  /// each other.
   double local_error = 0.0;
   std::uint32_t dependent_rows = 0;  ///< largest number of redundant equations at any time
   /// Bodies that move too fast for the time step: on stiff islands, and on joints by impulses.

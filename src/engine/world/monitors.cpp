@@ -318,7 +318,7 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
   report->unclosed_joints = static_cast<std::uint32_t>(unclosed_.size());
 }
 
-// Finds contacts that overlap or creep, since contacts by impulses have no error estimate.
+// Finds contacts by impulses that overlap or creep, which error estimates of steps do not name.
 void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
   const Model& model = in.model;
   const State& state = in.state;

@@ -116,10 +116,12 @@ void World::Impl::restore_state() {
 void World::Impl::choose_methods(const StepContext& step) {
   continuous.begin_impulses();
   control.begin_step();
+  unseen.begin_step();
   const bool may_change =
       sleep.has_changed() || !touching.empty() || !pipeline.touching_before().empty();
   integration.choose_methods({step, sleep.awake(), rollback, this, this, this}, may_change, reach,
                              &sleep, &groups);
+  if (!controls_contacts(options)) unseen.note_pairs(step, *this, *this, groups, pipeline.pairs());
 }
 
 void World::Impl::integrate(const StepContext& step) {
@@ -159,6 +161,7 @@ void World::Impl::find_custom_forces(const StepContext& step) {
 }
 
 void World::Impl::advance_by_impulses(const StepContext& step) {
+  sequential_impulses.begin_step(bodies.size());
   acting_wrenches.clear();
   if (!wrenches.empty()) find_acting_wrenches(step);
   if (topology.has_custom_forces()) find_custom_forces(step);
@@ -202,32 +205,31 @@ void World::Impl::finish_impulses(const StepContext& step) {
     if (joint_states[j].broken) mark_broken(to_index(j));
 }
 
-// Sets the error estimate of a step and its islands to NaN where impulses advance an island, where
-// joints cannot all be met, and where an island may hit something while no group locates the hit:
-// these motions have no estimate.
-void World::Impl::leave_out_estimates() {
+// Sets the error estimates of islands that impulses advance, and adds them to the report. An
+// overlap that no contact saw counts twice: a body may have bounced as far. Sets estimates to NaN
+// where joints cannot all be met, and where hits were left out: these motions have no estimate.
+void World::Impl::set_estimates(const StepContext& step) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  const auto island_of = [&](int body) { return topology.island_of(to_index(body)); };
   const auto leave_out = [&](int island) {
-    islands[island].local_error = report.local_error = std::numeric_limits<double>::quiet_NaN();
+    islands[island].local_error = report.local_error = kUnknown;
   };
-  const auto island_of = [&](int body) {
-    return topology.island_of(static_cast<std::size_t>(body));
-  };
-  for (const int body : integration.partition().impulse_bodies) {
-    if (!control.is_used()) {
-      leave_out(island_of(body));
-      continue;
-    }
-    islands[island_of(body)].local_error = control.error_of(body);
-    report.local_error = larger(report.local_error, control.error_of(body));
+  const List<int>& bodies = integration.partition().impulse_bodies;
+  for (const int body : bodies) islands[island_of(body)].local_error = 0.0;
+  for (const int body : bodies) {
+    double& error = islands[island_of(body)].local_error;
+    error = larger(error, control.is_used() ? control.error_of(body)
+                                            : sequential_impulses.error_of(to_index(body)));
+    if (report.hits_left_body && continuous.divides(body)) error = kUnknown;
   }
+  for (const auto& [pair, depth] : unseen.find(step, rollback, *this))
+    for (const int body : {pair.first, pair.second})
+      if (is_movable(to_index(body)) && !asleep[body])
+        islands[island_of(body)].local_error += 2.0 * depth;
+  for (const int i : sleep.awake().islands)
+    report.local_error = larger(report.local_error, islands[i].local_error);
   for (const int island : integration.partition().smooth)
     if (islands[island].why == MethodReason::kInconsistent) leave_out(island);
-  for (const auto& [pair, apart] : reach.watched_pairs()) {
-    for (const int island : {island_of(pair.first), island_of(pair.second)})
-      if (island >= 0 && islands[island].why != MethodReason::kAtRest &&
-          !groups.contains(to_index(island)))
-        leave_out(island);
-  }
 }
 
 ImpulseStep World::Impl::impulse_step(const StepContext& step) const {
@@ -272,7 +274,7 @@ void World::Impl::finish_step(const StepContext& step) {
   const bool is_anything_new = !awake.bodies.empty() || !awake.joints.empty();
   if (is_anything_new && !are_in_bounds(*this, *this, awake, *this))
     throw StepFailed{Failure::kNotFinite};
-  leave_out_estimates();
+  set_estimates(step);
   if (events.size() > 1) sort_events();
   ++step_count;
   drop_spent_wrenches(step.tick.end);

@@ -22,6 +22,7 @@
 #include "engine/islands/step.h"
 #include "engine/islands/step_output.h"
 #include "engine/islands/topology.h"
+#include "engine/islands/unseen_overlaps.h"
 #include "engine/math/list.h"
 #include "engine/methods/sequential_impulses/sequential_impulses.h"
 #include "engine/model/model.h"
@@ -57,6 +58,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   ContactControl control;
   List<ActingWrench> acting_wrenches;  // wrenches and plugin forces on bodies that impulses advance
   SequentialImpulses sequential_impulses;
+  UnseenOverlaps unseen;
   Monitors monitors;
 
   Clock clock = nullptr;
@@ -102,7 +104,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   bool has_missed_any(const StepContext& step);
   void return_to_start();
   void finish_impulses(const StepContext& step);
-  void leave_out_estimates();
+  void set_estimates(const StepContext& step);
   ImpulseStep impulse_step(const StepContext& step) const;
   void find_acting_wrenches(const StepContext& step);
   void find_custom_forces(const StepContext& step);

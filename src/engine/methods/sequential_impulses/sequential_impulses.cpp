@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "engine/constraints/contact.h"
 #include "engine/math/elementary.h"
@@ -14,7 +15,9 @@ namespace constraint_sim::engine {
 namespace {
 
 constexpr double kAtLimit = 1e-9;  // share of Coulomb's limit that is rounding
-constexpr double kFarRate = 1e3;   // multiple of the fastest rate that no impact reaches
+constexpr double kResidualRounding =
+    1e-9;                         // share of the fastest rate that a residual may be without weight
+constexpr double kFarRate = 1e3;  // multiple of the fastest rate that no impact reaches
 // Times that bounces are made lower which would together raise the energy; the last is to 0.
 constexpr int kMostLowerings = 4;
 
@@ -60,6 +63,7 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
     report.max_penetration = prepare_rows(model, step, state);
     report.rows = static_cast<std::uint32_t>(rows_.size());
     report.contacts = static_cast<std::uint32_t>(contact_rows_.size());
+    error_.note_guesses(rows_);
   }
   {  // stage 4: gravity, and impulses of the previous step
     const StageTimer timer(step.clock, Stage::kVelocities, times);
@@ -77,6 +81,7 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
     if (is_solved && !rows_.empty())
       converged_.find_mean_shares(step.bodies, rows_, rest_speed(step.contacts),
                                   moves_by_mean(step.kind), &solver_);
+    if (step.kind == ImpulseStepKind::kWhole) add_errors(model, step, *state, report);
     add_work(step.wrenches, is_solved, &report);
     report.correction_work += solver_.update_positions(
         step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
@@ -96,6 +101,42 @@ Eigen::Vector3d SequentialImpulses::by_mean(std::size_t body) const {
 
 Eigen::Vector3d SequentialImpulses::off_mean(std::size_t body) const {
   return 0.5 * solver_.velocity_change(body).head<3>() - by_mean(body);
+}
+
+// Adds the errors of a step, before the bodies move. A wrench that acts for a part of the step
+// moves its body as if it acted for all of it.
+void SequentialImpulses::add_errors(const Model& model, const ImpulseStep& step, const State& state,
+                                    const ImpulseReport& report) {
+  const double h = step.span.h;
+  const bool is_solved = solves_impulses(model.options);
+  error_.note_impulses(rows_);
+  for (const int index : step.bodies) {
+    const std::size_t body = to_index(index);
+    Eigen::Vector3d off = 0.5 * solver_.velocity_change(body).head<3>();
+    if (is_solved) off -= by_mean(body);
+    error_.measure(body, h, model.masses[body], state.states[body], off, solver_);
+  }
+  error_.add(step.bodies, !rows_.empty(), &solver_);
+  for (const ActingWrench& wrench : step.wrenches)
+    if (wrench.duration < h)
+      error_.add(wrench.body, 0.5 * h * wrench.duration * model.masses[wrench.body].inverse_mass *
+                                  wrench.force.norm());
+  if (!has_estimate(model, step, report))
+    for (const int body : step.bodies)
+      error_.add(to_index(body), std::numeric_limits<double>::quiet_NaN());
+}
+
+// Whether impulses are known well enough for an estimate. Sweeps have to leave no more than solved
+// impulses may.
+bool SequentialImpulses::has_estimate(const Model& model, const ImpulseStep& step,
+                                      const ImpulseReport& report) const {
+  if (solves_impulses(model.options)) return !report.unsolved_body && !report.has_swept;
+  const double rest = rest_speed(step.contacts);
+  if (report.solver_residual <= rest) return true;
+  double fastest = 0.0;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    fastest = std::max(fastest, std::abs(solver_.rate_before(rows_[i], i)));
+  return report.solver_residual <= kResidualRounding * fastest;
 }
 
 // Adds the work of wrenches along the motion [J]. Corrections that move a body against a wrench do

@@ -14,6 +14,7 @@
 #include "engine/math/list.h"
 #include "engine/methods/sequential_impulses/converged_rows.h"
 #include "engine/methods/sequential_impulses/row_solver.h"
+#include "engine/methods/sequential_impulses/step_error.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
 #include "engine/support/stage_timer.h"
@@ -72,6 +73,8 @@ struct ImpulseReport {
 /// the rows to a tolerance instead of sweeping over them.
 class SequentialImpulses {
  public:
+  /// Begins a time step of a world with so many bodies.
+  void begin_step(std::size_t bodies) { error_.begin_step(bodies); }
   /// Advances the bodies of `step` to the end of the step.
   ImpulseReport advance(const Model& model, const ImpulseStep& step, State* state);
   /// Reads results of joints and contacts from the rows, at the positions after the step, and the
@@ -86,6 +89,9 @@ class SequentialImpulses {
   /// Velocity by which the centre of a body moved in the last step, less the mean of its velocities
   /// before and after [m/s].
   Eigen::Vector3d off_mean(std::size_t body) const;
+  /// Error estimate of a body in this time step [m], summed over its parts of kind kWhole; NaN
+  /// where impulses were not solved, or sweeps left a residual.
+  double error_of(std::size_t body) const { return error_.of(body); }
   /// Writes the self-stress of the rows. Called only where the step is not taken back.
   void keep_self_stress(List<SelfStress>* self_stress) const;
 
@@ -106,6 +112,9 @@ class SequentialImpulses {
   double finish_corrections(const Model& model, const ImpulseStep& step, State* state);
   void read_contacts(List<TouchingPair>* touching) const;
   Eigen::Vector3d by_mean(std::size_t body) const;
+  void add_errors(const Model& model, const ImpulseStep& step, const State& state,
+                  const ImpulseReport& report);
+  bool has_estimate(const Model& model, const ImpulseStep& step, const ImpulseReport& report) const;
   void add_work(const List<ActingWrench>& wrenches, bool is_solved, ImpulseReport* report) const;
 
   List<Row> rows_;
@@ -114,6 +123,7 @@ class SequentialImpulses {
   List<LoopRow> loop_rows_;         // rows of joints in loops; empty without warm starting
   RowSolver solver_;
   ConvergedRows converged_;
+  StepError error_;
 };
 
 }  // namespace constraint_sim::engine

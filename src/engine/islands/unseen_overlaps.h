@@ -1,0 +1,35 @@
+#pragma once
+
+#include "engine/collision/broadphase.h"
+#include "engine/islands/contact_groups.h"
+#include "engine/islands/island_lists.h"
+#include "engine/islands/rollback.h"
+#include "engine/islands/step.h"
+#include "engine/math/list.h"
+#include "engine/model/state.h"
+
+namespace constraint_sim::engine {
+
+/// Overlaps that a step makes beside its contacts, which no estimate from velocities can see. A gap
+/// beyond the margin of contacts has no contact, and a body that turns may land on another corner.
+class UnseenOverlaps {
+ public:
+  struct Overlap {
+    Broadphase::Pair pair;
+    double depth;  ///< [m]
+  };
+
+  void begin_step() { near_.clear(); }
+  /// Takes over the pairs whose hits no group of contacts locates, before they move. `near`: pairs
+  /// whose bounds overlap.
+  void note_pairs(const StepContext& step, const State& state, const IslandLists& lists,
+                  const ContactGroups& groups, const List<Broadphase::Pair>& near);
+  /// Finds how much deeper pairs overlap after the motion; `before`: the state before it.
+  const List<Overlap>& find(const StepContext& step, const Rollback& before, const State& state);
+
+ private:
+  List<Overlap> near_;  // pairs, with their depth before the step
+  List<Overlap> found_;
+};
+
+}  // namespace constraint_sim::engine

@@ -55,27 +55,24 @@ double margin_before(const StepContext& step, const Rollback& before, const Stat
 
 }  // namespace
 
-void UnseenOverlaps::note_pairs(const StepContext& step, const State& state,
-                                const IslandLists& lists, const ContactGroups& groups,
-                                const List<Broadphase::Pair>& near) {
-  for (const Broadphase::Pair& pair : near) {
-    if ((is_followed(step, lists, groups, pair.first) &&
-         is_followed(step, lists, groups, pair.second)) ||
-        step.topology.is_unpaired(pair))
-      continue;
-    double depth = 0.0;
-    if (const TouchingPair* contact = find_contact(state.touching, pair))
-      for (std::size_t k = 0; k < to_index(contact->manifold.count); ++k)
-        depth = std::max(depth, contact->manifold.points[k].depth);
-    near_.push_back({pair, depth});
-  }
+void UnseenOverlaps::note(const StepContext& step, const State& state, const IslandLists& lists,
+                          const ContactGroups& groups, const Broadphase::Pair& pair) {
+  if ((is_followed(step, lists, groups, pair.first) &&
+       is_followed(step, lists, groups, pair.second)) ||
+      step.topology.is_unpaired(pair))
+    return;
+  double depth = 0.0;
+  if (const TouchingPair* contact = find_contact(state.touching, pair))
+    for (std::size_t k = 0; k < to_index(contact->manifold.count); ++k)
+      depth = std::max(depth, contact->manifold.points[k].depth);
+  pairs_.push_back({pair, depth});
 }
 
 const List<UnseenOverlaps::Overlap>& UnseenOverlaps::find(const StepContext& step,
                                                           const Rollback& before,
                                                           const State& state) {
   found_.clear();
-  for (const auto& [pair, known] : near_) {
+  for (const auto& [pair, known] : pairs_) {
     if (way_of(step, before, state, pair.first) + way_of(step, before, state, pair.second) <=
         margin_before(step, before, state, pair))
       continue;

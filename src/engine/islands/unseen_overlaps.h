@@ -19,16 +19,17 @@ class UnseenOverlaps {
     double depth;  ///< [m]
   };
 
-  void begin_step() { near_.clear(); }
-  /// Takes over the pairs whose hits no group of contacts locates, before they move. `near`: pairs
-  /// whose bounds overlap.
-  void note_pairs(const StepContext& step, const State& state, const IslandLists& lists,
-                  const ContactGroups& groups, const List<Broadphase::Pair>& near);
+  void begin_step() { pairs_.clear(); }
+  /// Takes over a pair before it moves, unless groups of contacts locate the hits of both bodies.
+  void note(const StepContext& step, const State& state, const IslandLists& lists,
+            const ContactGroups& groups, const Broadphase::Pair& pair);
+  /// Whether no pair was taken over.
+  bool is_empty() const { return pairs_.empty(); }
   /// Finds how much deeper pairs overlap after the motion; `before`: the state before it.
   const List<Overlap>& find(const StepContext& step, const Rollback& before, const State& state);
 
  private:
-  List<Overlap> near_;  // pairs, with their depth before the step
+  List<Overlap> pairs_;  // with their depth before the step
   List<Overlap> found_;
 };
 

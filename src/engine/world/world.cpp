@@ -121,7 +121,21 @@ void World::Impl::choose_methods(const StepContext& step) {
       sleep.has_changed() || !touching.empty() || !pipeline.touching_before().empty();
   integration.choose_methods({step, sleep.awake(), rollback, this, this, this}, may_change, reach,
                              &sleep, &groups);
-  if (!controls_contacts(options)) unseen.note_pairs(step, *this, *this, groups, pipeline.pairs());
+  note_pairs(step);
+}
+
+// Takes over the pairs that may overlap without a contact. Where events follow contacts, these are
+// the pairs that may touch within the step, and all near pairs once impulses advance a body.
+void World::Impl::note_pairs(const StepContext& step) {
+  if (controls_contacts(options)) return;
+  if (follows_contacts(options) && integration.partition().impulse_bodies.empty()) {
+    for (const auto& [pair, apart] : reach.watched_pairs())
+      unseen.note(step, *this, *this, groups, pair);
+    return;
+  }
+  if (pipeline.moving_shapes().empty()) return;
+  for (const Broadphase::Pair& pair : pipeline.pairs())
+    unseen.note(step, *this, *this, groups, pair);
 }
 
 void World::Impl::integrate(const StepContext& step) {
@@ -210,10 +224,11 @@ void World::Impl::finish_impulses(const StepContext& step) {
 // where joints cannot all be met, and where hits were left out: these motions have no estimate.
 void World::Impl::set_estimates(const StepContext& step) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  for (const int island : integration.partition().smooth)
+    if (islands[island].why == MethodReason::kInconsistent)
+      islands[island].local_error = report.local_error = kUnknown;
+  if (integration.partition().impulse_bodies.empty() && unseen.is_empty()) return;
   const auto island_of = [&](int body) { return topology.island_of(to_index(body)); };
-  const auto leave_out = [&](int island) {
-    islands[island].local_error = report.local_error = kUnknown;
-  };
   const List<int>& bodies = integration.partition().impulse_bodies;
   for (const int body : bodies) islands[island_of(body)].local_error = 0.0;
   for (const int body : bodies) {
@@ -228,8 +243,6 @@ void World::Impl::set_estimates(const StepContext& step) {
         islands[island_of(body)].local_error += 2.0 * depth;
   for (const int i : sleep.awake().islands)
     report.local_error = larger(report.local_error, islands[i].local_error);
-  for (const int island : integration.partition().smooth)
-    if (islands[island].why == MethodReason::kInconsistent) leave_out(island);
 }
 
 ImpulseStep World::Impl::impulse_step(const StepContext& step) const {

@@ -99,6 +99,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void run_narrowphase(const StepContext& step);
   void find_hits(const StepContext& step);
   void choose_methods(const StepContext& step);
+  void note_pairs(const StepContext& step);
   void integrate(const StepContext& step);
   void advance_by_impulses(const StepContext& step);
   bool has_missed_any(const StepContext& step);

@@ -90,6 +90,8 @@ TreeDynamics::TreeDynamics(const JointTree& tree) {
   reduced_b_.assign(independent, 0.0);
   place_of_.assign(motions, 0);
   for (std::size_t i = 0; i < independent; ++i) place_of_[tree.independent[i]] = i;
+  for (std::size_t k = 0; k < motions; ++k)
+    if (tree.motions[k].source != kNoIndex) place_of_[k] = place_of_[tree.motions[k].source];
 }
 
 // ---- from the root to the leaves
@@ -236,7 +238,7 @@ void TreeDynamics::substitute(const JointTree& tree, double* numbers) const {
 }
 
 void TreeDynamics::apply_inverse(const JointTree& tree, double* numbers) const {
-  if (!tree.couplings.empty()) return apply_coupled_inverse(tree, numbers);
+  if (!tree.couplings.empty()) return apply_coupled_inverse(tree, numbers, numbers);
   for (std::size_t k = tree.motions.size(); k-- > 0;) {
     if (tree.motions[k].is_prescribed) continue;
     const double* const entries = row(k);
@@ -249,13 +251,13 @@ void TreeDynamics::apply_inverse(const JointTree& tree, double* numbers) const {
 
 void TreeDynamics::solve(const JointTree& tree) {
   double* const accelerations = unknown_acceleration_.data();
-  std::copy(b_.begin(), b_.end(), accelerations);
   if (tree.couplings.empty()) {
+    std::copy(b_.begin(), b_.end(), accelerations);
     factor(tree, accelerations);
     substitute(tree, accelerations);
   } else {
     factor_coupled(tree);
-    apply_coupled_inverse(tree, accelerations);
+    apply_coupled_inverse(tree, b_.data(), accelerations);
   }
   for (std::size_t k = 0; k < tree.motions.size(); ++k)
     if (!tree.motions[k].is_prescribed) acceleration_[k] = accelerations[k];
@@ -268,12 +270,12 @@ void TreeDynamics::factor_coupled(const JointTree& tree) {
   std::fill(reduced_.begin(), reduced_.end(), 0.0);
   for (std::size_t k = 0; k < tree.motions.size(); ++k) {
     if (tree.motions[k].is_prescribed) continue;
-    const std::size_t place = place_of_source(tree, k);
+    const std::size_t place = place_of_[k];
     for (std::size_t j = k; j != kNoIndex; j = tree.motions[j].before) {
       const double entry =
           tree.motions[k].factor * tree.motions[j].factor * row(k)[tree.motions[j].depth];
-      R(place, place_of_source(tree, j)) += entry;
-      if (j != k) R(place_of_source(tree, j), place) += entry;
+      R(place, place_of_[j]) += entry;
+      if (j != k) R(place_of_[j], place) += entry;
     }
   }
   for (std::size_t i = 0; i < n; ++i) diagonal_[tree.independent[i]] = R(i, i);
@@ -288,13 +290,14 @@ void TreeDynamics::factor_coupled(const JointTree& tree) {
   }
 }
 
-void TreeDynamics::apply_coupled_inverse(const JointTree& tree, double* numbers) const {
+void TreeDynamics::apply_coupled_inverse(const JointTree& tree, const double* forces,
+                                         double* numbers) const {
   const std::size_t n = reduced_b_.size();
   const auto R = [&](std::size_t i, std::size_t j) { return reduced_[i * n + j]; };
-  std::fill(reduced_b_.begin(), reduced_b_.end(), 0.0);
+  for (double& sum : reduced_b_) sum = 0.0;
   for (std::size_t k = 0; k < tree.motions.size(); ++k)
     if (!tree.motions[k].is_prescribed)
-      reduced_b_[place_of_source(tree, k)] += tree.motions[k].factor * numbers[k];
+      reduced_b_[place_of_[k]] += tree.motions[k].factor * forces[k];
   for (std::size_t i = n; i-- > 0;) {
     for (std::size_t j = i; j-- > 0;) reduced_b_[j] -= R(i, j) * reduced_b_[i];
     reduced_b_[i] /= R(i, i);
@@ -303,7 +306,7 @@ void TreeDynamics::apply_coupled_inverse(const JointTree& tree, double* numbers)
     for (std::size_t j = 0; j < i; ++j) reduced_b_[i] -= R(i, j) * reduced_b_[j];
   for (std::size_t k = 0; k < tree.motions.size(); ++k)
     if (!tree.motions[k].is_prescribed)
-      numbers[k] = tree.motions[k].factor * reduced_b_[place_of_source(tree, k)];
+      numbers[k] = tree.motions[k].factor * reduced_b_[place_of_[k]];
 }
 
 void TreeDynamics::add_wrench(const JointTree& tree, std::size_t body,

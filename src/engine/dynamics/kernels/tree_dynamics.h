@@ -137,11 +137,7 @@ class TreeDynamics {
   void factor(const JointTree& tree, double* forces);
   void substitute(const JointTree& tree, double* numbers) const;
   void factor_coupled(const JointTree& tree);
-  void apply_coupled_inverse(const JointTree& tree, double* numbers) const;
-  std::size_t place_of_source(const JointTree& tree, std::size_t motion) const {
-    const std::size_t source = tree.motions[motion].source;
-    return place_of_[source == kNoIndex ? motion : source];
-  }
+  void apply_coupled_inverse(const JointTree& tree, const double* forces, double* numbers) const;
   void find_own(const JointTree& tree, std::size_t first, const Eigen::Vector3d* acceleration,
                 const Eigen::Vector3d* torque);
   void place_node(const TreeBody& body, const TreeMotion* motions, const double* y,
@@ -160,7 +156,7 @@ class TreeDynamics {
   List<double> H_, b_;                 // rows of H, right-hand side
   List<double> reduced_;               // H of independent motions, then its factors
   mutable List<double> reduced_b_;     // forces on independent motions
-  List<std::size_t> place_of_;         // place of an independent motion in these, per motion
+  List<std::size_t> place_of_;         // place of the independent motion in these, per motion
   List<double> diagonal_;              // diagonal of H, per motion
 };
 

@@ -27,9 +27,9 @@ class ArticulatedTree {
   bool is_current() const { return is_current_; }
   void forget() { is_current_ = false; }
   /// Resets to the state after construction.
-  void restart() { is_current_ = is_ill_conditioned_ = is_passing_ = false; }
+  void restart() { is_current_ = is_ill_conditioned_ = is_by_rows_in_step_ = false; }
   /// Begins a step, in which loops may have left a singular pose.
-  void begin_step() { is_passing_ = false; }
+  void begin_step() { is_by_rows_in_step_ = false; }
 
   /// Accelerations of the bodies where the dynamics were evaluated.
   void find_accelerations(Motions* rates) const;
@@ -50,15 +50,19 @@ class ArticulatedTree {
   void set_size(double size) { size_ = size; }
   void note_size();
   /// Whether the rows advance the island: from then on where a pivot of H was lost, else for the
-  /// rest of the step, in which a loop passes a singular pose.
-  bool is_left_to_rows() const { return is_ill_conditioned_ || is_passing_; }
+  /// rest of the step, as where a loop passes a singular pose.
+  bool is_left_to_rows() const { return is_ill_conditioned_ || is_by_rows_in_step_; }
   void set_ill_conditioned() {
     is_ill_conditioned_ = true;
     is_current_ = false;
   }
-  void set_passing() {
-    is_passing_ = true;
+  void leave_step_to_rows() {
+    is_by_rows_in_step_ = true;
     is_current_ = false;
+  }
+  /// Leaves loops to the rows that no step in joint coordinates can close.
+  void note_failure(const IntegrationResult& progress) {
+    if (progress.is_inconsistent && !closings_.empty()) leave_step_to_rows();
   }
 
   /// Visits all state that the next interval continues from, as engine/support/memory.h describes.
@@ -92,7 +96,7 @@ class ArticulatedTree {
   bool is_placed_ = false;
   double size_ = 0.0;
   bool is_ill_conditioned_ = false;
-  bool is_passing_ = false;  // false between steps
+  bool is_by_rows_in_step_ = false;  // false between steps
 };
 
 }  // namespace constraint_sim::engine

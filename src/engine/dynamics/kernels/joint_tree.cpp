@@ -236,7 +236,7 @@ void add_closings(const IslandModel& island, const BodyTree& tree, JointTree* ma
   }
 }
 
-/// Returns the number of entries of H, and of the matrices of closing rows.
+/// Returns the number of entries of H, and of the matrices of closing rows that are independent.
 std::size_t entries_of(const IslandModel& island, const JointTree& tree) {
   std::size_t entries = 0, rows = 0;
   for (const TreeMotion& motion : tree.motions) entries += motion.depth + 1;

@@ -11,6 +11,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+// Angle that may be noted half a turn off [rad].
+constexpr double kMostTurn = 1.5;
+
 /// End of a closing joint in world axes.
 struct PlacedEnd {
   Vector3d origin;  ///< origin of the tree in the world [m]
@@ -79,7 +82,7 @@ TreeClosings::TreeClosings(const JointTree& tree, const IslandModel& island)
   kept_ = rows_.size();
   placed_.resize(joints_.size());
   wrenches_.resize(kept_);
-  for (auto* list : {&error_, &force_}) list->assign(kept_, 0.0);
+  for (auto* list : {&error_, &missing_, &force_}) list->assign(kept_, 0.0);
   for (auto* list : {&J_, &inverse_J_}) list->assign(kept_ * motions_, 0.0);
   matrix_.assign(kept_ * kept_, 0.0);
   change_.assign(motions_, 0.0);
@@ -110,6 +113,7 @@ void TreeClosings::place(const TreeInInterval& at, const Vector3d& root) {
     motion.d_dot = b.velocity - a.velocity;
     motion.d_bias = b.spin.cross(b.spin.cross(b.arm)) - a.spin.cross(a.spin.cross(a.arm));
   }
+  if (!coordinates_.empty()) fastest_ = larger(fastest_, fastest_turn());
 }
 
 double TreeClosings::error_of(const TreeInInterval& at, const ClosingRow& row) const {
@@ -156,18 +160,32 @@ double TreeClosings::find_rate_correction(const TreeInInterval& at, double* chan
   factor(at);
   for (std::size_t r = 0; r < kept_; ++r) {
     const auto& [vectors, motion] = placed_[rows_[r].joint];
-    force_[r] = error_[r] =
+    force_[r] = missing_[r] =
         at.view.rate_target[rows_[r].row] - rate(rows_[r].form, vectors, motion);
   }
   solve(force_.data());
   double energy = 0.0;
-  for (std::size_t r = 0; r < kept_; ++r) energy += 0.5 * force_[r] * error_[r];
+  for (std::size_t r = 0; r < kept_; ++r) energy += 0.5 * force_[r] * missing_[r];
   std::fill_n(change, motions_, 0.0);
   add_changes(force_.data(), change);
   return energy;
 }
 
+double TreeClosings::fastest_turn() const {
+  double square = 0.0;
+  for (const Coordinate& coordinate : coordinates_) {
+    const JointMotion& motion = placed_[coordinate.joint].motion;
+    if (coordinate.form.is_angle) square = larger(square, (motion.w_B - motion.w_A).squaredNorm());
+  }
+  return std::sqrt(square);
+}
+
+// The integral of a rate and its trapezoid differ by at most twice the substep times the largest
+// rate.
+bool TreeClosings::can_count_turns(double h) const { return h * fastest_ <= kMostTurn; }
+
 void TreeClosings::begin_coordinates() {
+  fastest_at_start_ = fastest_turn();
   for (Coordinate& coordinate : coordinates_) {
     const auto& [vectors, motion] = placed_[coordinate.joint];
     coordinate.rate = rate(coordinate.form, vectors, motion);
@@ -175,6 +193,7 @@ void TreeClosings::begin_coordinates() {
 }
 
 void TreeClosings::note_coordinates(const TreeInInterval& at, double h) {
+  fastest_at_start_ = fastest_turn();
   CoordinatePositions& noted = *at.view.coordinates;
   for (Coordinate& coordinate : coordinates_) {
     const auto& [vectors, motion] = placed_[coordinate.joint];

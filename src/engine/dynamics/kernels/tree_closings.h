@@ -50,8 +50,14 @@ class TreeClosings {
   /// Notes positions of coordinates with springs or dampers, and turns of angles that nothing
   /// reads, at the end of a substep of h [s].
   void note_coordinates(const TreeInInterval& at, double h);
-  /// Evaluates rates that the next note_coordinates() begins from.
+  /// Evaluates rates that the next note_coordinates() begins from. The coordinates are noted for
+  /// the present time.
   void begin_coordinates();
+  /// Begins a substep after begin_coordinates() or note_coordinates().
+  void begin_substep() { fastest_ = fastest_at_start_; }
+  /// Whether angles turn so little in a substep of h [s] that their rates at both ends tell the
+  /// number of whole turns.
+  bool can_count_turns(double h) const;
 
   // ---- in one evaluation
 
@@ -93,6 +99,7 @@ class TreeClosings {
   void add_to_jacobian(const TreeInInterval& at, const ClosingJoint::End& end,
                        const SpatialVector& wrench, double* row) const;
   double free_entry(const TreeInInterval& at, std::size_t row) const;
+  double fastest_turn() const;
   void factor(const TreeInInterval& at);
   void solve(double* numbers) const;
   void add_changes(const double* numbers, double* change) const;
@@ -105,12 +112,16 @@ class TreeClosings {
 
   // Results of the last evaluation.
   List<PlacedJoint> placed_;     // per joint
-  List<double> error_;           // per row
+  List<double> error_;           // per row: C
+  List<double> missing_;         // per row with a force: rate less Ċ
   List<Wrenches> wrenches_;      // per row with a force: for λ = 1
   List<double> J_, inverse_J_;   // by row, then by motion: J, and H⁻¹ of it
   List<double> matrix_;          // J H⁻¹ Jᵀ as L D Lᵀ; D on the diagonal
   List<double> force_, change_;  // λ per row; a change of all motions
   double least_pivot_ = 1.0;
+  // Largest relative angular velocity at a joint with an angle, since begin_substep() and at the
+  // start of the substep [rad/s].
+  double fastest_ = 0.0, fastest_at_start_ = 0.0;
 };
 
 }  // namespace constraint_sim::engine

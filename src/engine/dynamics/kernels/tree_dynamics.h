@@ -82,8 +82,8 @@ class TreeDynamics {
   /// Replaces forces on motions by H⁻¹ of them, with the factors of the last solve(). Numbers of
   /// prescribed motions stay.
   void apply_inverse(const JointTree& tree, double* numbers) const;
-  /// Adds a wrench about the origin on a body, after evaluate(). Where it is called after solve(),
-  /// only what joints transmit changes.
+  /// Adds a wrench about the origin on a body, after evaluate(), to the right-hand side and to what
+  /// joints transmit. After solve() the right-hand side is no longer read.
   void add_wrench(const JointTree& tree, std::size_t body, const SpatialVector& wrench);
   /// Adds to ẍ of all unknown motions, after solve().
   void add_to_accelerations(const double* change);

@@ -20,14 +20,18 @@ using Eigen::Vector3d;
 // A pivot below this share of its diagonal entry has lost half of its digits to the masses of the
 // subtree.
 constexpr double kLeastPivot = 1e-8;
-// Near a singular pose of a loop the rows of all joints go on, and joint coordinates take over
-// again well past it. Of a planar loop the pivot is the square of an angle, so these are 1e-3 and
-// 1e-2.
+// Near a singular pose of a loop, where pivots fall as squares of angles, the rows go on.
 constexpr double kLeastPivotOfLoops = 1e-6;
 constexpr double kPivotToReturn = 1e-4;
 constexpr int kMostNewtonSteps = 8;
-// An estimate of this many sizes of the tree is no error of a step but a step far beyond stability.
+// A step far beyond stability, which is rejected also without a tolerance: one whose estimate is
+// this many sizes of the tree, that opens a loop by this share of the size, or leaves rates from
+// which closing joints change the fastest speed by this share. Changes below kSlowest sizes a
+// second are no motion.
 constexpr double kMostSizes = 1.0;
+constexpr double kMostOpening = 1e-2;
+constexpr double kMostRateChange = 1e-3;
+constexpr double kSlowest = 1e-6;                      // [1/s]
 constexpr double kTurn = 6.283185307179586;            // [rad]
 constexpr double kTurnBelow = 2.4492935982947064e-16;  // the rest of a turn [rad]
 
@@ -122,7 +126,7 @@ bool TreeSystem::read(double t) {
   closings_.select(equations_.redundant().is_redundant());
   place_start(t);
   if (!(dynamics_.least_pivot(tree_) > kLeastPivot)) state_.set_ill_conditioned();
-  if (!closings_.empty() && !are_loops_regular(kPivotToReturn)) state_.set_passing();
+  if (!closings_.empty() && !are_loops_regular(kPivotToReturn)) state_.leave_step_to_rows();
   if (state_.is_left_to_rows()) return false;
   write_derivative(memory.state(), memory.derivatives());
   write_forces(0);
@@ -254,6 +258,7 @@ const double* TreeSystem::prescribed(double t, const double* y) {
 }
 
 void TreeSystem::derivative(std::size_t stage, double t, const double* y, double* dydt) {
+  if (stage == 1) closings_.begin_substep();
   y = prescribed(t, y);
   find_accelerations(stage, t, y);
   write_derivative(y, dydt);
@@ -299,17 +304,30 @@ bool TreeSystem::close_loops(double* y) {
   double* const change = state_.work().data();
   double before = kInfinity;
   const double rounding = kEpsilon * std::max(state_.size(), view_.scale);
+  const double most_open = kMostOpening * state_.size();
   for (int i = 0;; ++i) {
     place(y);
     const double error = closings_.find_errors(in_interval());
     if (error <= rounding || (error > 0.5 * before && error <= 16.0 * rounding)) break;
-    if (!(error <= 0.5 * before) || i == kMostNewtonSteps) return false;
+    if (!(error <= std::min(0.5 * before, most_open)) || i == kMostNewtonSteps) return false;
     before = error;
     closings_.find_correction(in_interval(), change);
     move(change, y);
     if (!normalize(y)) return false;
   }
+  return meet_rates(y);
+}
+
+// Gives closing joints their rates. Returns false where that changes the motion.
+bool TreeSystem::meet_rates(double* y) {
+  double* const change = state_.work().data();
   substep_projected_ = closings_.find_rate_correction(in_interval(), change);
+  const double* const before = state_.memory().state() + tree_.rate_at;
+  const double square = larger(dynamics_.squared_size_of(tree_, y + tree_.rate_at),
+                               dynamics_.squared_size_of(tree_, before));
+  const double slowest = kSlowest * state_.size();
+  const double changed = dynamics_.squared_size_of(tree_, change);
+  if (!(changed <= kMostRateChange * kMostRateChange * square + slowest * slowest)) return false;
   for (std::size_t k = 0; k < tree_.motions.size(); ++k) y[tree_.rate_at + k] += change[k];
   return true;
 }
@@ -344,9 +362,10 @@ bool TreeSystem::restart(double* y, double* dydt) {
   state_.set_placed(true);
   if (!(dynamics_.least_pivot(tree_) > kLeastPivot)) state_.set_ill_conditioned();
   if (!closings_.empty()) {
+    if (!closings_.can_count_turns(substep_) || !are_loops_regular(kLeastPivotOfLoops))
+      state_.leave_step_to_rows();
     closings_.note_coordinates(in_interval(), substep_);
     view_.coordinates->set_time(time_);
-    if (!are_loops_regular(kLeastPivotOfLoops)) state_.set_passing();
   }
   return !state_.is_left_to_rows();
 }

@@ -69,6 +69,7 @@ class TreeSystem {
   void write_forces(std::size_t stage);
   bool normalize(double* y) const;
   bool close_loops(double* y);
+  bool meet_rates(double* y);
   void move(const double* change, double* y) const;
   bool are_loops_regular(double least_pivot);
   TreeInInterval in_interval() { return {tree_, equations_, view_, dynamics_}; }

@@ -202,6 +202,7 @@ IntegrationResult RungeKutta::integrate_tree(const Interval& span,
   IntegrationResult progress =
       integrate(system, tree_.memory(), span.t, span.h, accuracy, span.stop, step_);
   if (!progress.done) {
+    tree_.note_failure(progress);
     forget();
     return progress;
   }
@@ -251,6 +252,7 @@ bool RungeKutta::advance_in_coordinates(const Interval& span, const IntegratorOp
     system.note_coordinates();
     return true;
   }
+  tree_.note_failure(*progress);
   if (!tree_.is_left_to_rows()) return false;
   *left = start;
   *progress = before;

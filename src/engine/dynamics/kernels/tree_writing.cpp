@@ -41,15 +41,16 @@ void scatter_tree(const TreeInInterval& in, const Vector3d& root, List<BodyState
 }
 
 void write_tree_state(const TreeInInterval& in, const Vector3d& root, double* y) {
-  const auto [v_at, q_at, L_at, size] = in.equations.layout();
+  const StateLayout& layout = in.equations.layout();
   for_each_body(in, root,
                 [&](std::size_t body, const Vector3d& position, const Matrix3d& axes,
                     const Vector3d& velocity, const Vector3d& angular_velocity) {
                   Vector3d::Map(y + 3 * body) = position;
-                  Vector3d::Map(y + v_at + 3 * body) = velocity;
-                  Eigen::Map<Eigen::Vector4d>(y + q_at + 4 * body) = Quaterniond(axes).coeffs();
+                  Vector3d::Map(y + layout.v_at + 3 * body) = velocity;
+                  Eigen::Map<Eigen::Vector4d>(y + layout.q_at + 4 * body) =
+                      Quaterniond(axes).coeffs();
                   const Vector3d along = axes.transpose() * angular_velocity;
-                  Vector3d::Map(y + L_at + 3 * body) =
+                  Vector3d::Map(y + layout.L_at + 3 * body) =
                       axes * in.equations.inertia(body).cwiseProduct(along);
                 });
 }

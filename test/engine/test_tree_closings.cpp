@@ -231,8 +231,8 @@ TEST(TreeClosings, DoNotExplodeWithoutATolerance) {
     }
 }
 
-// Of a rocker as long as the crank all bars are in line twice a turn, where the loop may go on in
-// two ways. The rows of all joints pass the pose.
+// Where crank and rocker are equally long, all bars are in line twice a turn, and the loop may go
+// on in two ways. The rows of all joints pass the pose.
 TEST(TreeClosings, PassSingularPoses) {
   WorldOptions options;
   options.method = Method::kRungeKutta;

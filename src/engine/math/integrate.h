@@ -150,11 +150,11 @@ double squared_error(const System& system, const StageMemory& memory, double h) 
 }
 
 // An embedded formula of order p has an error of h^(p+1), which falls more slowly with h than the
-// error of the step. An estimate is the error of the best embedded formula times ratios of errors
-// of different orders; each ratio adds the powers of h by which the orders differ. Every other
-// derivative vanishes where a motion reverses or passes its middle, so ratios are taken of errors
-// that rise and fall together there. An estimate never exceeds the error of the best formula, and
-// is infinite where another error overflows. bench/error_estimates.cpp prints the accuracy.
+// error of the step. An estimate multiplies the error of the best embedded formula by ratios of
+// errors; a ratio of two orders adds as many powers of h as the orders differ. Where a motion
+// reverses or passes its middle, every other derivative vanishes; ratios are taken between errors
+// which rise and fall together there. An estimate is at most the error of the best formula, and
+// infinite where another error overflows. bench/error_estimates.cpp prints the accuracy.
 
 /// Returns the estimate h⁶ (h⁶/h⁵)(h⁶/h⁴), with a factor fitted to pendulums, chains and free
 /// bodies.

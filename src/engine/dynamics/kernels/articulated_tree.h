@@ -14,8 +14,8 @@
 namespace constraint_sim::engine {
 
 /// State of an island in joint coordinates: the state of JointTree with the memory of Runge-Kutta
-/// steps. Bodies follow from it, and not the other way round, from
-/// interval to interval, so that joints are met to rounding without projections.
+/// steps. From interval to interval, bodies follow from it and not the other way round, so that
+/// joints of the tree are met to rounding without projections.
 class ArticulatedTree {
  public:
   explicit ArticulatedTree(EquationsOfMotion& equations);

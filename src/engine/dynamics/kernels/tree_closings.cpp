@@ -11,7 +11,8 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Angle that may be noted half a turn off [rad].
+// Largest turn in a substep whose whole turns are counted by the rates at both ends: below π/2,
+// since the count may be off by twice the turn, and has to be nearer than half a turn [rad].
 constexpr double kMostTurn = 1.5;
 
 /// End of a closing joint in world axes.

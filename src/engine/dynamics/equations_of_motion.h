@@ -58,6 +58,12 @@ class EquationsOfMotion : public IslandModel {
                     const List<MassProperties>& masses, const List<CoupledTerms>& couplings = {},
                     const List<int>& idle = {}, const List<char>& open = {});
 
+  /// Takes over the springs, dampers and constant forces of the joints. Returns false where other
+  /// rows or coordinates follow from the laws; then the island has to be compiled anew.
+  bool follow_laws(const List<Joint>& all_joints) {
+    energy_.forget();
+    return IslandModel::follow_laws(all_joints);
+  }
   const IntervalInputs& inputs() const { return inputs_; }
   const Kinematics& kinematics() const { return kinematics_; }
   const CoordinatePositions& coordinates() const { return coordinates_; }
@@ -80,6 +86,13 @@ class EquationsOfMotion : public IslandModel {
   void begin(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
              const List<AppliedWrench>& loads, const List<PrescribedMotion>& motions,
              double since_tick = 0.0);
+  /// Whether these loads act on the bodies since the last begin() or set_loads().
+  bool has_loads(const List<AppliedWrench>& loads) const { return inputs_.has_loads(*this, loads); }
+  /// Sets gravity and loads alone, which change nothing but forces.
+  void set_loads(const Eigen::Vector3d& gravity, const List<AppliedWrench>& loads) {
+    inputs_.set_loads(*this, gravity, loads);
+    energy_.forget();
+  }
   /// Continues the previous interval with equations that were just compiled and whose memory
   /// visit_memory() has read.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,

@@ -38,15 +38,7 @@ IntervalInputs::IntervalInputs(const IslandModel& island, const List<MassPropert
 bool IntervalInputs::begin(const IslandModel& island, double t, const List<BodyState>& states,
                            const Vector3d& gravity, const List<AppliedWrench>& loads,
                            const List<PrescribedMotion>& motions, double since_tick) {
-  std::fill_n(acceleration_.begin(), bodies_, gravity);
-  for (const auto& [body, share] : compensated_) acceleration_[body] = share * gravity;
-  for (Vector3d& torque : torque_) torque.setZero();
-  for (const AppliedWrench& load : loads) {
-    const auto found = std::find(island.bodies().begin(), island.bodies().end(), load.body);
-    if (found != island.bodies().end())
-      add_load(island, to_index(found - island.bodies().begin()), load.force, load.torque);
-  }
-
+  set_loads(island, gravity, loads);
   tick_start_ = t - since_tick;
   fixed_points_move_ = false;
   for (std::size_t i = 0; i < fixed_points_.size(); ++i) {
@@ -77,6 +69,32 @@ bool IntervalInputs::begin(const IslandModel& island, double t, const List<BodyS
   }
   has_jumped_ = has_jumped_ || others_change;
   return others_change;
+}
+
+void IntervalInputs::set_loads(const IslandModel& island, const Vector3d& gravity,
+                               const List<AppliedWrench>& loads) {
+  std::fill_n(acceleration_.begin(), bodies_, gravity);
+  for (const auto& [body, share] : compensated_) acceleration_[body] = share * gravity;
+  for (Vector3d& torque : torque_) torque.setZero();
+  loads_.clear();
+  for (const AppliedWrench& load : loads) {
+    const auto found = std::find(island.bodies().begin(), island.bodies().end(), load.body);
+    if (found == island.bodies().end()) continue;
+    loads_.push_back(load);
+    add_load(island, to_index(found - island.bodies().begin()), load.force, load.torque);
+  }
+}
+
+bool IntervalInputs::has_loads(const IslandModel& island, const List<AppliedWrench>& loads) const {
+  std::size_t known = 0;
+  for (const AppliedWrench& load : loads) {
+    if (std::find(island.bodies().begin(), island.bodies().end(), load.body) ==
+        island.bodies().end())
+      continue;
+    if (known == loads_.size() || !(load == loads_[known])) return false;
+    ++known;
+  }
+  return known == loads_.size();
 }
 
 void IntervalInputs::begin_general(const IslandModel& island, std::size_t l,

@@ -21,6 +21,10 @@ struct AppliedWrench {
   int body = 0;
   Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< About the centre of mass [N m]
+
+  bool operator==(const AppliedWrench& other) const {
+    return body == other.body && force == other.force && torque == other.torque;
+  }
 };
 
 /// Gravity, loads and prescribed motions of an island over an interval, and the values that they
@@ -37,6 +41,11 @@ class IntervalInputs {
   bool begin(const IslandModel& island, double t, const List<BodyState>& states,
              const Eigen::Vector3d& gravity, const List<AppliedWrench>& loads,
              const List<PrescribedMotion>& motions, double since_tick);
+  /// Sets gravity [m/s²] and loads, as begin() does.
+  void set_loads(const IslandModel& island, const Eigen::Vector3d& gravity,
+                 const List<AppliedWrench>& loads);
+  /// Whether these loads act on the bodies since the last begin() or set_loads().
+  bool has_loads(const IslandModel& island, const List<AppliedWrench>& loads) const;
   /// Forgets which joints move with time.
   void forget() { std::fill(is_changing_.begin(), is_changing_.end(), false); }
   /// Adds a constant force [N] and torque [N m] to the loads on a body.
@@ -131,6 +140,7 @@ class IntervalInputs {
   double scale_ = 0.0;                                      // [m]
   List<Eigen::Vector3d> acceleration_;                      // per point
   List<Eigen::Vector3d> torque_;                            // per rotating body
+  List<AppliedWrench> loads_;                               // on these bodies
   List<std::pair<std::size_t, PrescribedMotion>> motions_;  // by link, where time-dependent
   List<bool> is_changing_;                                  // per link
   List<Prescribed> length_;                                 // per link

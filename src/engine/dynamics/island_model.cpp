@@ -190,25 +190,49 @@ void IslandModel::add_links(const List<Joint>& all_joints, const Ends& ends,
     }
     link.custom = joint.custom.code.get();
     has_custom_forces_ = has_custom_forces_ || link.has_custom_force();
-    add_coordinates(joint, &link);
+    add_coordinates(joint, links_.size(), &link, &softs_);
     links_.push_back(link);
   }
 }
 
-// Adds the motors and soft coordinates of a joint to the link that is being compiled.
-void IslandModel::add_coordinates(const Joint& joint, Link* link) {
+// Adds the motors and soft coordinates of a joint to link l.
+void IslandModel::add_coordinates(const Joint& joint, std::size_t l, Link* link,
+                                  List<SoftCoordinate>* softs) {
   const JointKindInfo& kind = info(joint.kind);
   link->rows = kind.rows;
-  link->first_soft = softs_.size();
+  link->first_soft = softs->size();
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateLaw& law = joint.coordinates[i];
     const SoftLaw soft = soft_law(law);
     if (is_held(law))
       link->function[link->rows++] = static_cast<std::uint8_t>(kind.rows + i);
     else if (!soft.is_none())
-      softs_.push_back({links_.size(), kind.rows + i, kind.coordinate[i], soft, law.zero});
+      softs->push_back({l, kind.rows + i, kind.coordinate[i], soft, law.zero});
   }
-  link->softs = softs_.size() - link->first_soft;
+  link->softs = softs->size() - link->first_soft;
+}
+
+bool IslandModel::follow_laws(const List<Joint>& all_joints) {
+  List<SoftCoordinate> softs;
+  List<Link> links = links_;
+  for (std::size_t l = 0; l < links.size(); ++l) {
+    const Joint& joint = all_joints[joints_[l]];
+    const SoftLaw spring = length_spring(joint);
+    if (has_length(joint.kind) && spring.is_none() != is_rod(l)) return false;
+    links[l].stiffness = spring.K;
+    links[l].damping = spring.C;
+    add_coordinates(joint, l, &links[l], &softs);
+    if (links[l].rows != links_[l].rows || links[l].softs != links_[l].softs) return false;
+    const auto end = links[l].function.begin() + links[l].rows;
+    if (!std::equal(links[l].function.begin(), end, links_[l].function.begin())) return false;
+  }
+  const auto is_at_same = [](const SoftCoordinate& a, const SoftCoordinate& b) {
+    return a.function == b.function && a.zero == b.zero;
+  };
+  if (!std::equal(softs.begin(), softs.end(), softs_.begin(), is_at_same)) return false;
+  links_ = std::move(links);
+  softs_ = std::move(softs);
+  return true;
 }
 
 void IslandModel::add_all_rows() {

@@ -29,7 +29,7 @@ struct StateLayout {
 };
 
 /// Compiled structure of one island: which bodies rotate, the joints sorted by their kind of row,
-/// and the rows with the bodies they act on. Only the constructor allocates. Constant afterwards.
+/// and the rows with the bodies they act on. Constant but for follow_laws().
 class IslandModel {
  public:
   /// Joint indices: rods first, those between centres before all others, then ball joints, general
@@ -171,6 +171,9 @@ class IslandModel {
               const List<MassProperties>& masses, const List<CoupledTerms>& couplings,
               const List<int>& idle, const List<char>& open);
 
+  /// Described in EquationsOfMotion.
+  bool follow_laws(const List<Joint>& all_joints);
+
   List<int> joints_;
   List<int> bodies_;
   std::size_t rotating_ = 0;
@@ -203,7 +206,8 @@ class IslandModel {
                    const List<char>& open);
   void add_links(const List<Joint>& all_joints, const Ends& ends,
                  const List<MassProperties>& masses, const Places& places);
-  void add_coordinates(const Joint& joint, Link* link);
+  static void add_coordinates(const Joint& joint, std::size_t l, Link* link,
+                              List<SoftCoordinate>* softs);
   void add_all_rows();
   Row new_row(const Link& link, std::size_t part);
   void add_coupled_rows(const List<Joint>& all_joints, const List<CoupledTerms>& couplings);

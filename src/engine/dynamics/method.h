@@ -24,7 +24,7 @@ struct Interval {
   const List<AppliedWrench>& loads;
   const List<PrescribedMotion>& courses;  ///< one per joint of the world
   bool is_disturbed;  ///< loads or motions may have jumped since the last interval
-  bool is_edited;     ///< positions or velocities may have jumped as well
+  bool is_edited;     ///< motions, positions or velocities may have jumped as well
   StopFlag stop = nullptr;
   /// Time since the start of the tick, at which kinematic bodies are given [s].
   double since_tick = 0.0;

@@ -118,7 +118,7 @@ void World::set_body(BodyId id, const Body& body) {
         std::max(impl_->masses[a].radius_of_gyration(), impl_->masses[b].radius_of_gyration());
   }
   if (!impl_->is_movable(i)) return impl_->edits.note_all();
-  impl_->edits.note_laws_of(*impl_, id);
+  impl_->edits.note_mass_of(*impl_, id);
 }
 
 void World::set_state(BodyId id, const BodyState& state) {

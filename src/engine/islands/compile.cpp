@@ -45,7 +45,7 @@ void compile_island(const Model& model, const Topology& topology, const List<int
   parts->turning_freely.clear();
   for (std::size_t i = equations.rotating(); i < held.size(); ++i)
     if (model.masses[held[i]].can_turn()) parts->turning_freely.push_back(held[i]);
-  parts->is_stale = false;
+  parts->is_stale = parts->has_other_laws = false;
   if (parts->motion >= 0) {
     (*motions)[parts->motion] = std::move(motion);
     return;
@@ -53,6 +53,24 @@ void compile_island(const Model& model, const Topology& topology, const List<int
   parts->motion = static_cast<int>(motions->size());
   motions->push_back(std::move(motion));
 }
+
+namespace {
+
+// Compiles an island unless its equations can take over the laws of the joints.
+void compile_where_needed(const Model& model, const State& state, const Topology& topology,
+                          IslandParts* parts, List<IslandMotion>* motions) {
+  const List<int> open_points = open_points_of(model, state.joint_states, parts->members);
+  const bool has_events = method_for(parts->nature, model.options) == Method::kEventDriven;
+  const bool is_as_before = parts->motion >= 0 && !parts->is_stale &&
+                            open_points == parts->open_points &&
+                            has_events == (*motions)[parts->motion].is_event_driven();
+  if (is_as_before && (*motions)[parts->motion].follow_laws(model.joints))
+    parts->has_other_laws = false;
+  else
+    compile_island(model, topology, open_points, parts, motions);
+}
+
+}  // namespace
 
 void compile_islands(const Model& model, const State& state, const Topology& topology,
                      IslandLists* lists) {
@@ -62,9 +80,8 @@ void compile_islands(const Model& model, const State& state, const Topology& top
     if (uses_impulses(method_for(parts.nature, model.options))) continue;
     if (parts.members.joints.empty())
       parts.turning_freely = parts.members.bodies;
-    else if (parts.motion < 0 || parts.is_stale)
-      compile_island(model, topology, open_points_of(model, state.joint_states, parts.members),
-                     &parts, &lists->motions);
+    else if (parts.motion < 0 || parts.is_stale || parts.has_other_laws)
+      compile_where_needed(model, state, topology, &parts, &lists->motions);
   }
 }
 

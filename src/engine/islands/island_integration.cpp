@@ -256,9 +256,10 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
   for (std::size_t k = 0; k + 1 < interval_ends_.size(); ++k) {
     const double t = interval_ends_[k];
     const JointStep span = joint_step(model.options, t, interval_ends_[k + 1] - t);
-    if (!state->wrenches.empty() || !loads_.empty())
+    const bool had_loads = !loads_.empty();
+    if (!state->wrenches.empty() || had_loads)
       find_loads(model, *state, t, interval_ends_[k + 1]);
-    const bool is_disturbed = had_wrenches_ || !loads_.empty() || k > 0;
+    const bool is_disturbed = had_loads || !loads_.empty() || k > 0;
     for (const int j : time_varying_joints_)
       if (is_integrated(model, topology, *lists, to_index(j)))
         courses_[j].begin(model.joints[j], span, state->joint_states[j]);
@@ -282,7 +283,6 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
     for (const int j : time_varying_joints_)
       if (is_integrated(model, topology, *lists, to_index(j)))
         finish_span(model.joints[j], span, state->joint_states[j]);
-    had_wrenches_ = !loads_.empty();
   }
   if (!continuous.jointed_pairs().empty()) {
     for (const int i : continuous.find_passing(in.step, *state, in.rollback, *lists)) {

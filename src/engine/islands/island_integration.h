@@ -44,7 +44,6 @@ class IslandIntegration {
   const List<FreeRotation>& rotations() const { return rotations_; }
   /// Wrenches in the last interval.
   const List<AppliedWrench>& loads() const { return loads_; }
-  bool had_wrenches() const { return had_wrenches_; }
   /// Ends of the intervals of a step in which nothing jumps [s].
   const List<double>& interval_ends() const { return interval_ends_; }
 
@@ -74,7 +73,6 @@ class IslandIntegration {
     visit(self.rotations_);
     visit(self.courses_);
     visit(self.loads_);
-    visit(self.had_wrenches_);
   }
   template <class Self, class Visit>
   static void visit_choice(Self& self, Visit& visit) {
@@ -117,7 +115,6 @@ class IslandIntegration {
   List<FreeRotation> rotations_;
   List<double> interval_ends_;
   List<AppliedWrench> loads_;
-  bool had_wrenches_ = false;
   Workers workers_;
 };
 

@@ -41,7 +41,8 @@ struct IslandParts : IslandMemory {
   bool has_failed = false;
 
   bool is_fresh = true;   ///< no step since an edit of the island
-  bool is_stale = false;  ///< laws of joints differ from the compiled laws
+  bool is_stale = false;  ///< bodies differ from the compiled bodies
+  bool has_other_laws = false;  ///< laws of joints differ from the compiled laws
   List<int> open_points;  ///< joints without axes that were open when the island was compiled
   WatchedEnergy energy;
   bool has_limited_spring = false;  ///< has a spring with a force limit: its energy is not ½ k C²

@@ -41,6 +41,14 @@ IntegrationResult IslandMotion::advance_by(Integration way, const Interval& span
   return {};
 }
 
+bool IslandMotion::follow_laws(const List<Joint>& all_joints) {
+  gradients_.reset();
+  inconsistent_.reset();
+  least_forces_.reset();
+  return events_ ? events_->follow_laws(all_joints, &substeps_)
+                 : substeps_.equations().follow_laws(all_joints);
+}
+
 void IslandMotion::change_way() {
   substeps_.forget();
   if (events_) events_->forget();

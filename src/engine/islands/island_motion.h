@@ -37,6 +37,10 @@ class IslandMotion {
   explicit IslandMotion(EventDriven events)
       : substeps_(events.bare()), events_(std::move(events)) {}
 
+  /// Takes over the laws of the joints. Returns false where the island has to be compiled anew.
+  bool follow_laws(const List<Joint>& all_joints);
+  bool is_event_driven() const { return events_.has_value(); }
+
   const EquationsOfMotion& equations() const { return substeps_.equations(); }
   /// Points on a tree of rods.
   bool is_simple() const {

@@ -255,9 +255,17 @@ void add_methods(Fnv1a& hash, const Impl& world) {
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
       add(word);
-    add(world.integration.had_wrenches());
+    add(!world.integration.loads().empty());
     IslandMotion::visit_memory(world.motions[static_cast<std::size_t>(parts.motion)], add,
                                world.masses);
+  }
+  for (const AppliedWrench& load : world.integration.loads()) {
+    const int i = world.topology.island_of(to_index(load.body));
+    if (i < 0 || world.island_parts[i].is_fresh || world.islands[i].why == MethodReason::kAtRest)
+      continue;
+    add(load.body);
+    add(load.force);
+    add(load.torque);
   }
 }
 

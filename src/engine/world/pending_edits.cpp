@@ -12,14 +12,15 @@ void PendingEdits::note_islands_of(const Model& model, const Joint& joint) {
   note_island_of(model, joint.body_b);
 }
 
-void PendingEdits::note_laws_of(const Model& model, BodyId body) {
+void PendingEdits::note_mass_of(const Model& model, BodyId body) {
   note_island_of(model, body);
-  if (model.is_movable(model.index(body))) relinked_bodies_.push_back(body);
+  if (model.is_movable(model.index(body))) changed_bodies_.push_back(body);
 }
 
 void PendingEdits::note_laws_of(const Model& model, const Joint& joint) {
-  note_laws_of(model, joint.body_a);
-  note_laws_of(model, joint.body_b);
+  note_islands_of(model, joint);
+  for (const BodyId body : {joint.body_a, joint.body_b})
+    if (model.is_movable(model.index(body))) bodies_with_other_laws_.push_back(body);
 }
 
 void PendingEdits::begin_compiling() {
@@ -40,9 +41,12 @@ void PendingEdits::mark_islands(const Model& model, const Topology& topology, Is
     parts->is_fresh = true;
   }
   bodies_.clear();
-  for (const BodyId id : relinked_bodies_)
+  for (const BodyId id : changed_bodies_)
     if (IslandParts* const parts = parts_of(id)) parts->is_stale = true;
-  relinked_bodies_.clear();
+  changed_bodies_.clear();
+  for (const BodyId id : bodies_with_other_laws_)
+    if (IslandParts* const parts = parts_of(id)) parts->has_other_laws = true;
+  bodies_with_other_laws_.clear();
   if (all_)
     lists->restart_all();
   else

@@ -47,8 +47,9 @@ class PendingEdits {
   /// are not dynamic.
   void note_island_of(const Model& model, BodyId body);
   void note_islands_of(const Model& model, const Joint& joint);
-  /// Marks the islands of a body or joint: methods begin anew, and laws are compiled anew.
-  void note_laws_of(const Model& model, BodyId body);
+  /// Marks the island of a body: its method begins anew, and its equations are compiled anew.
+  void note_mass_of(const Model& model, BodyId body);
+  /// Marks the islands of a joint: methods begin anew, with other laws.
   void note_laws_of(const Model& model, const Joint& joint);
   /// Separates the model from its copies in snapshots, whose ids differ now.
   void forget_model_mark() { model_mark_.reset(); }
@@ -71,7 +72,9 @@ class PendingEdits {
 
  private:
   bool any_ = true, topology_ = true, all_ = true;
-  std::vector<BodyId> bodies_, relinked_bodies_;
+  std::vector<BodyId> bodies_;
+  std::vector<BodyId> changed_bodies_;         // mass or inertia
+  std::vector<BodyId> bodies_with_other_laws_;  // bodies on joints whose laws have changed
   std::shared_ptr<const char> model_mark_;  // worlds with the same mark have the same model
   std::optional<SnapshotAnswers> answers_;
 };

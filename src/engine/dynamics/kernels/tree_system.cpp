@@ -128,12 +128,17 @@ bool TreeSystem::read(double t) {
   if (!(dynamics_.least_pivot(tree_) > kLeastPivot)) state_.set_ill_conditioned();
   if (!closings_.empty() && !are_loops_regular(kPivotToReturn)) state_.leave_step_to_rows();
   if (state_.is_left_to_rows()) return false;
-  write_derivative(memory.state(), memory.derivatives());
-  write_forces(0);
+  start(t);
   state_.note_size();
   if (tree_.keeps_momenta()) state_.momentum() = TreeMomentum(tree_, dynamics_);
   state_.set_current();
   return true;
+}
+
+void TreeSystem::start(double t) {
+  if (!state_.is_placed()) place_start(t);
+  write_derivative(state_.memory().state(), state_.memory().derivatives());
+  write_forces(0);
 }
 
 void TreeSystem::begin(double t) {

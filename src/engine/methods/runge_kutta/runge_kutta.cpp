@@ -113,11 +113,19 @@ auto RungeKutta::with_system(Act act) {
 
 IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOptions& accuracy,
                                     const List<BodyState>& states) {
+  const bool has_other_loads = span.is_disturbed && !equations_.has_loads(span.loads);
+  if (span.is_edited || (has_other_loads && !tree_.is_current())) forget();
+  if (has_other_loads && tree_.is_current()) {
+    equations_.set_loads(span.gravity, span.loads);
+    tree_.set_placed(false);
+  }
   const IntegrationResult begun = begin_equations(span, accuracy, states);
   if (!begun.done || !tree_.can_advance(equations_)) return begun;
   TreeSystem system = TreeSystem::for_impulses(equations_, tree_, accuracy.order);
-  if (!tree_.is_current()) system.read(span.t);
+  const bool goes_on = tree_.is_current();
+  if (!goes_on) system.read(span.t);
   if (tree_.is_current()) system.begin(span.t);
+  if (goes_on && has_other_loads) system.start(span.t);
   return begun;
 }
 
@@ -126,7 +134,6 @@ IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOption
 IntegrationResult RungeKutta::begin_equations(const Interval& span,
                                               const IntegratorOptions& accuracy,
                                               const List<BodyState>& states) {
-  if (span.is_disturbed) forget();
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
   if (!has_started_) gather_state(equations_, states, y);

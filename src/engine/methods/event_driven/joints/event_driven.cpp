@@ -41,6 +41,11 @@ EventDriven::EventDriven(const List<int>& members, const List<Joint>& all_joints
       variants_(motions_.joints(), masses),
       impulses_(members.size()) {}
 
+bool EventDriven::follow_laws(const List<Joint>& all_joints, RungeKutta* motion) {
+  return motions_.follow_laws(all_joints) &&
+         variants_.follow_laws(motions_.joints(), motions_.broken(), motion);
+}
+
 // ---- a step
 
 void EventDriven::begin_step(const List<JointState>& joint_states, RungeKutta* motion) {
@@ -84,7 +89,9 @@ bool EventDriven::begin_span(Span* span) {
   const bool goes_on = motions_.begin_interval(span->around.joint_states, span->around.step,
                                                span->all.t, span->left.end);
   stepper_.begin_interval();
-  if (!motions_.has_started() || !goes_on || span->all.is_disturbed) {
+  const bool is_pushed =
+      span->all.is_disturbed && !span->motion->equations().has_loads(span->all.loads);
+  if (!motions_.has_started() || !goes_on || span->all.is_edited || is_pushed) {
     bool had_impacts = false;
     const bool is_done = settle(span, {}, true, &had_impacts);
     span->begins = false;

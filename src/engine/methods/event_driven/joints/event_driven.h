@@ -51,6 +51,10 @@ class EventDriven {
               const List<CoupledTerms>& couplings, const List<MassProperties>& masses,
               const List<char>& open);
 
+  /// Takes over the laws of the joints, `motion` included, which both begin anew. Returns false
+  /// where the island has to be compiled anew.
+  bool follow_laws(const List<Joint>& all_joints, RungeKutta* motion);
+
   /// Equations without any one-sided row, from which an island starts.
   const EquationsOfMotion& bare() const { return variants_.bare(); }
 

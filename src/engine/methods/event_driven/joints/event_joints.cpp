@@ -12,20 +12,39 @@ EventJoints::EventJoints(const List<int>& members, const List<Joint>& all_joints
     : members_(members) {
   for (const int j : members_) {
     const Joint& joint = all_joints[j];
-    const std::size_t l = joints_.size();
-    joints_.push_back(joint);
-    joints_.back().name.clear();  // copies then allocate nothing
     ends_.push_back(ends[j]);
     if (!open.empty()) open_.push_back(open[j]);
-    first_law_.push_back(laws_.size());
-    add_one_sided_laws(joint, l, &laws_);
-    if ((joint.break_force > 0.0 || joint.break_torque > 0.0) && !couples_joints(joint.kind)) {
-      const auto most = [](double force) { return force > 0.0 ? force : kInfinity; };
-      breaking_.push_back({l, most(joint.break_force), most(joint.break_torque)});
-    }
-    if (couples(joint.kind)) add_coupling(couplings[j], l);
+    add_laws(joint);
+    if (couples(joint.kind)) add_coupling(couplings[j], joints_.size() - 1);
   }
   first_law_.push_back(laws_.size());
+}
+
+void EventJoints::add_laws(const Joint& joint) {
+  const std::size_t l = joints_.size();
+  joints_.push_back(joint);
+  joints_.back().name.clear();  // copies then allocate nothing
+  first_law_.push_back(laws_.size());
+  add_one_sided_laws(joint, l, &laws_);
+  if (joint.break_force == 0.0 && joint.break_torque == 0.0) return;
+  if (couples_joints(joint.kind)) return;
+  const auto most = [](double force) { return force > 0.0 ? force : kInfinity; };
+  breaking_.push_back({l, most(joint.break_force), most(joint.break_torque)});
+}
+
+bool EventJoints::follow_laws(const List<Joint>& all_joints) {
+  const List<OneSidedLaw> before = std::move(laws_);
+  joints_.clear();
+  laws_.clear();
+  first_law_.clear();
+  breaking_.clear();
+  for (const int j : members_) add_laws(all_joints[j]);
+  first_law_.push_back(laws_.size());
+  return std::equal(laws_.begin(), laws_.end(), before.begin(), before.end(),
+                    [](const OneSidedLaw& a, const OneSidedLaw& b) {
+                      return a.joint == b.joint && a.function == b.function &&
+                             a.is_distance == b.is_distance && a.is_coupling == b.is_coupling;
+                    });
 }
 
 void EventJoints::add_coupling(const CoupledTerms& terms, std::size_t joint) {
@@ -44,16 +63,32 @@ bool EventJoints::with_rows(std::size_t joint, const List<OneSidedState>& states
   return with_rows_switched(laws_.data() + first, states.data() + first, end - first, result);
 }
 
+// Returns the joints with rows as the states say, and lists which of them act.
+List<Joint> EventJoints::switched(const List<OneSidedState>& states, const List<char>& is_broken,
+                                  List<int>* acting, List<int>* idle) const {
+  List<Joint> joints = joints_;
+  for (std::size_t l = 0; l < joints_.size(); ++l) {
+    const bool acts = !is_broken[l] && with_rows(l, states, &joints[l]);
+    (acts ? acting : idle)->push_back(static_cast<int>(l));
+  }
+  return joints;
+}
+
 EquationsOfMotion EventJoints::compile(const List<OneSidedState>& states,
                                        const List<char>& is_broken,
                                        const List<MassProperties>& masses) const {
-  List<Joint> joints = joints_;
   List<int> acting, idle;
-  for (std::size_t l = 0; l < joints_.size(); ++l) {
-    const bool acts = !is_broken[l] && with_rows(l, states, &joints[l]);
-    (acts ? acting : idle).push_back(static_cast<int>(l));
-  }
+  const List<Joint> joints = switched(states, is_broken, &acting, &idle);
   return {acting, joints, ends_, masses, couplings_, idle, open_};
+}
+
+bool EventJoints::update(const List<OneSidedState>& states, const List<char>& is_broken,
+                         EquationsOfMotion* equations) const {
+  List<int> acting, idle;
+  const List<Joint> joints = switched(states, is_broken, &acting, &idle);
+  const List<int>& compiled = equations->joints();
+  return std::is_permutation(acting.begin(), acting.end(), compiled.begin(), compiled.end()) &&
+         equations->follow_laws(joints);
 }
 
 }  // namespace constraint_sim::engine

@@ -25,6 +25,10 @@ class EventJoints {
   EventJoints(const List<int>& members, const List<Joint>& all_joints, const Ends& ends,
               const List<CoupledTerms>& couplings, const List<char>& open);
 
+  /// Takes over the laws of the joints. Returns false where these are other laws, by kind or by
+  /// coordinate.
+  bool follow_laws(const List<Joint>& all_joints);
+
   std::size_t size() const { return joints_.size(); }
   const List<int>& members() const { return members_; }
   const List<Joint>& joints() const { return joints_; }
@@ -47,8 +51,15 @@ class EventJoints {
   /// Compiles the joints that are not broken, with rows as the states of all laws say.
   EquationsOfMotion compile(const List<OneSidedState>& states, const List<char>& is_broken,
                             const List<MassProperties>& masses) const;
+  /// Whether compiled equations could take over the laws of the joints, with rows as the states of
+  /// all laws say.
+  bool update(const List<OneSidedState>& states, const List<char>& is_broken,
+              EquationsOfMotion* equations) const;
 
  private:
+  List<Joint> switched(const List<OneSidedState>& states, const List<char>& is_broken,
+                       List<int>* acting, List<int>* idle) const;
+  void add_laws(const Joint& joint);
   void add_coupling(const CoupledTerms& terms, std::size_t joint);
 
   List<int> members_;

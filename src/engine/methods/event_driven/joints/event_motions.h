@@ -22,6 +22,9 @@ class EventMotions {
  public:
   explicit EventMotions(EventJoints joints);
 
+  /// Takes over the laws of the joints. Returns false where these are other laws, by kind or by
+  /// coordinate.
+  bool follow_laws(const List<Joint>& all_joints);
   const EventJoints& joints() const { return joints_; }
   const List<OneSidedLaw>& laws() const { return joints_.laws(); }
   /// Whether the states continue from the last interval.

@@ -27,6 +27,16 @@ void EventVariants::compile_again(const EventJoints& joints, const List<char>& i
   *motion = RungeKutta(joints.compile(compiled_for_, broken_then_, masses));
 }
 
+bool EventVariants::follow_laws(const EventJoints& joints, const List<char>& is_broken,
+                                RungeKutta* motion) {
+  const auto is_outdated = [&](Variant& other) {
+    return !joints.update(other.states, other.is_broken, &other.motion.equations());
+  };
+  others_.erase(std::remove_if(others_.begin(), others_.end(), is_outdated), others_.end());
+  return joints.update(List<OneSidedState>(joints.laws().size()), is_broken, &bare_) &&
+         joints.update(compiled_for_, broken_then_, &motion->equations());
+}
+
 bool EventVariants::switch_to(const EventJoints& joints, const List<OneSidedState>& states,
                               const List<char>& is_broken, const List<MassProperties>& masses,
                               RungeKutta* motion) {

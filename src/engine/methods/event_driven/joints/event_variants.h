@@ -24,6 +24,10 @@ class EventVariants {
                  const List<char>& is_broken, const List<MassProperties>& masses,
                  RungeKutta* motion);
 
+  /// Takes over the laws of the joints, `motion` included. Returns false where `motion` or the bare
+  /// equations have to be compiled anew.
+  bool follow_laws(const EventJoints& joints, const List<char>& is_broken, RungeKutta* motion);
+
   /// Visits the states that RungeKutta is compiled for, as engine/support/memory.h describes.
   /// compile_again() follows where they were read.
   template <class Self, class Visit>

@@ -1,12 +1,14 @@
 #include "engine/edits/joint_edits.h"
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
 
 #include "engine/constraints/closing_errors.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/law.h"
 #include "engine/edits/joint_defaults.h"
 #include "engine/edits/motor_ends.h"
 #include "engine/islands/coordinate_motions.h"
@@ -17,6 +19,26 @@
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
+namespace {
+
+/// Whether a coordinate is held and limited alike by both laws, whose springs, dampers, servos or
+/// constant forces have other numbers.
+bool differ_in_force_alone(const CoordinateLaw& a, const CoordinateLaw& b) {
+  if (a.motor.has_value() != b.motor.has_value() || a.zero != b.zero) return false;
+  if (a.motor) {
+    const CoordinateMotor &of_a = *a.motor, &of_b = *b.motor;
+    const auto may_jump = [](const CoordinateMotor& of) { return of.is_rigid() || of.timeout > 0; };
+    if (may_jump(of_a) || may_jump(of_b)) return false;
+    if (of_a.is_servo() != of_b.is_servo() || of_a.max_force != of_b.max_force) return false;
+  }
+  if (soft_law(a).is_none() != soft_law(b).is_none()) return false;
+  const auto one_sided = [](const CoordinateLaw& of) {
+    return std::tie(of.lower, of.upper, of.limit_restitution, of.friction);
+  };
+  return one_sided(a) == one_sided(b);
+}
+
+}  // namespace
 
 void JointEdits::start() {
   const Joint& joint = world_.joints[j_];
@@ -73,7 +95,6 @@ void JointEdits::replace(const Joint& joint, const LawChanges& changes) {
       open_joint(world_, j_, world_.time(), &world_);
     motions.send(world_, is_sent, &world_);
   }
-  world_.edits.note_laws_of(world_, joint);
 }
 
 bool JointEdits::follow_law(std::size_t i, const CoordinateLaw& before, bool is_motor_set) {
@@ -124,7 +145,13 @@ void JointEdits::set_law(std::size_t i, const CoordinateLaw& law, bool is_motor_
   }
   LawChanges changes{};
   changes[i] = {true, is_motor_set};
+  const bool is_force_alone =
+      differ_in_force_alone(joint.coordinates[i], world_.joints[j_].coordinates[i]);
   replace(joint, changes);
+  if (is_force_alone)
+    world_.edits.note_forces_of(world_, joint);
+  else
+    world_.edits.note_laws_of(world_, joint);
 }
 
 void JointEdits::restart() {

@@ -18,7 +18,7 @@ class JointEdits {
 
   /// Sets the state of a joint that was just added.
   void start();
-  /// Replaces the settings by `joint`, which is valid and filled in.
+  /// Replaces the settings by `joint`, which is valid and filled in. The caller notes the edit.
   void replace(const Joint& joint, const LawChanges& changes);
   /// Sets the law of a coordinate. `is_motor_set`: the timeout of the motor begins now.
   void set_law(std::size_t coordinate, const CoordinateLaw& law, bool is_motor_set);

@@ -29,6 +29,12 @@ struct WatchedEnergy {
 
 /// Members of an island, and its memory from step to step.
 struct IslandParts : IslandMemory {
+  /// Lets the methods begin anew, after an edit.
+  void begin_anew() {
+    if (!is_fresh) static_cast<IslandMemory&>(*this) = after_edit();
+    is_fresh = true;
+  }
+
   IslandMembers members;
   MethodReason nature = MethodReason::kSmooth;  ///< by joints and options, without contacts
   int motion = -1;           ///< index in IslandLists::motions; -1: no joints, or never integrated
@@ -40,10 +46,10 @@ struct IslandParts : IslandMemory {
   bool needs_method_choice = false;                      ///< the next step chooses a method anew
   bool has_failed = false;
 
-  bool is_fresh = true;   ///< no step since an edit of the island
-  bool is_stale = false;  ///< bodies differ from the compiled bodies
+  bool is_fresh = true;         ///< no step since an edit of the island
+  bool is_stale = false;        ///< bodies differ from the compiled bodies
   bool has_other_laws = false;  ///< laws of joints differ from the compiled laws
-  List<int> open_points;  ///< joints without axes that were open when the island was compiled
+  List<int> open_points;        ///< joints without axes that were open when the island was compiled
   WatchedEnergy energy;
   bool has_limited_spring = false;  ///< has a spring with a force limit: its energy is not ½ k C²
 };

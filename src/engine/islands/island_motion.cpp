@@ -45,8 +45,7 @@ bool IslandMotion::follow_laws(const List<Joint>& all_joints) {
   gradients_.reset();
   inconsistent_.reset();
   least_forces_.reset();
-  return events_ ? events_->follow_laws(all_joints, &substeps_)
-                 : substeps_.equations().follow_laws(all_joints);
+  return events_ ? events_->follow_laws(all_joints, &substeps_) : substeps_.follow_laws(all_joints);
 }
 
 void IslandMotion::change_way() {

@@ -19,6 +19,11 @@ void PendingEdits::note_mass_of(const Model& model, BodyId body) {
 
 void PendingEdits::note_laws_of(const Model& model, const Joint& joint) {
   note_islands_of(model, joint);
+  note_forces_of(model, joint);
+}
+
+void PendingEdits::note_forces_of(const Model& model, const Joint& joint) {
+  note();
   for (const BodyId body : {joint.body_a, joint.body_b})
     if (model.is_movable(model.index(body))) bodies_with_other_laws_.push_back(body);
 }
@@ -36,9 +41,7 @@ void PendingEdits::mark_islands(const Model& model, const Topology& topology, Is
   };
   for (const BodyId id : bodies_) {
     IslandParts* const parts = parts_of(id);
-    if (parts == nullptr) continue;
-    if (!parts->is_fresh) static_cast<IslandMemory&>(*parts) = parts->after_edit();
-    parts->is_fresh = true;
+    if (parts != nullptr) parts->begin_anew();
   }
   bodies_.clear();
   for (const BodyId id : changed_bodies_)
@@ -47,10 +50,7 @@ void PendingEdits::mark_islands(const Model& model, const Topology& topology, Is
   for (const BodyId id : bodies_with_other_laws_)
     if (IslandParts* const parts = parts_of(id)) parts->has_other_laws = true;
   bodies_with_other_laws_.clear();
-  if (all_)
-    lists->restart_all();
-  else
-    lists->list_fresh();
+  if (all_) lists->restart_all();
   all_ = false;
 }
 

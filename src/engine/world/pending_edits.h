@@ -51,6 +51,8 @@ class PendingEdits {
   void note_mass_of(const Model& model, BodyId body);
   /// Marks the islands of a joint: methods begin anew, with other laws.
   void note_laws_of(const Model& model, const Joint& joint);
+  /// Marks the islands of a joint: methods go on with other forces along coordinates.
+  void note_forces_of(const Model& model, const Joint& joint);
   /// Separates the model from its copies in snapshots, whose ids differ now.
   void forget_model_mark() { model_mark_.reset(); }
 
@@ -73,9 +75,9 @@ class PendingEdits {
  private:
   bool any_ = true, topology_ = true, all_ = true;
   std::vector<BodyId> bodies_;
-  std::vector<BodyId> changed_bodies_;         // mass or inertia
+  std::vector<BodyId> changed_bodies_;          // mass or inertia
   std::vector<BodyId> bodies_with_other_laws_;  // bodies on joints whose laws have changed
-  std::shared_ptr<const char> model_mark_;  // worlds with the same mark have the same model
+  std::shared_ptr<const char> model_mark_;      // worlds with the same mark have the same model
   std::optional<SnapshotAnswers> answers_;
 };
 

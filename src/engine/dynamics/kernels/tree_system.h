@@ -26,7 +26,7 @@ class TreeSystem {
   bool read(double t);
   /// Begins an interval at time t [s], in the state that the interval before has left.
   void begin(double t);
-  /// Evaluates derivative and forces at the start of the interval, where other loads begin to act.
+  /// Evaluates derivative and forces at the start of the interval, where other forces begin to act.
   void start(double t);
   /// Notes the coordinates of the present state.
   void note_coordinates();

@@ -38,6 +38,12 @@ struct WatchedValue {
   double touching = kTouching, resting = kResting;
 };
 
+/// Whether a value is beyond doubt above zero.
+inline bool is_clear(const WatchedValue& watched) {
+  if (watched.known == 0) return watched.value > watched.tolerance;
+  return watched.value > (watched.known == 1 ? watched.resting : watched.touching);
+}
+
 /// Predicted crossing of zero, as a share of a substep.
 struct Crossing {
   double share;

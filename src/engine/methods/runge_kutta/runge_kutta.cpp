@@ -84,7 +84,7 @@ RungeKutta::RungeKutta(EquationsOfMotion equations)
 }
 
 void RungeKutta::restart() {
-  has_started_ = false;
+  has_started_ = has_other_forces_ = false;
   tree_.restart();
   step_ = 0.0;
   equations_.forget_redundant_rows();
@@ -113,9 +113,10 @@ auto RungeKutta::with_system(Act act) {
 
 IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOptions& accuracy,
                                     const List<BodyState>& states) {
-  const bool has_other_loads = span.is_disturbed && !equations_.has_loads(span.loads);
-  if (span.is_edited || (has_other_loads && !tree_.is_current())) forget();
-  if (has_other_loads && tree_.is_current()) {
+  const bool has_other_forces = std::exchange(has_other_forces_, false) ||
+                                (span.is_disturbed && !equations_.has_loads(span.loads));
+  if (span.is_edited || (has_other_forces && !tree_.is_current())) forget();
+  if (has_other_forces && tree_.is_current()) {
     equations_.set_loads(span.gravity, span.loads);
     tree_.set_placed(false);
   }
@@ -125,7 +126,7 @@ IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOption
   const bool goes_on = tree_.is_current();
   if (!goes_on) system.read(span.t);
   if (tree_.is_current()) system.begin(span.t);
-  if (goes_on && has_other_loads) system.start(span.t);
+  if (goes_on && has_other_forces) system.start(span.t);
   return begun;
 }
 

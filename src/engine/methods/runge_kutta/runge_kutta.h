@@ -19,6 +19,12 @@ class RungeKutta {
  public:
   explicit RungeKutta(EquationsOfMotion equations);
 
+  /// Takes over the laws of the joints, as EquationsOfMotion::follow_laws(). The next interval
+  /// continues with the forces of these laws.
+  bool follow_laws(const List<Joint>& all_joints) {
+    has_other_forces_ = true;
+    return equations_.follow_laws(all_joints);
+  }
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
   void begin_step(const List<JointState>& joints) {
@@ -49,6 +55,8 @@ class RungeKutta {
   /// First guess of the next substep [s].
   double step() const { return step_; }
   void set_step(double step) { step_ = step; }
+  /// Whether laws have other forces than in the last interval.
+  bool has_other_forces() const { return has_other_forces_; }
   /// Whether the next interval continues the last one.
   bool has_started() const { return has_started_; }
   /// Notes that bodies were moved from outside.
@@ -66,6 +74,7 @@ class RungeKutta {
     EquationsOfMotion::visit_memory(self.equations_, visit, self.has_started_);
     visit(self.step_);
     visit(self.has_started_);
+    visit(self.has_other_forces_);
     ArticulatedTree::visit_memory(self.tree_, visit, self.has_started_);
     if (!self.has_started_) return;
     if (self.tree_.is_current()) return;
@@ -95,12 +104,13 @@ class RungeKutta {
                                         const IntegratorOptions& accuracy);
 
   EquationsOfMotion equations_;
-  ArticulatedTree tree_;        // state in joint coordinates, where it is used
-  List<double> numbers_;        // storage of StageMemory
-  double step_ = 0.0;           // first guess of the next substep [s]
-  bool has_started_ = false;    // whether the derivative of the first stage is known
-  List<double> kept_;           // state and derivative, saved by keep_start()
-  TreeMomentum kept_momentum_;  // momenta and size of a tree, saved by keep_start()
+  ArticulatedTree tree_;           // state in joint coordinates, where it is used
+  List<double> numbers_;           // storage of StageMemory
+  double step_ = 0.0;              // first guess of the next substep [s]
+  bool has_started_ = false;       // whether the derivative of the first stage is known
+  bool has_other_forces_ = false;  // whether laws have changed since that derivative
+  List<double> kept_;              // state and derivative, saved by keep_start()
+  TreeMomentum kept_momentum_;     // momenta and size of a tree, saved by keep_start()
   double kept_size_ = 0.0;
 };
 

@@ -90,20 +90,28 @@ bool EventDriven::begin_span(Span* span) {
                                                span->all.t, span->left.end);
   stepper_.begin_interval();
   const bool is_pushed =
-      span->all.is_disturbed && !span->motion->equations().has_loads(span->all.loads);
-  if (!motions_.has_started() || !goes_on || span->all.is_edited || is_pushed) {
+      span->motion->has_other_forces() ||
+      (span->all.is_disturbed && !span->motion->equations().has_loads(span->all.loads));
+  const auto decide_again = [&] {
     bool had_impacts = false;
     const bool is_done = settle(span, {}, true, &had_impacts);
     span->begins = false;
     return is_done;
-  }
-  span->begins = false;
+  };
+  if (!motions_.has_started() || !goes_on || span->all.is_edited) return decide_again();
+  if (is_pushed && !motions_.joints().breaking().empty()) return decide_again();
   Interval now = rest_of(*span);
-  now.is_disturbed = now.is_edited = false;
+  now.is_disturbed = is_pushed;
+  now.is_edited = false;
   const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);
   span->progress.projected += begun.projected;
-  if (begun.done) watch(*span, stepper_.before());
-  return begun.done;
+  if (!begun.done) return false;
+  watch(*span, stepper_.before());
+  // Other forces change how laws act only where a value reaches its bound.
+  if (is_pushed && !std::all_of(stepper_.before()->begin(), stepper_.before()->end(), is_clear))
+    return decide_again();
+  span->begins = false;
+  return true;
 }
 
 // ---- between events

@@ -51,8 +51,8 @@ class EventDriven {
               const List<CoupledTerms>& couplings, const List<MassProperties>& masses,
               const List<char>& open);
 
-  /// Takes over the laws of the joints, `motion` included, which both begin anew. Returns false
-  /// where the island has to be compiled anew.
+  /// Takes over the laws of the joints, `motion` included. Returns false where the island has to be
+  /// compiled anew. Where other than forces along coordinates change, both have to begin anew.
   bool follow_laws(const List<Joint>& all_joints, RungeKutta* motion);
 
   /// Equations without any one-sided row, from which an island starts.

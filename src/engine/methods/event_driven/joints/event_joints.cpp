@@ -82,13 +82,4 @@ EquationsOfMotion EventJoints::compile(const List<OneSidedState>& states,
   return {acting, joints, ends_, masses, couplings_, idle, open_};
 }
 
-bool EventJoints::update(const List<OneSidedState>& states, const List<char>& is_broken,
-                         EquationsOfMotion* equations) const {
-  List<int> acting, idle;
-  const List<Joint> joints = switched(states, is_broken, &acting, &idle);
-  const List<int>& compiled = equations->joints();
-  return std::is_permutation(acting.begin(), acting.end(), compiled.begin(), compiled.end()) &&
-         equations->follow_laws(joints);
-}
-
 }  // namespace constraint_sim::engine

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -51,10 +52,17 @@ class EventJoints {
   /// Compiles the joints that are not broken, with rows as the states of all laws say.
   EquationsOfMotion compile(const List<OneSidedState>& states, const List<char>& is_broken,
                             const List<MassProperties>& masses) const;
-  /// Whether compiled equations could take over the laws of the joints, with rows as the states of
-  /// all laws say.
+  /// Lets equations, or RungeKutta with its own, take over the laws of the joints, with rows as the
+  /// states of all laws say. Returns false where they have to be compiled anew.
+  template <class Compiled>
   bool update(const List<OneSidedState>& states, const List<char>& is_broken,
-              EquationsOfMotion* equations) const;
+              const List<int>& compiled_joints, Compiled* compiled) const {
+    List<int> acting, idle;
+    const List<Joint> joints = switched(states, is_broken, &acting, &idle);
+    return std::is_permutation(acting.begin(), acting.end(), compiled_joints.begin(),
+                               compiled_joints.end()) &&
+           compiled->follow_laws(joints);
+  }
 
  private:
   List<Joint> switched(const List<OneSidedState>& states, const List<char>& is_broken,

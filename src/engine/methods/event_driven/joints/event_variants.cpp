@@ -30,11 +30,13 @@ void EventVariants::compile_again(const EventJoints& joints, const List<char>& i
 bool EventVariants::follow_laws(const EventJoints& joints, const List<char>& is_broken,
                                 RungeKutta* motion) {
   const auto is_outdated = [&](Variant& other) {
-    return !joints.update(other.states, other.is_broken, &other.motion.equations());
+    return !joints.update(other.states, other.is_broken, other.motion.equations().joints(),
+                          &other.motion);
   };
   others_.erase(std::remove_if(others_.begin(), others_.end(), is_outdated), others_.end());
-  return joints.update(List<OneSidedState>(joints.laws().size()), is_broken, &bare_) &&
-         joints.update(compiled_for_, broken_then_, &motion->equations());
+  const List<OneSidedState> none(joints.laws().size());
+  return joints.update(none, is_broken, bare_.joints(), &bare_) &&
+         joints.update(compiled_for_, broken_then_, motion->equations().joints(), motion);
 }
 
 bool EventVariants::switch_to(const EventJoints& joints, const List<OneSidedState>& states,

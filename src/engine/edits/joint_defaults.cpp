@@ -171,10 +171,12 @@ void set_zeros(const Model& model, const State& state, Joint* joint) {
 }
 
 void fill_in_laws(const Model& model, const State& state, Joint* joint) {
+  bool is_changed = false;
   for (int i = 0; i < coordinates(joint->kind); ++i) {
     CoordinateLaw& law = joint->coordinates[static_cast<std::size_t>(i)];
     const bool is_servo = law.motor && law.motor->servo_frequency > 0.0;
     if (law.frequency == 0.0 && !is_servo) continue;
+    is_changed = true;
     const double inverse_mass = inverse_effective_mass(model, state, *joint, i);
     if (!(inverse_mass > 0.0))
       refuse(law.frequency > 0.0 ? "frequency" : "servo_frequency",
@@ -195,7 +197,7 @@ void fill_in_laws(const Model& model, const State& state, Joint* joint) {
     set(law.frequency, law.damping_ratio, &law.stiffness, &law.damping);
     law.frequency = law.damping_ratio = 0.0;
   }
-  validate(*joint);  // constants may be too large
+  if (is_changed) validate(*joint);  // constants may be too large
 }
 
 }  // namespace constraint_sim::engine

@@ -29,23 +29,30 @@ void EventVariants::compile_again(const EventJoints& joints, const List<char>& i
 
 bool EventVariants::follow_laws(const EventJoints& joints, const List<char>& is_broken,
                                 RungeKutta* motion) {
-  const auto is_outdated = [&](Variant& other) {
-    return !joints.update(other.states, other.is_broken, other.motion.equations().joints(),
-                          &other.motion);
-  };
-  others_.erase(std::remove_if(others_.begin(), others_.end(), is_outdated), others_.end());
+  for (Variant& other : others_) other.has_old_laws = true;
   const List<OneSidedState> none(joints.laws().size());
   return joints.update(none, is_broken, bare_.joints(), &bare_) &&
          joints.update(compiled_for_, broken_then_, motion->equations().joints(), motion);
+}
+
+// Lets an earlier compilation take over the laws of the joints. Returns false where it cannot.
+bool EventVariants::is_up_to_date(const EventJoints& joints, Variant* variant) const {
+  return !std::exchange(variant->has_old_laws, false) ||
+         joints.update(variant->states, variant->is_broken, variant->motion.equations().joints(),
+                       &variant->motion);
 }
 
 bool EventVariants::switch_to(const EventJoints& joints, const List<OneSidedState>& states,
                               const List<char>& is_broken, const List<MassProperties>& masses,
                               RungeKutta* motion) {
   if (compiled_for_ == states && broken_then_ == is_broken) return false;
-  const auto found = std::find_if(others_.begin(), others_.end(), [&](const Variant& other) {
+  auto found = std::find_if(others_.begin(), others_.end(), [&](const Variant& other) {
     return other.states == states && other.is_broken == is_broken;
   });
+  if (found != others_.end() && !is_up_to_date(joints, &*found)) {
+    others_.erase(found);
+    found = others_.end();
+  }
   const double step = motion->step();
   if (found != others_.end()) {
     std::swap(*motion, found->motion);
@@ -53,7 +60,7 @@ bool EventVariants::switch_to(const EventJoints& joints, const List<OneSidedStat
     std::swap(broken_then_, found->is_broken);
   } else {
     if (others_.size() >= kMostVariants) others_.erase(others_.begin());
-    others_.push_back({compiled_for_, broken_then_, std::move(*motion)});
+    others_.push_back({compiled_for_, broken_then_, std::move(*motion), false});
     *motion = RungeKutta(joints.compile(states, is_broken, masses));
     compiled_for_ = states;
     broken_then_ = is_broken;

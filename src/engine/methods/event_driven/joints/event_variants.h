@@ -45,7 +45,9 @@ class EventVariants {
     List<OneSidedState> states;
     List<char> is_broken;
     RungeKutta motion;
+    bool has_old_laws = false;  ///< laws of joints have changed since the last use
   };
+  bool is_up_to_date(const EventJoints& joints, Variant* variant) const;
 
   EquationsOfMotion bare_;
   List<OneSidedState> compiled_for_;  // states that RungeKutta is compiled for

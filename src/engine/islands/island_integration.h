@@ -16,7 +16,7 @@
 #include "engine/islands/step.h"
 #include "engine/islands/step_output.h"
 #include "engine/math/list.h"
-#include "engine/methods/runge_kutta/runge_kutta.h"
+#include "engine/methods/runge_kutta/free_body.h"
 #include "engine/model/state.h"
 #include "engine/support/workers.h"
 

@@ -125,4 +125,16 @@ struct DormandPrince5 {
       -2187.0 / 6784.0, 11.0 / 84.0, -1.0 / 2.0};
 };
 
+/// For each stage, whether the sum of forces over a step needs its forces; the stage after the last
+/// is the first of the next step.
+template <class Pair>
+struct StagesWithForces {
+  bool needed[Pair::kStages + 1] = {};
+
+  constexpr StagesWithForces() {
+    for (std::size_t s = 0; s < Pair::kStages; ++s) needed[s] = Pair::kA[Pair::kStages][s] != 0.0;
+    needed[0] = needed[Pair::kStages] = true;
+  }
+};
+
 }  // namespace constraint_sim::engine

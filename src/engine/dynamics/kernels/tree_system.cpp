@@ -35,17 +35,6 @@ constexpr double kSlowest = 1e-6;                      // [1/s]
 constexpr double kTurn = 6.283185307179586;            // [rad]
 constexpr double kTurnBelow = 2.4492935982947064e-16;  // the rest of a turn [rad]
 
-/// For each stage, whether the impulses of a step need its forces; the stage after the last is the
-/// first of the next step.
-template <class Pair>
-struct StagesWithForces {
-  bool needed[Pair::kStages + 1] = {};
-
-  constexpr StagesWithForces() {
-    for (std::size_t s = 0; s < Pair::kStages; ++s) needed[s] = Pair::kA[Pair::kStages][s] != 0.0;
-    needed[0] = needed[Pair::kStages] = true;
-  }
-};
 constexpr StagesWithForces<DormandPrince5> kForcesOfOrder5;
 constexpr StagesWithForces<DormandPrince8> kForcesOfOrder8;
 

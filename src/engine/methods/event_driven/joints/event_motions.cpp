@@ -43,13 +43,6 @@ EventMotions::EventMotions(EventJoints joints)
   switched_joints_ = bare_joints_;
 }
 
-bool EventMotions::follow_laws(const List<Joint>& all_joints) {
-  if (!joints_.follow_laws(all_joints)) return false;
-  const List<OneSidedState> none(laws().size());
-  for (std::size_t l = 0; l < joints_.size(); ++l) joints_.with_rows(l, none, &bare_joints_[l]);
-  return true;
-}
-
 // ---- start of a step or an interval
 
 void EventMotions::begin_step(const List<JointState>& world) {

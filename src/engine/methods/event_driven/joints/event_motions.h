@@ -24,7 +24,12 @@ class EventMotions {
 
   /// Takes over the laws of the joints. Returns false where these are other laws, by kind or by
   /// coordinate.
-  bool follow_laws(const List<Joint>& all_joints);
+  bool follow_laws(const List<Joint>& all_joints) {
+    if (!joints_.follow_laws(all_joints)) return false;
+    const List<OneSidedState> none(laws().size());
+    for (std::size_t l = 0; l < joints_.size(); ++l) joints_.with_rows(l, none, &bare_joints_[l]);
+    return true;
+  }
   const EventJoints& joints() const { return joints_; }
   const List<OneSidedLaw>& laws() const { return joints_.laws(); }
   /// Whether the states continue from the last interval.

@@ -68,7 +68,7 @@ class LoneIsland {
       courses.emplace_back(joints[j], step, joint_states[j]);
     equations_->begin_step(joint_states);
     const Interval span{t, h, gravity_, loads, courses, false, false};
-    const IntegrationResult progress = motion_->advance(span, equations_.get(), &states);
+    const IntegrationResult progress = motion_->advance(span, {8, 0.0}, equations_.get(), &states);
     for (std::size_t i = 0; i < states.size(); ++i)
       if (!masses_[i].is_movable()) states[i].position += h * states[i].linear_velocity;
     for (std::size_t l = 0; l < joints.size(); ++l) {

@@ -1,20 +1,16 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <type_traits>
 
+#include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/math/integrate.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
-
-// Interface of every method that integrates an island:
-//   IntegrationResult advance(const Interval&, const IntegratorOptions&, EquationsOfMotion*,
-//   List<BodyState>*)
-// Advances the bodies over the interval and adds up impulses in the equations. Where the
-// integration fails, RungeKutta and InconsistentMotion leave the bodies unchanged; other methods
-// may have moved them.
 
 /// Time interval without jumps, and the loads and prescribed motions in it.
 struct Interval {
@@ -54,6 +50,40 @@ struct IntegratorOptions {
   /// Substeps beyond which the method gives up, rejected substeps included.
   int most_attempts = 50000;
   int most_halvings = 9;  ///< halvings of an interval by implicit steps
+};
+
+/// Interface of a class that advances bodies over an interval. `Lent`: types of the arguments that
+/// the caller lends for the call, in this order. The function is
+///   IntegrationResult advance(const Interval&, const IntegratorOptions&, Lent...,
+///                             List<BodyState>* states);
+/// `states` has all bodies of the world. The function changes the bodies of its island or group
+/// alone and adds up the impulses of their joints. Without IntegrationResult::done, RungeKutta and
+/// InconsistentMotion leave the bodies unchanged; other classes may have moved them.
+///
+/// `static_assert(IntervalMethod<Class, Lent...>::kIsHeld)` after a class names the function that
+/// has another signature.
+template <class Method, class... Lent>
+struct IntervalMethod {
+  static constexpr IntegrationResult (Method::*kAdvance)(const Interval&, const IntegratorOptions&,
+                                                         Lent...,
+                                                         List<BodyState>*) = &Method::advance;
+  static constexpr bool kIsHeld = kAdvance != nullptr;
+};
+
+/// Interface of a method that advances one island with joints, interval after interval: the
+/// function of IntervalMethod, and functions about the memory of the last interval:
+///   bool has_started() const;  whether the next interval continues from the memory of the last one
+///   void forget();             notes that something else moved the bodies
+///   void restart();            returns to the state after construction, without freeing storage
+template <class Method, class... Lent>
+struct IslandMethod : IntervalMethod<Method, Lent...> {
+  static constexpr bool (Method::*kHasStarted)() const = &Method::has_started;
+  static constexpr void (Method::*kForget)() = &Method::forget;
+  static constexpr void (Method::*kRestart)() = &Method::restart;
+  static constexpr bool kIsHeld = IntervalMethod<Method, Lent...>::kIsHeld &&
+                                  kHasStarted != nullptr && kForget != nullptr &&
+                                  kRestart != nullptr && std::is_copy_constructible_v<Method> &&
+                                  std::is_nothrow_move_constructible_v<Method>;
 };
 
 }  // namespace constraint_sim::engine

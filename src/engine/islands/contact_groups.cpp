@@ -366,7 +366,7 @@ IntegrationResult ContactGroups::advance(std::size_t group, const Interval& span
                                          const IntegratorOptions& accuracy,
                                          const WorldOptions& options, State* state) {
   ContactGroup& of = groups_[group];
-  if (of.spheres != nullptr) return of.spheres->advance(span, &state->states);
+  if (of.spheres != nullptr) return of.spheres->advance(span, accuracy, &state->states);
   return of.events->advance(span, accuracy, joint_step(options, span.t, span.h),
                             state->joint_states, most_work_of(options, of), &state->states);
 }

@@ -34,14 +34,15 @@ IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integ
       break;
     }
     case Integration::kEnergyMomentum: {
-      const EnergyMomentum& method = motion.gradients();
+      const EnergyMomentum& method = *motion.lent<EnergyMomentum>();
       const int spans = method.was_first() ? 2 : 1;
       learn_from_gradients(progress.iterations / spans, method.frequency(), motion.is_simple(),
                            state->step_count, model.options, &parts);
       break;
     }
     case Integration::kInconsistent:
-      if (!motion.can_be_met()) learn_from_inconsistency(state->step_count, &parts);
+      if (!motion.lent<InconsistentMotion>()->can_be_met())
+        learn_from_inconsistency(state->step_count, &parts);
       break;
   }
   return progress;

@@ -14,8 +14,9 @@ IslandMotion::~IslandMotion() = default;
 IntegrationResult IslandMotion::advance(Integration way, const Interval& span,
                                         const IntegratorOptions& accuracy,
                                         List<BodyState>* states) {
-  const bool goes_on =
-      way == Integration::kEnergyMomentum && gradients_ && gradients_->has_started();
+  const EnergyMomentum* const energy_momentum = lent<EnergyMomentum>();
+  const bool goes_on = way == Integration::kEnergyMomentum && energy_momentum != nullptr &&
+                       energy_momentum->has_started();
   if (follows_gradients_ && !goes_on && !span.is_edited)
     fit_velocities(span, accuracy.most_projected, &substeps_.equations(), states);
   const IntegrationResult result = advance_by(way, span, accuracy, states);
@@ -26,24 +27,13 @@ IntegrationResult IslandMotion::advance(Integration way, const Interval& span,
 IntegrationResult IslandMotion::advance_by(Integration way, const Interval& span,
                                            const IntegratorOptions& accuracy,
                                            List<BodyState>* states) {
-  EquationsOfMotion& equations = substeps_.equations();
-  switch (way) {
-    case Integration::kRungeKutta:
-      return substeps_.advance(span, accuracy, states);
-    case Integration::kEnergyMomentum:
-      if (!gradients_) gradients_.emplace(equations);
-      return gradients_->advance(span, accuracy, &equations, states);
-    case Integration::kInconsistent:
-      if (!inconsistent_) inconsistent_.emplace(equations);
-      change_way();
-      return inconsistent_->advance(span, &equations, states);
-  }
-  return {};
+  if (way == Integration::kRungeKutta) return substeps_.advance(span, accuracy, states);
+  if (way == Integration::kInconsistent) change_way();
+  return borrowers_.advance(way, span, accuracy, &substeps_.equations(), states);
 }
 
 bool IslandMotion::follow_laws(const List<Joint>& all_joints) {
-  gradients_.reset();
-  inconsistent_.reset();
+  borrowers_ = {};
   least_forces_.reset();
   return events_ ? events_->follow_laws(all_joints, &substeps_) : substeps_.follow_laws(all_joints);
 }
@@ -51,7 +41,7 @@ bool IslandMotion::follow_laws(const List<Joint>& all_joints) {
 void IslandMotion::change_way() {
   substeps_.forget();
   if (events_) events_->forget();
-  if (gradients_) gradients_->forget();
+  borrowers_.forget();
 }
 
 void IslandMotion::forget() {
@@ -62,9 +52,8 @@ void IslandMotion::forget() {
 void IslandMotion::restart() {
   follows_gradients_ = false;
   substeps_.restart();
-  if (events_) events_->forget();
-  if (gradients_) gradients_->restart();
-  inconsistent_.reset();
+  if (events_) events_->restart();
+  borrowers_.restart();
 }
 
 const LeastNormForces& IslandMotion::share_forces(const List<BodyState>& states) {

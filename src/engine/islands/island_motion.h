@@ -6,20 +6,12 @@
 #include "constraint_sim/engine/body.h"
 #include "engine/dynamics/least_norm_forces.h"
 #include "engine/dynamics/method.h"
+#include "engine/islands/island_methods.h"
 #include "engine/math/list.h"
-#include "engine/methods/energy_momentum/energy_momentum.h"
 #include "engine/methods/event_driven/joints/event_driven.h"
-#include "engine/methods/least_squares/inconsistent_motion.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
 
 namespace constraint_sim::engine {
-
-/// A method that advances an island with joints over an interval.
-enum class Integration {
-  kRungeKutta,
-  kEnergyMomentum,
-  kInconsistent,  ///< energy_momentum where the joints cannot all be met
-};
 
 /// A compiled island with joints: its equations of motion, and the memory of each method. Equations
 /// have the one-sided rows that act now. A method is constructed when it is first used.
@@ -54,7 +46,7 @@ class IslandMotion {
     else
       substeps_.begin_step(joints);
   }
-  /// Advances the bodies, as engine/dynamics/method.h says.
+  /// Advances the bodies by one of the methods, as IslandMethod describes.
   IntegrationResult advance(Integration way, const Interval& span,
                             const IntegratorOptions& accuracy, List<BodyState>* states);
   /// Advances an island with one-sided rows from event to event, the only method of such islands.
@@ -76,13 +68,12 @@ class IslandMotion {
   void change_way();
   /// Returns to the state after compilation.
   void restart();
-  /// Whether energy_momentum was used since compilation, or has memory in the snapshot that was
-  /// read.
-  bool has_gradients() const { return gradients_.has_value(); }
-  /// The method energy_momentum. Undefined where has_gradients() is false.
-  const EnergyMomentum& gradients() const { return *gradients_; }
-  /// Whether inconsistent joints could be met at the end of the last span.
-  bool can_be_met() const { return inconsistent_->can_be_met(); }
+  /// A method that borrows the equations; nullptr where it was not used since compilation and had
+  /// no memory in the snapshot that was read.
+  template <class Method>
+  const Method* lent() const {
+    return borrowers_.find<Method>();
+  }
   /// Distributes the forces among redundant rows by least norm, at the bodies' final states.
   const LeastNormForces& share_forces(const List<BodyState>& states);
 
@@ -91,11 +82,7 @@ class IslandMotion {
   static void visit_memory(Self& self, Visit& visit, const List<MassProperties>& masses) {
     if (self.events_) EventDriven::visit_rows(*self.events_, visit, masses, self.substeps_);
     RungeKutta::visit_memory(self.substeps_, visit);
-    bool has_gradients = self.gradients_ && self.gradients_->has_memory();
-    visit.beside(has_gradients);
-    if constexpr (Visit::kReads)
-      if (has_gradients) self.gradients_.emplace(self.equations());
-    if (has_gradients) EnergyMomentum::visit_memory(*self.gradients_, visit);
+    Borrowers::visit_memory(self.borrowers_, visit, self.equations());
     if (self.events_) EventDriven::visit_memory(*self.events_, visit);
     visit.beside(self.follows_gradients_);
   }
@@ -103,7 +90,7 @@ class IslandMotion {
   /// prescribed motions of the last interval.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
                      const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses) {
-    if (!substeps_.has_started() && !(gradients_ && gradients_->has_started())) return;
+    if (!substeps_.has_started() && !borrowers_.have_started()) return;
     if (events_)
       events_->continue_from(t, states, gravity, loads, &substeps_);
     else
@@ -116,8 +103,7 @@ class IslandMotion {
 
   RungeKutta substeps_;  // owns the equations
   std::optional<EventDriven> events_;
-  std::optional<EnergyMomentum> gradients_;
-  std::optional<InconsistentMotion> inconsistent_;
+  Borrowers borrowers_;
   std::optional<LeastNormForces> least_forces_;
   bool follows_gradients_ = false;  // whether energy_momentum moved the bodies last
 };

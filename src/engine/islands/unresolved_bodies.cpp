@@ -55,8 +55,8 @@ std::uint32_t find_unresolved(const Model& model, const State& state, const Roll
                               const IslandMembers& members, const IslandMotion& motion,
                               List<std::size_t>* bodies) {
   std::optional<EnergyMomentum> fresh;  // a snapshot has no memory where nothing goes on from it
-  const EnergyMomentum& method =
-      motion.has_gradients() ? motion.gradients() : fresh.emplace(motion.equations());
+  const EnergyMomentum* const used = motion.lent<EnergyMomentum>();
+  const EnergyMomentum& method = used != nullptr ? *used : fresh.emplace(motion.equations());
   const double h = model.options.time_step;
   const auto turns_too_far = [&](double spin) {
     return method.turn_error(h * spin, model.options.tolerance) > EnergyMomentum::kResolvedTurn;

@@ -24,7 +24,7 @@ class EnergyMomentum {
 
   explicit EnergyMomentum(const EquationsOfMotion& equations) : step_equations_(equations) {}
 
-  /// Advances the island as method.h describes. The tolerance is for the rotation of bodies;
+  /// Advances the island as IslandMethod describes. The tolerance is for the rotation of bodies;
   /// intervals have to be short enough for other motion.
   IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
                             EquationsOfMotion* equations, List<BodyState>* states);

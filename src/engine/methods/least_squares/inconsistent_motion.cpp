@@ -93,7 +93,8 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
 
 // ---- an interval
 
-IntegrationResult InconsistentMotion::advance(const Interval& span, EquationsOfMotion* equations,
+IntegrationResult InconsistentMotion::advance(const Interval& span, const IntegratorOptions&,
+                                              EquationsOfMotion* equations,
                                               List<BodyState>* states) {
   IntegrationResult progress;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);

@@ -37,10 +37,14 @@ class InconsistentMotion {
 
   explicit InconsistentMotion(const EquationsOfMotion& equations);
 
-  /// Advances the island as method.h describes, without a tolerance: errors of unmet rows are
-  /// larger.
-  IntegrationResult advance(const Interval& span, EquationsOfMotion* equations,
-                            List<BodyState>* states);
+  /// Advances the island as IslandMethod describes, whatever the options: errors of unmet rows are
+  /// larger than a tolerance.
+  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
+                            EquationsOfMotion* equations, List<BodyState>* states);
+  /// Every interval begins from the bodies alone.
+  bool has_started() const { return false; }
+  void forget() {}
+  void restart() { can_be_met_ = false; }
   /// Whether all rows and their rates could be met at the end of the last interval.
   bool can_be_met() const { return can_be_met_; }
 

@@ -119,7 +119,8 @@ void ElasticSpheres::have_hit(const Expected& hit, double start) {
   hits_.push_back({start + hit.time, spheres_[hit.a].body, spheres_[hit.b].body, impulse});
 }
 
-IntegrationResult ElasticSpheres::advance(const Interval& span, List<BodyState>* states) {
+IntegrationResult ElasticSpheres::advance(const Interval& span, const IntegratorOptions&,
+                                          List<BodyState>* states) {
   const std::size_t n = spheres_.size();
   const auto state_of = [&](std::size_t i) -> BodyState& {
     return (*states)[static_cast<std::size_t>(spheres_[i].body)];

@@ -37,9 +37,10 @@ class ElasticSpheres {
   /// Returns false where two bodies overlap by more than `most` [m], or a sphere rests on another
   /// body; these cases need another method.
   bool begin(const List<BodyState>& states, double most);
-  /// Advances the spheres as method.h describes. Gives up after too many hits, as of spheres that
-  /// come to rest, or where a sphere is too fast.
-  IntegrationResult advance(const Interval& span, List<BodyState>* states);
+  /// Advances the spheres as IntervalMethod describes, exactly whatever the options. Gives up after
+  /// too many hits, as of spheres that come to rest, or where a sphere is too fast.
+  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
+                            List<BodyState>* states);
 
   const List<Hit>& hits() const { return hits_; }
   const List<Sphere>& spheres() const { return spheres_; }
@@ -82,5 +83,6 @@ class ElasticSpheres {
   std::priority_queue<Expected> expected_;
   List<Hit> hits_;
 };
+static_assert(IntervalMethod<ElasticSpheres>::kIsHeld);
 
 }  // namespace constraint_sim::engine

@@ -31,8 +31,8 @@ class RungeKutta {
     equations_.begin_step(joints);
     tree_.begin_step();
   }
-  /// Advances the island as method.h describes, with its own equations. Impulses and angles of a
-  /// failed attempt do not count.
+  /// Advances the island as IslandMethod describes, with its own equations. Impulses and angles of
+  /// a failed attempt do not count.
   IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
                             List<BodyState>* states);
   /// First part of advance(), for methods that look at every substep.
@@ -113,5 +113,6 @@ class RungeKutta {
   TreeMomentum kept_momentum_;     // momenta and size of a tree, saved by keep_start()
   double kept_size_ = 0.0;
 };
+static_assert(IslandMethod<RungeKutta>::kIsHeld);
 
 }  // namespace constraint_sim::engine

@@ -38,7 +38,7 @@ class ContactEvents {
   /// Finds the contacts, all open, and clears the results. Returns false where two shapes overlap
   /// by more than ContactTolerances::overlap, unless the first interval `closes` overlaps.
   bool begin(const List<BodyState>& states, bool closes);
-  /// Advances the group as method.h describes. Gives up after too many events, or at an event
+  /// Advances the group as IntervalMethod describes. Gives up after too many events, or at an event
   /// without a solution; the states are then those of any time in the interval. `joint_step`,
   /// `joint_states`: step that contains the interval, and states of all joints. `most_work`: limit
   /// for the step, as work().
@@ -108,5 +108,7 @@ class ContactEvents {
 
   List<double> before_projection_;
 };
+static_assert(
+    IntervalMethod<ContactEvents, const JointStep&, const List<JointState>&, double>::kIsHeld);
 
 }  // namespace constraint_sim::engine

@@ -68,13 +68,17 @@ class EventDriven {
 
   /// Clears impulses and counts of the previous step.
   void begin_step(const List<JointState>& joint_states, RungeKutta* motion);
-  /// Advances the island as method.h describes; `motion` has the equations of the rows that act
+  /// Advances the island as IslandMethod describes; `motion` has the equations of the rows that act
   /// now.
   IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
                             const Surroundings& around, RungeKutta* motion,
                             List<BodyState>* states);
+  /// Whether the next interval continues with the states of rows.
+  bool has_started() const { return motions_.has_started(); }
   /// Forgets the states of rows, after bodies were moved from outside.
   void forget() { motions_.set_started(false); }
+  /// Compiled equations stay, since the states of rows choose among them.
+  void restart() { forget(); }
 
   // ---- results since begin_step(), complete at the end of the step
   std::uint32_t events() const { return stepper_.events(); }
@@ -153,5 +157,6 @@ class EventDriven {
   List<Told> told_;
   Motions rates_;  // accelerations of the bodies when values were last watched
 };
+static_assert(IslandMethod<EventDriven, const EventDriven::Surroundings&, RungeKutta*>::kIsHeld);
 
 }  // namespace constraint_sim::engine

@@ -99,10 +99,10 @@ LEFT_OUT = {
     'energy_momentum': ['methods/energy_momentum/energy_momentum.cpp', 'dynamics/implicit/', 'math/saddle_lu.'],
     'event_driven': ['methods/event_driven/joints/event_', 'constraints/one_sided_law.', 'math/box_lcp.',
                      'dynamics/held_response.cpp'],
-    'time_stepping': ['methods/sequential_impulses/converged_rows.', 'math/body_cone', 'math/proximal_newton.',
+    'time_stepping': ['methods/time_stepping/converged_rows.', 'math/body_cone', 'math/proximal_newton.',
                       'math/frontal_', 'math/dense_front.h',
-                     'methods/sequential_impulses/sequential_impulses.cpp', 'methods/sequential_impulses/row_solver.cpp',
-                            'methods/sequential_impulses/impulse_positions.cpp'],
+                     'methods/sequential_impulses/sequential_impulses.cpp', 'impulses/row_solver.cpp',
+                            'impulses/impulse_positions.cpp'],
     'islands': [],
 }
 # Files shared by these parts: left out where all of them are.

@@ -2,7 +2,7 @@
 
 #include "engine/constraints/contact.h"
 #include "engine/math/list.h"
-#include "engine/methods/sequential_impulses/row_solver.h"
+#include "engine/impulses/row_solver.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

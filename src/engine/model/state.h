@@ -12,7 +12,7 @@
 #include "constraint_sim/engine/report.h"
 #include "constraint_sim/engine/wrench.h"
 #include "engine/math/list.h"
-#include "engine/methods/sequential_impulses/row_solver.h"
+#include "engine/model/twist.h"
 
 namespace constraint_sim::engine {
 

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <cstddef>
 
+#include "engine/impulses/row_solver.h"
 #include "engine/math/list.h"
-#include "engine/methods/sequential_impulses/row_solver.h"
 #include "engine/model/mass_properties.h"
 #include "engine/model/state.h"
 

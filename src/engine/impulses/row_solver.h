@@ -7,17 +7,9 @@
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/math/list.h"
 #include "engine/model/mass_properties.h"
+#include "engine/model/twist.h"
 
 namespace constraint_sim::engine {
-
-/// Linear above angular velocity, world axes [m/s, rad/s].
-using Twist = Eigen::Matrix<double, 6, 1>;
-
-inline Twist twist(const Eigen::Vector3d& linear, const Eigen::Vector3d& angular) {
-  Twist both;
-  both << linear, angular;
-  return both;
-}
 
 /// Largest s in [0, 1] with quadratic s² + linear s ≤ most, for quadratic > 0 and most ≥ 0.
 double largest_scale(double quadratic, double linear, double most);

@@ -1,4 +1,4 @@
-#include "engine/methods/sequential_impulses/converged_rows.h"
+#include "engine/methods/time_stepping/converged_rows.h"
 
 #include <algorithm>
 #include <numeric>

@@ -4,9 +4,9 @@
 
 #include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/impulses/row_solver.h"
 #include "engine/math/body_cone_solver.h"
 #include "engine/math/list.h"
-#include "engine/methods/sequential_impulses/row_solver.h"
 #include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {

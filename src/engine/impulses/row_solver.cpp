@@ -1,4 +1,4 @@
-#include "engine/methods/sequential_impulses/row_solver.h"
+#include "engine/impulses/row_solver.h"
 
 #include <algorithm>
 #include <cmath>

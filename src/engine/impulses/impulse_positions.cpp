@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/impulses/row_solver.h"
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
-#include "engine/methods/sequential_impulses/row_solver.h"
 
 namespace constraint_sim::engine {
 namespace {

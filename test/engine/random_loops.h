@@ -44,12 +44,7 @@ inline RandomTree random_loops(int seed) {
                                 JointKind::kDistance,  JointKind::kPointOnPlane,
                                 JointKind::kUniversal, JointKind::kCylindrical};
   RandomTree tree = random_tree(seed);
-  Random random;
-  for (int i = 0; i < 100 * seed + 31; ++i) random();
-  const auto below = [&](std::size_t n) {
-    return std::min(n - 1,
-                    static_cast<std::size_t>(0.5 * (random() + 1.0) * static_cast<double>(n)));
-  };
+  Draws draws(100 * seed + 31);
   for (RandomTree::Link& link : tree.links)
     for (CoordinateLaw& law : link.joint.coordinates) law.motor.reset();
   const bool is_free = tree.links.size() < tree.bodies.size();
@@ -57,12 +52,12 @@ inline RandomTree random_loops(int seed) {
   for (const RandomTree::Link& link : tree.links) left += freedom(link.joint.kind);
   left -= static_cast<int>(tree.gears.size()) + 1;
   for (std::size_t i = 0; i < 4; ++i) {
-    const JointKind kind = kClosing[below(kClosing.size())];
-    const int a = static_cast<int>(below(tree.bodies.size() + 1)) - 1;
-    const int b = static_cast<int>(below(tree.bodies.size()));
+    const JointKind kind = kClosing[draws.below(kClosing.size())];
+    const int a = static_cast<int>(draws.below(tree.bodies.size() + 1)) - 1;
+    const int b = static_cast<int>(draws.below(tree.bodies.size()));
     if (a == b || (is_free && a < 0) || info(kind).rows > left) continue;
     left -= info(kind).rows;
-    close_loop(kind, a, b, &random, &tree);
+    close_loop(kind, a, b, &draws.random, &tree);
   }
   return tree;
 }
@@ -70,20 +65,12 @@ inline RandomTree random_loops(int seed) {
 /// Bars on hinges with parallel axes in a random direction, on the world, with closing hinges and
 /// springs.
 inline RandomTree random_planar_loops(int seed, double far = 0.0) {
-  Random random;
-  for (int i = 0; i < 100 * seed + 57; ++i) random();
-  const auto draw = [&] { return 0.5 * (random() + 1.0); };
-  const auto below = [&](std::size_t n) {
-    return std::min(n - 1, static_cast<std::size_t>(draw() * static_cast<double>(n)));
-  };
+  Draws draws(100 * seed + 57);
+  Random& random = draws.random;
   RandomTree tree;
-  tree.options.method = Method::kRungeKutta;
-  tree.options.tolerance = 1e-12;
-  tree.options.time_step = 0.01;
-  tree.options.gravity = {0.3, 0.2, -9.81};
   const Eigen::Vector3d origin = far * Eigen::Vector3d(0.6, -0.64, 0.48);
   const Eigen::Quaterniond plane = random.orientation();  // turns z into the axes
-  const std::size_t count = 3 + below(4);
+  const std::size_t count = 3 + draws.below(4);
   const auto hinge = [&](int a, int b, const Eigen::Vector3d& at) {
     const auto state_of = [&](int body) {
       return body < 0 ? tree.base.state : tree.bodies[to_index(body)].state;
@@ -95,8 +82,8 @@ inline RandomTree random_planar_loops(int seed, double far = 0.0) {
     joint.anchor_b = state_of(b).orientation.conjugate() * (at - state_of(b).position);
     joint.frame_a = state_of(a).orientation.conjugate() * plane;
     joint.frame_b = state_of(b).orientation.conjugate() * plane;
-    if (draw() < 0.3) joint.coordinates[0].stiffness = 5.0 * draw();
-    if (draw() < 0.3) joint.coordinates[0].damping = draw();
+    if (draws.share() < 0.3) joint.coordinates[0].stiffness = 5.0 * draws.share();
+    if (draws.share() < 0.3) joint.coordinates[0].damping = draws.share();
     tree.links.push_back({joint, a, b});
   };
   const auto in_plane = [&] {
@@ -108,7 +95,7 @@ inline RandomTree random_planar_loops(int seed, double far = 0.0) {
     body.no_collision = true;
     body.state.orientation = random.orientation();
     tree.bodies.push_back(body);
-    const int parent = i == 0 ? -1 : static_cast<int>(below(i));
+    const int parent = i == 0 ? -1 : static_cast<int>(draws.below(i));
     hinge(parent, static_cast<int>(i), in_plane());
   }
   const auto parent_of = [&](int body) { return tree.links[to_index(body)].a; };
@@ -124,7 +111,8 @@ inline RandomTree random_planar_loops(int seed, double far = 0.0) {
   };
   std::size_t left = count - 1;  // two of the free directions go with each loop of three and more
   for (int i = 0; i < 8 && left >= 2; ++i) {
-    const int a = static_cast<int>(below(count + 1)) - 1, b = static_cast<int>(below(count));
+    const int a = static_cast<int>(draws.below(count + 1)) - 1,
+              b = static_cast<int>(draws.below(count));
     if (hinges_between(a, b) < 3) continue;
     hinge(a, b, in_plane());
     left -= 2;

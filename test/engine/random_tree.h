@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "constraint_sim/engine/snapshot.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/list.h"
 #include "random_joints.h"
@@ -16,6 +17,13 @@
 namespace constraint_sim::engine {
 
 struct RandomTree {
+  RandomTree() {
+    options.method = Method::kRungeKutta;
+    options.tolerance = 1e-12;
+    options.time_step = 0.01;
+    options.gravity = {0.3, 0.2, -9.81};
+  }
+
   WorldOptions options;
   std::vector<Body> bodies;
   struct Link {
@@ -81,24 +89,29 @@ inline BodyState hung(const Joint& joint, const BodyState& parent, bool is_a, Ra
   return body;
 }
 
+/// Random numbers behind the first ones of a sequence.
+struct Draws {
+  explicit Draws(int left_out) {
+    for (int i = 0; i < left_out; ++i) random();
+  }
+  double share() { return 0.5 * (random() + 1.0); }  ///< in [0, 1]
+  std::size_t below(std::size_t n) {
+    return std::min(n - 1, static_cast<std::size_t>(share() * static_cast<double>(n)));
+  }
+
+  Random random;
+};
+
 inline RandomTree random_tree(int seed, double far = 0.0) {
   constexpr std::array kKinds{
       JointKind::kHinge,     JointKind::kSlider,      JointKind::kCylindrical,
       JointKind::kUniversal, JointKind::kPlanar,      JointKind::kWeld,
       JointKind::kParallel,  JointKind::kPointOnLine, JointKind::kPointOnPlane,
       JointKind::kBall,      JointKind::kScrew};
-  Random random;
-  for (int i = 0; i < 100 * seed + 7; ++i) random();
-  const auto draw = [&] { return 0.5 * (random() + 1.0); };
-  const auto below = [&](std::size_t n) {
-    return std::min(n - 1, static_cast<std::size_t>(draw() * static_cast<double>(n)));
-  };
+  Draws draws(100 * seed + 7);
+  Random& random = draws.random;
   RandomTree tree;
-  tree.options.method = Method::kRungeKutta;
-  tree.options.tolerance = 1e-12;
-  tree.options.time_step = 0.01;
-  tree.options.gravity = {0.3, 0.2, -9.81};
-  const std::size_t count = 2 + below(4), root = below(4);
+  const std::size_t count = 2 + draws.below(4), root = draws.below(4);
   const Eigen::Vector3d origin = far * Eigen::Vector3d(0.6, -0.64, 0.48);
   BodyState base;
   tree.has_base = root == 3;
@@ -118,22 +131,22 @@ inline RandomTree random_tree(int seed, double far = 0.0) {
     body.state.position += origin;
     const bool is_free = i == 0 && root == 2;
     if (!is_free) {
-      const int parent = i == 0 ? -1 : static_cast<int>(below(i));
-      const JointKind kind = kKinds[below(kKinds.size())];
+      const int parent = i == 0 ? -1 : static_cast<int>(draws.below(i));
+      const JointKind kind = kKinds[draws.below(kKinds.size())];
       Joint joint = random_joint(kind, &random);
       joint.name = "joint_" + std::to_string(i);
       if (!has_frames(kind)) joint.frame_a = joint.frame_b.emplace(Eigen::Quaterniond::Identity());
-      const bool is_a = draw() < 0.4;
+      const bool is_a = draws.share() < 0.4;
       if (parent < 0 && !tree.has_base) (is_a ? joint.anchor_b : joint.anchor_a) += origin;
       body.state =
           hung(joint, parent < 0 ? base : tree.bodies[to_index(parent)].state, is_a, &random);
       if (!has_frames(kind)) joint.frame_b.reset();
       for (std::size_t c = 0; c < to_index(coordinates(kind)); ++c) {
         CoordinateLaw& law = joint.coordinates[c];
-        const double which = draw();
+        const double which = draws.share();
         if (which < 0.3) {
-          law.stiffness = 5.0 * draw();
-          law.damping = draw();
+          law.stiffness = 5.0 * draws.share();
+          law.damping = draws.share();
           law.rest = random();
         } else if (which < 0.45 && kind != JointKind::kScrew) {  // motors of both would contradict
           CoordinateMotor motor;
@@ -156,8 +169,8 @@ inline RandomTree random_tree(int seed, double far = 0.0) {
     const Joint& joint = tree.links[l].joint;
     if (coordinates(joint.kind) > 0 && !joint.coordinates[0].motor) free_ones.push_back(l);
   }
-  for (std::size_t i = 0; i + 1 < free_ones.size() && draw() < 0.5; ++i)
-    tree.gears.push_back({free_ones[i], free_ones[i + 1], 2.0 * draw() - 2.5});
+  for (std::size_t i = 0; i + 1 < free_ones.size() && draws.share() < 0.5; ++i)
+    tree.gears.push_back({free_ones[i], free_ones[i + 1], 2.0 * draws.share() - 2.5});
   return tree;
 }
 
@@ -187,6 +200,30 @@ inline World after_steps(World world, int divisor = 1) {
   world.set_options(options);
   for (int i = 0; i < 20 * divisor; ++i) EXPECT_FALSE(world.step().failed);
   return world;
+}
+
+/// Largest distance of the ends of a joint from what its rows allow, by the published poses [m].
+inline double opening(const World& world, JointId id) {
+  const Joint& joint = world.joint(id);
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, world.state(joint.body_a), world.state(joint.body_b));
+  double largest = 0.0;
+  for (int k = 0; k < kind.rows; ++k)
+    largest = std::max(largest, std::abs(value(kind.row[to_index(k)], vectors)));
+  return largest;
+}
+
+/// Expects that a copy and a snapshot of the moving mechanism go on with its bits.
+inline void expect_goes_on(RandomTree tree) {
+  tree.options.tolerance = 1e-8;
+  World world = tree.world();
+  for (int i = 0; i < 7; ++i) world.step();
+  World copy = world, read = read_snapshot(write_snapshot(world));
+  EXPECT_EQ(read.state_hash(), world.state_hash());
+  for (int i = 0; i < 7; ++i)
+    for (World* each : {&world, &copy, &read}) ASSERT_FALSE(each->step().failed);
+  EXPECT_EQ(copy.state_hash(), world.state_hash());
+  EXPECT_EQ(read.state_hash(), world.state_hash());
 }
 
 inline constexpr double kRowsAgree = 2e-8;  // [m], [rad]

@@ -2,6 +2,7 @@
 // events against closed forms, rest on other shapes, and saved bits. Their gaps are also compared
 // with FCL (test/fcl).
 
+#include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "engine/collision/narrowphase.h"

@@ -101,8 +101,9 @@ LEFT_OUT = {
                      'dynamics/held_response.cpp'],
     'time_stepping': ['methods/time_stepping/converged_rows.', 'math/body_cone', 'math/proximal_newton.',
                       'math/frontal_', 'math/dense_front.h',
-                     'methods/sequential_impulses/sequential_impulses.cpp', 'impulses/row_solver.cpp',
-                            'impulses/impulse_positions.cpp'],
+                      'methods/sequential_impulses/sequential_impulses.cpp', 'impulses/energy_account.cpp',
+                      'impulses/free_turn.cpp', 'impulses/impulse_positions.cpp', 'impulses/row_solver.cpp',
+                      'impulses/row_system.cpp'],
     'islands': [],
 }
 # Files shared by these parts: left out where all of them are.

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/collision/narrowphase.h"
-#include "engine/impulses/row_solver.h"
+#include "engine/impulses/free_turn.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/step.h"

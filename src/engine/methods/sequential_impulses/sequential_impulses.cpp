@@ -83,8 +83,8 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
                                   moves_by_mean(step.kind), &solver_);
     if (step.kind == ImpulseStepKind::kWhole) add_errors(model, step, *state, report);
     add_work(step.wrenches, is_solved, &report);
-    report.correction_work += solver_.update_positions(
-        step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
+    report.correction_work +=
+        solver_.update_positions(step.bodies, model.masses, model.options.gravity, state->states);
     if (is_solved)
       for (const int body : step.bodies)
         state->states[body].position -= step.span.h * by_mean(to_index(body));

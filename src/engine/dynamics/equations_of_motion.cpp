@@ -430,7 +430,8 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     const double projected = projected_energy_;
     project_velocities(y);
     if (delassus_.redundant() > 0) {
-      // Near dependence the kept rows determine redundant rows only to rounding over small pivots.
+      // Where rows are almost dependent, the kept rows determine the redundant rows only up to
+      // rounding divided by the smallest pivot.
       if (choose_again(time_, y)) return meet(time_, y) && restart(y, dydt);
       if (!redundant_rates_are_met()) return !redundant_.is_inconsistent() && restart(y, dydt);
     }
@@ -453,8 +454,8 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
   return true;
 }
 
-// Adds the impulses of the rows that give Ċ its target to y, to the impulses of the joints, and
-// their energy to projected_energy_.
+// Changes the velocities in y by impulses along the rows, so that each rate Ċ has its target. Adds
+// the impulses to those of the joints, and the energy that they take to projected_energy_.
 void EquationsOfMotion::project_velocities(double* y) {
   const List<std::size_t>& unknown = delassus_.unknown();
   const List<double>& target = inputs_.rate_target();

@@ -134,7 +134,8 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
     if (method != island.method) switch_method(lists, i, method, why);
     if (by(way, accuracy)) return true;
   }
-  // soon after a contact impulses have left errors that cannot be met, and close them again
+  // Soon after a contact, joints may be off by errors that impulses left. The island returns to
+  // impulses then, which close these errors.
   if (is_met || state->step_count < parts.touched_until) return false;
   if (island.why != MethodReason::kInconsistent)
     switch_method(lists, i, Method::kEnergyMomentum, MethodReason::kInconsistent);

@@ -81,7 +81,7 @@ class Sleep {
   RestingSets spread(const Model& model, const Topology& topology, IslandLists* lists,
                      State* state);
   /// Lets islands fall asleep at the end of a step. `near` are pairs that may touch in the next
-  /// step. Empty where nothing fell asleep.
+  /// step. Returns the awake and resting sets, or nullopt where no island fell asleep.
   std::optional<RestingSets> fall_asleep(const Model& model, const Topology& topology,
                                          const List<WatchedPair>& near, IslandLists* lists,
                                          State* state);

@@ -15,7 +15,8 @@ constexpr double kRefined = 1e-10;
 constexpr double kGain = 0.3;
 constexpr int kMostRefinements = 10;
 constexpr double kRefinementSolved = 1e-8;
-// Cost of an entry in a refinement, which loads it from memory, in operations of a factorization.
+// Cost of an entry of the factors in a refinement, in operations of a factorization. A refinement
+// loads each entry from memory for one operation.
 constexpr double kMemory = 4.0;
 
 // Enlarges a list with a reserve, since numbers of delayed unknowns vary.

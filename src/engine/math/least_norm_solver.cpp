@@ -11,7 +11,8 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Share of a sum of squares below which too many digits are lost.
+// A squared norm that is updated by subtraction is summed up anew below this share of its last
+// sum, since cancellation has then taken too many digits.
 constexpr double kAccurate = 1e-3;
 
 using Two = Eigen::Array2d;

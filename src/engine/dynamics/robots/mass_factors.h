@@ -14,8 +14,9 @@ class MassFactors {
   Eigen::VectorXd solve(Eigen::VectorXd b) const;
   /// Returns X with M X = B.
   Eigen::MatrixXd solve_all(Eigen::MatrixXd B) const;
-  /// Least share of an entry of D in its diagonal entry of M, and its coordinate.
+  /// Least quotient of a pivot (an entry of D) and the diagonal entry of M of the same coordinate.
   double least_pivot() const { return least_pivot_; }
+  /// Coordinate of least_pivot().
   Eigen::Index least_coordinate() const { return least_coordinate_; }
 
  private:

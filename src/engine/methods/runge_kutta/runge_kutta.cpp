@@ -185,8 +185,8 @@ bool RungeKutta::advance_substep(const Interval& span, const IntegratorOptions& 
   return has_started_;
 }
 
-// Where a pivot is lost, the substep begins again in the state of the equations, with the impulses
-// that keep_start() saved.
+// Takes a substep in joint coordinates. Where a pivot is lost, the substep begins again by rows:
+// from the state at its start, and with the impulses saved there by keep_start().
 bool RungeKutta::advance_in_coordinates(const Interval& span, const IntegratorOptions& accuracy,
                                         SubstepSpan* left, IntegrationResult* progress) {
   TreeSystem system(equations_, tree_);

@@ -95,7 +95,8 @@ void ContactReports::add_pair(const ContactChange& change, const ContactEquation
     was = is;
     stuck = sticks;
   }
-  // Friction of a sticking contact may be at its bound, as friction of a slipping contact is.
+  // At the start of a step, friction at its bound does not tell sticking from slipping. A pair that
+  // does not move and sticks now stuck before as well.
   if (change.is_begin && pair->is_still && sticks) stuck = true;
   pair->forget();
   const auto add_one = [&](EventKind kind, double of, double later) {

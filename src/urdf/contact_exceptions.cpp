@@ -22,9 +22,9 @@ constexpr double kTouching = 1e-6;
 constexpr std::size_t kMostPairs = 1000;  // of exceptions of a robot, which cost time in each step
 constexpr std::size_t kMostWarnings = 20;
 
-double depth(const engine::Body& a, const engine::Body& b) {
-  const engine::Manifold manifold =
-      engine::collide(engine::PlacedShape(a, a.state), engine::PlacedShape(b, b.state));
+double depth(const engine::Body& a, int part_a, const engine::Body& b, int part_b) {
+  const engine::Manifold manifold = engine::collide(engine::PlacedShape(a, part_a, a.state),
+                                                    engine::PlacedShape(b, part_b, b.state));
   double most = 0.0;
   for (int i = 0; i < manifold.count; ++i)
     most = std::max(most, manifold.points[static_cast<std::size_t>(i)].depth);
@@ -71,16 +71,21 @@ class ExceptionSearch {
     engine::List<engine::Proxy> proxies;
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
       if (!collides(i)) continue;
-      const engine::PlacedShape placed(bodies_[i], bodies_[i].state);
-      proxies.push_back(
-          {engine::bounds(placed.shape(), placed.state()), static_cast<int>(i), true});
+      const int parts = static_cast<int>(engine::part_count(bodies_[i].shape));
+      for (int part = 0; part < parts; ++part) {
+        const engine::PlacedShape placed(bodies_[i], part, bodies_[i].state);
+        proxies.push_back({engine::bounds(placed.shape(), placed.state()), static_cast<int>(i),
+                           true, static_cast<std::uint16_t>(part)});
+      }
     }
     engine::Broadphase broadphase;
     std::size_t overlaps = 0;
-    for (const auto& [first, second] : broadphase.find_pairs(proxies)) {
-      const IndexPair pair{static_cast<std::size_t>(first), static_cast<std::size_t>(second)};
-      if (are_of_two_models(pair)) continue;
-      if (is_excepted(pair) || !(depth(bodies_[pair.first], bodies_[pair.second]) > kTouching))
+    for (const engine::ShapePair& shapes : broadphase.find_pairs(proxies)) {
+      const IndexPair pair{static_cast<std::size_t>(shapes.first),
+                           static_cast<std::size_t>(shapes.second)};
+      if (are_of_two_models(pair) || is_excepted(pair)) continue;
+      if (!(depth(bodies_[pair.first], shapes.part_first, bodies_[pair.second],
+                  shapes.part_second) > kTouching))
         continue;
       except(pair);
       if (group(pair.first) == group(pair.second) || ++overlaps > kMostWarnings) continue;

@@ -95,7 +95,7 @@ inline void frame_anew(World* world, const Carried& by) {
 
 /// Returns the state of a body's shape.
 inline BodyState shape_state(const World& world, BodyId id) {
-  return PlacedShape(world.body(id), world.state(id)).state();
+  return PlacedShape(world.body(id), 0, world.state(id)).state();
 }
 
 inline Body with_surface(Body body, double friction, double restitution) {

@@ -27,7 +27,7 @@ Pairs all_pairs(const List<Proxy>& proxies) {
     for (const Proxy& b : proxies) {
       const bool touch = (a.box.min.array() <= b.box.max.array()).all() &&
                          (b.box.min.array() <= a.box.max.array()).all();
-      if (a.body < b.body && (a.movable || b.movable) && touch) pairs.emplace_back(a.body, b.body);
+      if (a.body < b.body && (a.movable || b.movable) && touch) pairs.push_back({a.body, b.body});
     }
   }
   std::sort(pairs.begin(), pairs.end());

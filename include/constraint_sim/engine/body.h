@@ -28,12 +28,6 @@ struct BodyState {
   Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();
 };
 
-/// Pose of a shape in the frame of its body.
-struct ShapePose {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();               ///< centre of the shape [m]
-  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< shape to body, unit
-};
-
 /// Mask of a body that collides with bodies of all groups.
 inline constexpr std::uint32_t kAllGroups = 0xffffffff;
 
@@ -43,7 +37,8 @@ struct Body {
   BodyType type = BodyType::kDynamic;
   Shape shape = Point{};
   /// Pose of a sphere, box, cylinder, capsule or hull; left out: shape centred in the centre of
-  /// mass, along the principal axes. A dynamic body with a `shape_pose` needs an `inertia`.
+  /// mass, along the principal axes. A dynamic body with a `shape_pose` needs an `inertia`. The
+  /// parts of a compound have their own poses.
   std::optional<ShapePose> shape_pose;
   double mass = 0.0;  ///< [kg] > 0 for dynamic bodies; otherwise not used
   /// Principal moments [kg m²]; zero: from the shape.

@@ -21,8 +21,8 @@ struct ClosestPoints {
 /// Returns the closest points of two bodies at their present poses, with `no_collision` too. Where
 /// there are many pairs, as of parallel faces, both points are in the middle of them. Where the
 /// bodies overlap, the points are those that come apart last while A moves along the normal. A
-/// point mass is a sphere of radius 0. Throws for unknown bodies, a body with itself, the world,
-/// and two planes.
+/// point mass is a sphere of radius 0. Of compounds the nearest or deepest two parts count. Throws
+/// for unknown bodies, a body with itself, the world, and two planes.
 ClosestPoints closest_points(const World& world, BodyId body_a, BodyId body_b);
 
 }  // namespace constraint_sim::engine

@@ -28,9 +28,10 @@ struct Contact {
   /// Normal force and friction on A, world, mean over the step [N].
   Eigen::Vector3d force = Eigen::Vector3d::Zero();
   ContactState state = ContactState::kClosed;  ///< state at the end of the step
+  int part_a = 0, part_b = 0;  ///< numbers of the shapes in their bodies, 0 unless compounds
 };
 
-/// Contact manifold of a pair of shapes: a common normal and up to eight points.
+/// Contact manifold of a pair of convex shapes: a common normal and up to eight points.
 struct Manifold {
   struct Point {
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< point on B's surface, world [m]

@@ -25,7 +25,8 @@ struct Ray {
 /// Shapes are solids without their surface, and a plane is the half-space below it. So a ray that
 /// touches a shape without entering it hits nothing, and a ray that starts on a surface hits the
 /// body at distance 0 if it goes inwards, else not. A ray that starts inside a body hits it at
-/// distance 0. Rounding decides within 1e-15 of the coordinates that take part.
+/// distance 0. A compound is hit at the first of its parts. Rounding decides within 1e-15 of the
+/// coordinates that take part.
 struct RayHit {
   BodyId body;
   double distance = 0.0;                              ///< from the origin [m] ≥ 0

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstddef>
 #include <memory>
 #include <variant>
 #include <vector>
@@ -51,9 +53,64 @@ struct Hull {
   std::shared_ptr<const ConvexHull> surface;  ///< none in a hull without vertices, which is invalid
 };
 
-using Shape = std::variant<Point, Sphere, Box, Plane, Cylinder, Hull, Capsule>;
+/// Greatest number of parts of a compound.
+inline constexpr std::size_t kMostParts = 4096;
+
+struct ShapePart;
+
+/// Several convex shapes fixed to one body, each with its pose in the body. Parts may overlap and
+/// do not collide with each other. Copies share the parts.
+struct Compound {
+  using Parts = std::vector<ShapePart>;
+
+  Compound() = default;
+  /// Throws std::invalid_argument for no parts, for more than kMostParts, and for a part that is a
+  /// point, a plane or a compound, or that has an invalid dimension or pose.
+  explicit Compound(Parts parts);
+
+  std::shared_ptr<const Parts> parts;  ///< none in a compound without parts, which is invalid
+};
+
+using Shape = std::variant<Point, Sphere, Box, Plane, Cylinder, Hull, Capsule, Compound>;
+
+/// Pose of a shape in the frame of its body.
+struct ShapePose {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();               ///< centre of the shape [m]
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< shape to body, unit
+};
+
+/// A part of a compound.
+struct ShapePart {
+  Shape shape;
+  ShapePose pose;
+};
+
+/// Number of convex shapes of a shape: parts of a compound, else 1.
+inline std::size_t part_count(const Shape& shape) {
+  const auto* compound = std::get_if<Compound>(&shape);
+  return compound == nullptr ? 1 : compound->parts->size();
+}
+/// Returns a convex shape of a shape, by the number of the part: a part of a compound, or the shape
+/// itself.
+inline const Shape& part_of(const Shape& shape, int part) {
+  const auto* compound = std::get_if<Compound>(&shape);
+  return compound == nullptr ? shape : (*compound->parts)[static_cast<std::size_t>(part)].shape;
+}
+
+/// Volume of a shape [m³], of a compound the sum over its parts; zero for Point and Plane.
+double volume(const Shape& shape);
+
+/// Centre of mass of a homogeneous compound, its density equal in all parts, and its moments of
+/// inertia about this centre for unit mass [m²], along the axes of the body. Where parts overlap,
+/// their masses add up.
+struct CompoundMass {
+  Eigen::Vector3d centre;
+  Eigen::Matrix3d unit_inertia;
+};
+CompoundMass mass_of(const Compound& compound);
 
 /// Principal moments of inertia of a homogeneous solid of unit mass [m²]; zero for Point and Plane.
+/// A compound has them along the axes of its body, about its centre of mass.
 Eigen::Vector3d unit_inertia(const Shape& shape);
 
 /// Throws std::invalid_argument naming the dimension that is not a finite number > 0.

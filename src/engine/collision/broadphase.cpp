@@ -1,8 +1,8 @@
 #include "engine/collision/broadphase.h"
 
 #include <algorithm>
-#include <variant>
 
+#include "engine/collision/convex.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 
@@ -49,7 +49,7 @@ double girth(const Aabb& box) { return (box.max - box.min).sum(); }
 }  // namespace
 
 Aabb bounds(const Shape& shape, const BodyState& state) {
-  const Eigen::Vector3d half = std::visit(HalfExtent{state}, shape);
+  const Eigen::Vector3d half = visit_convex(HalfExtent{state}, shape);
   return {state.position - half, state.position + half};
 }
 
@@ -107,7 +107,7 @@ void Broadphase::Tree::build(const List<Proxy>& proxies, int node, int first_ite
   build(proxies, right_child(node), first_item + half, leaves - half);
   const Proxy& left = nodes[left_child(node)].proxy;
   const Proxy& right = nodes[right_child(node)].proxy;
-  nodes[node].proxy = {merged(left.box, right.box), 0, left.movable || right.movable, 0, 0};
+  nodes[node].proxy = {merged(left.box, right.box), 0, left.movable || right.movable, 0, 0, 0};
 }
 
 // Moves the smaller half of the items to the front, along the axis along which the centres spread
@@ -174,8 +174,9 @@ bool Broadphase::test(const Aabb& a, const Aabb& b) {
 }
 
 void Broadphase::add_pair(const Proxy& a, const Proxy& b) {
-  if (share_a_group(a.groups, a.mask, b.groups, b.mask))
-    pairs_.emplace_back(std::min(a.body, b.body), std::max(a.body, b.body));
+  if (a.body == b.body || !share_a_group(a.groups, a.mask, b.groups, b.mask)) return;
+  const Proxy &first = a.body < b.body ? a : b, &second = a.body < b.body ? b : a;
+  pairs_.push_back({first.body, second.body, first.part, second.part});
 }
 
 }  // namespace constraint_sim::engine

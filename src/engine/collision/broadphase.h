@@ -2,11 +2,11 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <utility>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/report.h"
 #include "engine/math/list.h"
+#include "engine/model/shape_pair.h"
 
 namespace constraint_sim::engine {
 
@@ -30,24 +30,25 @@ inline bool overlap(const Aabb& a, const Aabb& b) {
   return true;
 }
 
-/// Returns the bounding box of a shape.
+/// Returns the bounding box of a convex shape.
 Aabb bounds(const Shape& shape, const BodyState& state);
 
-/// Bounding box of a body in the broadphase.
+/// Bounding box of a convex shape of a body in the broadphase.
 struct Proxy {
   Aabb box;
-  int body = 0;          ///< index, unique among the proxies
-  bool movable = false;  ///< whether the body can move; a pair has at least one movable body
+  int body = 0;            ///< index; two proxies of a body make no pair
+  bool movable = false;    ///< whether the body can move; a pair has at least one movable body
+  std::uint16_t part = 0;  ///< number of the shape in its body, less than kMostParts
   std::uint32_t groups = 1, mask = kAllGroups;  ///< as of Body; the pair's must match
 };
 
-/// Stage 1 of a step: finds pairs of bodies that may touch. A balanced tree of boxes, rebuilt in
+/// Stage 1 of a step: finds pairs of shapes that may touch. A balanced tree of boxes, rebuilt in
 /// each call by median splits, is tested against itself and against a second tree of resting
 /// proxies that is kept. Unbounded boxes would spoil a tree and are tested one by one. A call
 /// allocates only where it needs more room than all calls before it.
 class Broadphase {
  public:
-  using Pair = std::pair<int, int>;  ///< body indices, first < second
+  using Pair = ShapePair;
 
   /// Replaces the resting proxies, which make no pairs among themselves. Clears the pairs of the
   /// last call.

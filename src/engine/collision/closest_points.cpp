@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/collision/contact_tolerances.h"
+#include "engine/collision/convex.h"
 #include "engine/collision/narrowphase.h"
 #include "engine/collision/polytope.h"
 #include "engine/math/elementary.h"
@@ -204,7 +205,8 @@ struct SeenPart {
     const double side = normal.dot(axes.col(2)) > 0.0 ? 1.0 : -1.0;
     const Vector3d n = state.orientation.conjugate() * normal;
     double most = -kInfinity;
-    for (const Vector3d& corner : std::visit(FarthestPart{n, kFlatShare * size_of(shape)}, shape)) {
+    for (const Vector3d& corner :
+         visit_convex(FarthestPart{n, kFlatShare * size_of(shape)}, shape)) {
       const Vector3d seen =
           axes.transpose() * (state.position - origin + state.orientation * corner);
       flat.push_back(seen.head<2>());

@@ -25,6 +25,12 @@ inline double size_of(const Shape& shape) {
   if (const auto* hull = std::get_if<Hull>(&shape)) return hull->surface->radius();
   if (const auto* capsule = std::get_if<Capsule>(&shape))
     return 0.5 * capsule->length + capsule->radius;
+  if (const auto* compound = std::get_if<Compound>(&shape)) {
+    double size = 0.0;
+    for (const ShapePart& part : *compound->parts)
+      size = std::max(size, part.pose.position.norm() + size_of(part.shape));
+    return size;
+  }
   return kInfinity;
 }
 /// Size that tolerances of contacts between two shapes assume [m], at most `distance` from the

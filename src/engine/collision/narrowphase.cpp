@@ -5,6 +5,7 @@
 #include <type_traits>
 #include <variant>
 
+#include "engine/collision/convex.h"
 #include "engine/collision/manifold_points.h"
 #include "engine/math/numbers.h"
 
@@ -176,7 +177,9 @@ Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
   const auto collide_pair = [&](const auto& of_a, const auto& of_b) -> Manifold {
     using A = std::decay_t<decltype(of_a)>;
     using B = std::decay_t<decltype(of_b)>;
-    if constexpr (std::is_invocable_v<Collide, const A&, const B&>) {
+    if constexpr (kIsCompound<A> || kIsCompound<B>) {
+      fail_compound();
+    } else if constexpr (std::is_invocable_v<Collide, const A&, const B&>) {
       return Collide{a, b, margin}(of_a, of_b);
     } else if constexpr (std::is_invocable_v<Collide, const B&, const A&>) {
       Manifold manifold = Collide{b, a, margin}(of_b, of_a);
@@ -195,7 +198,9 @@ Separation separation(const Shape& shape_a, const BodyState& a, const Shape& sha
   const auto separate_pair = [&](const auto& of_a, const auto& of_b) -> Separation {
     using A = std::decay_t<decltype(of_a)>;
     using B = std::decay_t<decltype(of_b)>;
-    if constexpr (std::is_invocable_v<Separate, const A&, const B&>) {
+    if constexpr (kIsCompound<A> || kIsCompound<B>) {
+      fail_compound();
+    } else if constexpr (std::is_invocable_v<Separate, const A&, const B&>) {
       return Separate{a, b}(of_a, of_b);
     } else if constexpr (std::is_invocable_v<Separate, const B&, const A&>) {
       const Separation reversed = Separate{b, a}(of_b, of_a);

@@ -1,37 +1,47 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <optional>
+#include <variant>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/contact.h"
 
 namespace constraint_sim::engine {
 
-// Stage 2 of a step: contact points of two shapes, by a function per pair of shapes. The normal of
-// a Manifold points from the second shape to the first; positions lie on the second shape's
-// surface. Exact touching is no contact. A margin [m] adds points with a smaller gap, with negative
-// depth and the features that they keep when they touch. No length is neglected: scenes of
+// Stage 2 of a step: contact points of two convex shapes, by a function per pair of shapes. The
+// normal of a Manifold points from the second shape to the first; positions lie on the second
+// shape's surface. Exact touching is no contact. A margin [m] adds points with a smaller gap, with
+// negative depth and the features that they keep when they touch. No length is neglected: scenes of
 // micrometres and of kilometres behave alike. Orientations are unit.
 
 /// Returns pose and twist of a shape in its body.
 BodyState beside(const BodyState& body, const ShapePose& pose);
 
-/// A shape with its pose: the pose of its body, or the shape's own pose in the body. Refers to
-/// `state`.
+/// A convex shape of a body with its pose: the pose of its body, or the shape's own pose in the
+/// body. Refers to `body` and `state`.
 class PlacedShape {
  public:
-  PlacedShape(const Body& body, const BodyState& state) : shape_(body.shape), state_(&state) {
-    if (body.shape_pose) state_ = &beside_.emplace(beside(state, *body.shape_pose));
+  /// `part`: number of the shape in a compound; 0 for a body of one shape.
+  PlacedShape(const Body& body, int part, const BodyState& state)
+      : shape_(&body.shape), state_(&state) {
+    const ShapePose* pose = body.shape_pose ? &*body.shape_pose : nullptr;
+    if (const auto* compound = std::get_if<Compound>(&body.shape)) {
+      const ShapePart& of = (*compound->parts)[static_cast<std::size_t>(part)];
+      shape_ = &of.shape;
+      pose = &of.pose;
+    }
+    if (pose != nullptr) state_ = &beside_.emplace(beside(state, *pose));
   }
   PlacedShape(const PlacedShape&) = delete;
   PlacedShape& operator=(const PlacedShape&) = delete;
 
-  const Shape& shape() const { return shape_; }
+  const Shape& shape() const { return *shape_; }
   const BodyState& state() const { return *state_; }
 
  private:
-  const Shape& shape_;
+  const Shape* shape_;
   const BodyState* state_;
   std::optional<BodyState> beside_;
 };
@@ -132,8 +142,8 @@ Manifold collide_capsule_cylinder(const Capsule& capsule_a, const BodyState& a,
 Manifold collide_capsule_hull(const Capsule& capsule_a, const BodyState& a, const Hull& hull_b,
                               const BodyState& b, double margin = 0.0);
 
-/// Returns the contact of two shapes in any order; points, and two planes, never touch. The normal
-/// of a plane is the z axis of its body.
+/// Returns the contact of two convex shapes in any order; points, and two planes, never touch. The
+/// normal of a plane is the z axis of its body.
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
                  double margin = 0.0);
 
@@ -181,8 +191,8 @@ Separation separation_of_capsule_and_cylinder(const Capsule& capsule_a, const Bo
 Separation separation_of_capsule_and_hull(const Capsule& capsule_a, const BodyState& a,
                                           const Hull& hull_b, const BodyState& b);
 
-/// Returns the separation of two shapes, except points and two planes; the gap is 0 where they
-/// touch.
+/// Returns the separation of two convex shapes, except points and two planes; the gap is 0 where
+/// they touch.
 Separation separation(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
                       const BodyState& b);
 

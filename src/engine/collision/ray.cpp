@@ -4,6 +4,7 @@
 #include <cmath>
 #include <variant>
 
+#include "engine/collision/convex.h"
 #include "engine/collision/manifold_points.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -134,7 +135,7 @@ std::optional<LinePart> line_part_in(const Shape& shape, const BodyState& pose,
   // plane has no centre that matters.
   const double shift = std::holds_alternative<Plane>(shape) ? 0.0 : -from_centre.dot(direction);
   const PartOfLine line{to_shape * (from_centre + shift * direction), to_shape * direction};
-  std::optional<LinePart> part = std::visit(line, shape);
+  std::optional<LinePart> part = visit_convex(line, shape);
   if (part) {
     part->enter += shift;
     part->exit += shift;

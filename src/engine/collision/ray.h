@@ -13,8 +13,8 @@ struct LinePart {
   Eigen::Vector3d normal;  ///< outward unit normal of the surface at `enter`, world
 };
 
-/// Returns the part of a line in a shape, none where the line does not enter the inside. The
-/// direction is unit. All shapes are convex, so that a line has one part in each.
+/// Returns the part of a line in a convex shape, none where the line does not enter the inside. The
+/// direction is unit.
 std::optional<LinePart> line_part_in(const Shape& shape, const BodyState& pose,
                                      const Eigen::Vector3d& origin,
                                      const Eigen::Vector3d& direction);

@@ -1,11 +1,14 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <variant>
 #include <vector>
 
+#include "engine/collision/contact_tolerances.h"
 #include "engine/constraints/joint.h"
 #include "engine/edits/find_named.h"
 #include "engine/edits/issue_id.h"
+#include "engine/model/principal_axes.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"
 
@@ -23,28 +26,70 @@ MassProperties mass_properties(const Body& body) {
   return mass;
 }
 
-/// Moves the vertices of a hull to its centre and along its principal axes, where shapes are. Its
-/// place in the body stays; without a shape_pose and an inertia a dynamic body has its own centre
-/// there. Hulls that are thin for their length are moved twice and more, until they are centred as
-/// a saved scene has them. Throws std::invalid_argument where the hull then has a pose or size that
-/// a body may not have.
-void centre_hull(Body* body) {
-  if (!std::holds_alternative<Hull>(body->shape)) return;
-  const bool is_homogeneous = body->type == BodyType::kDynamic && body->inertia.isZero(0.0);
-  constexpr int kMostMoves = 6;  // measured: 2
+constexpr int kMostMoves = 6;  // measured: 2
+
+bool is_homogeneous(const Body& body) {
+  return body.type == BodyType::kDynamic && body.inertia.isZero(0.0);
+}
+
+/// Returns the pose, in a body, of what has a pose in a frame that has a pose in the body.
+ShapePose composed(const ShapePose& frame, const ShapePose& pose) {
+  return {frame.position + frame.orientation * pose.position,
+          (frame.orientation * pose.orientation).normalized()};
+}
+
+/// Moves the vertices of a hull to its centre and along its principal axes, and its pose so that
+/// the hull keeps its place. Hulls that are thin for their length are moved twice and more, until
+/// they are centred as a saved scene has them. False where the hull was centred.
+bool centre_hull(Hull* hull, ShapePose* pose) {
   for (int i = 0;; ++i) {
-    const ConvexHull& surface = *std::get<Hull>(body->shape).surface;
-    if (surface.is_centred()) return i == 0 ? void() : validate(*body);
+    const ConvexHull& surface = *hull->surface;
+    if (surface.is_centred()) return i > 0;
     if (i == kMostMoves) refuse("vertices", "the points lie too close to a plane or line");
-    const ShapePose moved{surface.centre(), Eigen::Quaterniond(surface.axes())};
     std::vector<Eigen::Vector3d> vertices;
     for (const Eigen::Vector3d& vertex : surface.vertices())
       vertices.emplace_back(surface.axes().transpose() * (vertex - surface.centre()));
-    body->shape = Hull(vertices);
-    if (is_homogeneous) continue;
-    const ShapePose pose = body->shape_pose.value_or(ShapePose{});
-    body->shape_pose = ShapePose{pose.position + pose.orientation * moved.position,
-                                 (pose.orientation * moved.orientation).normalized()};
+    *pose = composed(*pose, {surface.centre(), Eigen::Quaterniond(surface.axes())});
+    *hull = Hull(vertices);
+  }
+}
+
+/// Moves the parts of a homogeneous compound so that its centre of mass is in 0 and its principal
+/// axes are the axes of the body, more than once where rounding leaves them off.
+void centre_parts(Compound::Parts* parts) {
+  for (int i = 0;; ++i) {
+    const Compound compound(*parts);
+    const CompoundMass mass = mass_of(compound);
+    const double size = size_of(Shape(compound));
+    const PrincipalAxes principal = principal_axes(mass.unit_inertia, kCentred * size * size);
+    if (principal.is_along && mass.centre.norm() <= kCentred * size) return;
+    if (i == kMostMoves) refuse("shapes", "the parts lie too far from the body for their size");
+    const Eigen::Quaterniond back = Eigen::Quaterniond(principal.axes).conjugate();
+    for (ShapePart& part : *parts) part.pose = composed({back * -mass.centre, back}, part.pose);
+  }
+}
+
+/// Moves hulls and homogeneous compounds to where bodies have them: a hull is centred in its pose,
+/// and a compound in its body. A dynamic body without a shape_pose and an inertia has the centre of
+/// its hull or compound as its own. Throws std::invalid_argument where a shape then has a pose or
+/// size that a body may not have.
+void centre_shape(Body* body) {
+  if (const auto* given = std::get_if<Hull>(&body->shape)) {
+    Hull hull = *given;
+    ShapePose pose = body->shape_pose.value_or(ShapePose{});
+    if (!centre_hull(&hull, &pose)) return;
+    body->shape = hull;
+    if (!is_homogeneous(*body)) body->shape_pose = pose;
+    validate(*body);
+  } else if (const auto* compound = std::get_if<Compound>(&body->shape)) {
+    Compound::Parts parts = *compound->parts;
+    for (ShapePart& part : parts) {
+      make_unit(&part.pose.orientation);
+      if (auto* hull = std::get_if<Hull>(&part.shape)) centre_hull(hull, &part.pose);
+    }
+    if (is_homogeneous(*body)) centre_parts(&parts);
+    body->shape = Compound(std::move(parts));
+    validate(*body);
   }
 }
 
@@ -56,7 +101,7 @@ BodyId World::add_body(const Body& given) {
     refuse("name", "there is already a body named " + in_quotes(given.name));
   Body body = given;
   if (auto& pose = body.shape_pose) make_unit(&pose->orientation);
-  centre_hull(&body);
+  centre_shape(&body);
 
   const BodyId id = issue(&impl_->next_body_id);
   impl_->bodies.push_back(body);

@@ -107,8 +107,8 @@ void continue_contact(TouchingPair pair, WorldImpl* world) {
   const bool sleeps =
       world->asleep[world->index(pair.id_a)] || world->asleep[world->index(pair.id_b)];
   List<TouchingPair>& pairs = sleeps ? world->resting : world->touching;
-  if (!pairs.empty() && !(pairs.back().ends() < pair.ends()))
-    refuse("body_a", "contacts must be in the order of their bodies, each once");
+  if (!pairs.empty() && !TouchingPair::in_order(pairs.back(), pair))
+    refuse("body_a", "contacts must be in the order of their bodies and parts, each once");
   pairs.push_back(pair);
 }
 

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "constraint_sim/engine/report.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/contact_reach.h"
 #include "engine/islands/continuous_collision.h"
+#include "engine/islands/divided_step.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/rollback.h"
@@ -31,19 +31,12 @@ const BodyState& start_of(const MovedBodies& in, int body) {
   return (is_moving_shape(in, body) ? in.rollback.states() : in.state.states)[body];
 }
 
-Separation separation_at(const MovedBodies& in, const Broadphase::Pair& pair,
-                         const BodyState& state_a, const BodyState& state_b) {
-  const List<Body>& bodies = in.step.model.bodies;
-  const PlacedShape a(bodies[pair.first], state_a), b(bodies[pair.second], state_b);
-  return separation(a.shape(), a.state(), b.shape(), b.state());
-}
-
 Separation separation_at_start(const MovedBodies& in, const Broadphase::Pair& pair) {
-  return separation_at(in, pair, start_of(in, pair.first), start_of(in, pair.second));
+  return separation_of(in.step.model, pair, start_of(in, pair.first), start_of(in, pair.second));
 }
 
 Separation separation_at_end(const MovedBodies& in, const Broadphase::Pair& pair) {
-  return separation_at(in, pair, in.state.states[pair.first], in.state.states[pair.second]);
+  return separation_of(in.step.model, in.state, pair);
 }
 
 /// Largest distance of the points of a dynamic body from their start within the step [m]. An
@@ -63,7 +56,7 @@ double path_of(const MovedBodies& in, int body) {
   const double radius = reach_of(model.bodies[body]);
   if (radius == 0.0) return path;
   const double chord = 2.0 * (to.orientation * from.orientation.conjugate()).vec().norm();
-  const double most = model.bodies[body].shape_pose ? 2.0 : 1.0;  // a centred shape stays around
+  const double most = is_centred(model.bodies[body]) ? 1.0 : 2.0;  // a centred shape stays around
   return path + std::min(std::max(h * spin, chord), most) * radius;
 }
 
@@ -72,13 +65,6 @@ double assumed_for(const MovedBodies& in, int body) {
   const WorldOptions& options = in.step.model.options;
   const double assumed = max_distance(in.step, in.rollback.states()[body], body, options.time_step);
   return std::max(assumed, kFastShare * in.continuous.thinnest());
-}
-
-bool is_touching_pair(const List<TouchingPair>& touching, const Broadphase::Pair& pair) {
-  const auto found = std::lower_bound(
-      touching.begin(), touching.end(), pair,
-      [](const TouchingPair& l, const Broadphase::Pair& r) { return l.ends() < r; });
-  return found != touching.end() && found->ends() == pair;
 }
 
 /// Whether two shapes ended the step on other sides of each other than they began it.
@@ -152,8 +138,7 @@ const List<Broadphase::Pair>& AssumedPaths::find_near(const MovedBodies& in,
     found_[body] =
         is_movable ? path_of(in, body)
                    : max_distance(in.step, in.state.states[body], body, model.options.time_step);
-    proxies_.push_back(proxy_of(model, in.rollback.states()[body], body));
-    widen(found_[body], &proxies_.back());
+    add_proxies(model, in.rollback.states()[body], body, found_[body], &proxies_);
   }
   const List<Broadphase::Pair>& near = broadphase->find_pairs(proxies_);
   if (broadphase->is_full()) throw StepFailed{Failure::kTooManyPairs};
@@ -166,11 +151,11 @@ bool AssumedPaths::is_missed(const MovedBodies& in, const Broadphase::Pair& pair
     return outrun.body == pair.first || outrun.body == pair.second;
   };
   if (std::none_of(outrun_.begin(), outrun_.end(), is_of_pair)) return false;
-  const auto [a, b] = pair;
+  const int a = pair.first, b = pair.second;
   const Model& model = in.step.model;
   const Topology& topology = in.step.topology;
-  if (topology.is_unpaired(pair)) return false;
-  if (is_touching_pair(in.state.touching, pair) || in.continuous.has_met(pair))
+  if (topology.is_unpaired(pair.bodies())) return false;
+  if (find_contact(in.state.touching, pair) != nullptr || in.continuous.has_met(pair))
     return is_pushed_in(in, pair) || has_changed_sides(in, pair);
   const double most = found_[a] + found_[b];
   const bool is_fast_pair = most > kFastShare * thinner_of(model, pair);

@@ -46,8 +46,9 @@ List<ContactControl::Group> ContactControl::find_groups(
     const auto takes_part = [&](int body) {
       return is_advanced[body] || !model.is_movable(to_index(body));
     };
-    if (group_of_pair(pair) < 0 || step.topology.is_unpaired(pair)) continue;
-    Group& group = groups[group_of_pair(pair)];
+    const int of_pair = group_of_pair(pair.bodies());
+    if (of_pair < 0 || step.topology.is_unpaired(pair.bodies())) continue;
+    Group& group = groups[of_pair];
     if (takes_part(pair.first) && takes_part(pair.second))
       group.near.push_back(pair);
     else if (!group.has_left_any)

@@ -84,8 +84,8 @@ void add_sphere_contacts(const Model& model, const List<BodyState>& states,
     TouchingPair pair;
     pair.a = ends.first;
     pair.b = ends.second;
-    const PlacedShape a(model.bodies[pair.a], states[pair.a]),
-        b(model.bodies[pair.b], states[pair.b]);
+    const PlacedShape a(model.bodies[pair.a], 0, states[pair.a]),
+        b(model.bodies[pair.b], 0, states[pair.b]);
     const Separation now = separation(a.shape(), a.state(), b.shape(), b.state());
     const auto* of_a = std::get_if<Sphere>(&model.bodies[pair.a].shape);
     const auto* of_b = std::get_if<Sphere>(&model.bodies[pair.b].shape);

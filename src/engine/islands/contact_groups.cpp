@@ -136,8 +136,8 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
   }
   List<ElasticSpheres::Plane> planes;
   List<int> others;
-  for (const auto& [a, b] : group->pairs)
-    for (const int body : {a, b})
+  for (const ShapePair& pair : group->pairs)
+    for (const int body : {pair.first, pair.second})
       if (!model.is_movable(to_index(body))) others.push_back(body);
   std::sort(others.begin(), others.end());
   others.erase(std::unique(others.begin(), others.end()), others.end());
@@ -334,7 +334,8 @@ bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>&
   GroupBodies& bodies = group.events->equations().bodies();
   List<ContactPair>& pairs = group.events->pairs();
   pairs.clear();
-  for (auto [a, b] : group.pairs) {
+  for (const ShapePair& shapes : group.pairs) {
+    auto [a, b] = shapes.bodies();
     if (!has_features(model.bodies[a].shape, model.bodies[b].shape)) std::swap(a, b);
     const Body& body_a = model.bodies[a];
     const Body& body_b = model.bodies[b];

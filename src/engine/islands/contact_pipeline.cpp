@@ -4,7 +4,7 @@
 #include <iterator>
 #include <utility>
 
-#include "engine/collision/narrowphase.h"
+#include "engine/islands/divided_step.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/model/impulse_method.h"
 
@@ -20,7 +20,7 @@ void ContactPipeline::set_shapes(const Model& model, const State& state,
                has_shape);
   proxies_.clear();
   for (const int body : resting_bodies)
-    if (has_shape(body)) proxies_.push_back(proxy_of(model, state.states[body], body));
+    if (has_shape(body)) add_proxies(model, state.states[body], body, 0.0, &proxies_);
   const auto movable = [&](int body) { return model.is_movable(to_index(body)); };
   const bool any_movable =
       std::any_of(moving_shapes_.begin(), moving_shapes_.end(), movable) ||
@@ -37,19 +37,17 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
   proxies_.clear();
   auto fast = fast_bodies.begin();
   for (const int body : moving_shapes_) {
-    proxies_.push_back(proxy_of(model, state.states[body], body));
+    const BodyState& now = state.states[body];
+    double margin = reach != nullptr ? reach->of(body) : 0.0;
     if (fast != fast_bodies.end() && *fast == body) {
-      widen(max_distance(step, state.states[body], body, model.options.time_step),
-            &proxies_.back());
+      margin += max_distance(step, now, body, model.options.time_step);
       ++fast;
     }
-    if (reach != nullptr) widen(reach->of(body), &proxies_.back());
     if (controls_contacts(model.options))
-      widen(max_distance(step, state.states[body], body, model.options.time_step),
-            &proxies_.back());
+      margin += max_distance(step, now, body, model.options.time_step);
     else if (solves_impulses(model.options))
-      widen(fall_and_way(model.options, state.states[body], model.options.time_step),
-            &proxies_.back());
+      margin += fall_and_way(model.options, now, model.options.time_step);
+    add_proxies(model, now, body, margin, &proxies_);
   }
   report->candidate_pairs = static_cast<std::uint32_t>(broadphase_.find_pairs(proxies_).size());
   report->broadphase_tests += broadphase_.tests();
@@ -66,29 +64,21 @@ void ContactPipeline::collide(const StepContext& step, State* state, StepReport*
   std::size_t points = 0;
   auto before = touching_before_.begin();  // both lists are sorted, so one pass matches them
   for (const Broadphase::Pair& ends : pairs()) {
-    if (step.topology.is_unpaired(ends)) continue;
+    if (step.topology.is_unpaired(ends.bodies())) continue;
     if (is_set(step.stop)) return;
-    const auto a = to_index(ends.first);
-    const auto b = to_index(ends.second);
     const double margin = solves_impulses(model.options)
                               ? contact_margin(step, *state, ends, model.options.time_step)
                               : 0.0;
-    const Manifold manifold =
-        engine::collide(PlacedShape(model.bodies[a], state->states[a]),
-                        PlacedShape(model.bodies[b], state->states[b]), margin);
+    const Manifold manifold = engine::collide(model, *state, ends, margin);
     if (manifold.count == 0) continue;
     points += to_index(manifold.count);
     if (points > kMostContacts) throw StepFailed{Failure::kTooManyContacts};
 
-    TouchingPair& pair = state->touching.emplace_back();
-    pair.a = ends.first;
-    pair.b = ends.second;
-    pair.id_a = model.body_ids[a];
-    pair.id_b = model.body_ids[b];
+    TouchingPair& pair = state->touching.emplace_back(new_contact(model, ends));
     pair.manifold = manifold;
-    while (before != touching_before_.end() && before->ends() < ends) ++before;
+    while (before != touching_before_.end() && before->shapes() < ends) ++before;
     const bool known =
-        model.options.warm_starting && before != touching_before_.end() && before->ends() == ends;
+        model.options.warm_starting && before != touching_before_.end() && before->shapes() == ends;
     for (std::size_t k = 0; k < to_index(manifold.count); ++k)
       pair.impulses[k] =
           known ? before->impulse_of(manifold.points[k].feature) : Vector3d(Vector3d::Zero());

@@ -33,11 +33,11 @@ double least_gap(const Model& model, const State& state, std::size_t a, std::siz
 /// A lower bound of the gap of two cylinders whose axes cross [m]: their gap along the common
 /// normal of the axes, where each is as wide as its radius. Minus infinity of other pairs.
 double gap_across(const Model& model, const State& state, const Broadphase::Pair& pair) {
-  const Body &body_a = model.bodies[pair.first], &body_b = model.bodies[pair.second];
-  const auto* of_a = std::get_if<Cylinder>(&body_a.shape);
-  const auto* of_b = std::get_if<Cylinder>(&body_b.shape);
+  const PlacedShape a(model.bodies[pair.first], pair.part_first, state.states[pair.first]),
+      b(model.bodies[pair.second], pair.part_second, state.states[pair.second]);
+  const auto* of_a = std::get_if<Cylinder>(&a.shape());
+  const auto* of_b = std::get_if<Cylinder>(&b.shape());
   if (of_a == nullptr || of_b == nullptr) return -kInfinity;
-  const PlacedShape a(body_a, state.states[pair.first]), b(body_b, state.states[pair.second]);
   const Vector3d normal =
       (a.state().orientation * Vector3d::UnitZ()).cross(b.state().orientation * Vector3d::UnitZ());
   constexpr double kParallelSine = 1e-3;
@@ -168,8 +168,9 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
       if (!model.is_movable(to_index(body))) size.reach = std::max(size.reach, reach_[body]);
     // Points count where the pair can touch without a third body that hits one of both.
     if (apart.gap <= own_reach_[pair.first] + own_reach_[pair.second])
-      size.points += ContactPairs::most_points(model.bodies[pair.first].shape,
-                                               model.bodies[pair.second].shape);
+      size.points +=
+          ContactPairs::most_points(part_of(model.bodies[pair.first].shape, pair.part_first),
+                                    part_of(model.bodies[pair.second].shape, pair.part_second));
     if (apart.gap >= 0.0 || (size.overlaps && !size.is_settled)) continue;
     if (apart.gap >= -tolerances_of(model, state, pair).overlap) continue;
     size.overlaps = true;
@@ -193,7 +194,7 @@ std::optional<Separation> ContactReach::separation_to_watch(const Model& model,
                                                             const Broadphase::Pair& pair) const {
   const double most = reach_[pair.first] + reach_[pair.second];
   if (least_gap(model, state, to_index(pair.first), to_index(pair.second)) > most ||
-      topology.is_unpaired(pair) || gap_across(model, state, pair) > most)
+      topology.is_unpaired(pair.bodies()) || gap_across(model, state, pair) > most)
     return std::nullopt;
   const Separation apart = separation_of(model, state, pair);
   if (apart.gap > most) return std::nullopt;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/collision/narrowphase.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/swept_hits.h"
 #include "engine/math/numbers.h"
@@ -21,7 +20,7 @@ constexpr std::size_t kMostAdvancesOfPair = 4000;
 /// Sum of the largest displacements of two bodies [m].
 double moved_of(const StepContext& step, const State& state, const Broadphase::Pair& pair,
                 double duration) {
-  const auto [a, b] = pair;
+  const int a = pair.first, b = pair.second;
   return max_point_displacement(step, state.states[a], a, duration) +
          max_point_displacement(step, state.states[b], b, duration);
 }
@@ -29,7 +28,7 @@ double moved_of(const StepContext& step, const State& state, const Broadphase::P
 /// Whether two bodies can meet within a duration, whatever they bounce off.
 bool may_meet(const StepContext& step, const State& state, const Broadphase::Pair& pair,
               double duration) {
-  const auto [a, b] = pair;
+  const int a = pair.first, b = pair.second;
   return separation_of(step.model, state, pair).gap <=
          max_distance(step, state.states[a], a, duration) +
              max_distance(step, state.states[b], b, duration);
@@ -54,8 +53,8 @@ bool is_led(const StepContext& step, const IslandLists& lists, const Broadphase:
 double time_to_watch(const StepContext& step, const State& state, const IslandLists& lists,
                      const TouchingPair& pair) {
   const Model& model = step.model;
-  if (pair.manifold.count == 0 || is_forced(step, pair.ends())) return 0.0;
-  if (is_led(step, lists, pair.ends())) return kInfinity;  // joints hold it back
+  if (pair.manifold.count == 0 || is_forced(step, pair.shapes())) return 0.0;
+  if (is_led(step, lists, pair.shapes())) return kInfinity;  // joints hold it back
   const BodyState& a = state.states[pair.a];
   const BodyState& b = state.states[pair.b];
   const Body& body_a = model.bodies[pair.a];
@@ -65,7 +64,7 @@ double time_to_watch(const StepContext& step, const State& state, const IslandLi
       std::max(0.0, -pair.manifold.normal.dot(a.linear_velocity - b.linear_velocity)) +
       a.angular_velocity.norm() * reach_of(body_a, far) +
       b.angular_velocity.norm() * reach_of(body_b, far);
-  return kFastShare * thinner_of(model, pair.ends()) / closing;
+  return kFastShare * thinner_of(model, pair.shapes()) / closing;
 }
 
 /// Whether two bodies that touch would move into each other as far as fast bodies do.
@@ -79,7 +78,7 @@ bool is_hit(const Model& model, const State& state, const TouchingPair& pair, do
                        b.linear_velocity - b.angular_velocity.cross(p - b.position);
     closing = std::max(closing, -v.dot(pair.manifold.normal));
   }
-  return closing * duration > kFastShare * thinner_of(model, pair.ends());
+  return closing * duration > kFastShare * thinner_of(model, pair.shapes());
 }
 
 /// Time for which a group with joints can go on so that no fast pair moves by more than its gap, or
@@ -142,12 +141,9 @@ bool collide_group(const Model& model, const List<Broadphase::Pair>& near, doubl
   state->touching.clear();
   bool any_hit = false;
   for (const Broadphase::Pair& ends : near) {
-    const std::size_t a = to_index(ends.first);
-    const std::size_t b = to_index(ends.second);
     const double thinner = thinner_of(model, ends);
-    const Manifold manifold = collide(PlacedShape(model.bodies[a], state->states[a]),
-                                      PlacedShape(model.bodies[b], state->states[b]),
-                                      std::isfinite(thinner) ? 4.0 * kNearShare * thinner : 0.0);
+    const Manifold manifold =
+        collide(model, *state, ends, std::isfinite(thinner) ? 4.0 * kNearShare * thinner : 0.0);
     if (manifold.count == 0) continue;
     TouchingPair& pair = state->touching.emplace_back(new_contact(model, ends));
     pair.manifold = manifold;
@@ -201,7 +197,8 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
   // bounds that event-driven groups widen.
   const auto is_open = [&](const Broadphase::Pair& pair) {
     return !is_led(step, lists, pair) && is_fast(step, *state, pair, h) &&
-           find_contact(state->touching, pair) == nullptr && !step.topology.is_unpaired(pair) &&
+           find_contact(state->touching, pair) == nullptr &&
+           !step.topology.is_unpaired(pair.bodies()) &&
            (!(follows_contacts(model.options) || controls_contacts(model.options)) ||
             may_meet(step, *state, pair, h));
   };
@@ -218,7 +215,7 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
   for (const Broadphase::Pair& pair : near) {
     if (!is_open(pair) || !time_of_hit(step, *state, pair, h)) continue;
     any = true;
-    mark(pair);
+    mark(pair.bodies());
   }
   if (controls_contacts(model.options)) {  // all that contacts and hits may set in motion
     for (const TouchingPair& pair : state->touching) any = mark(pair.ends()) || any;
@@ -227,7 +224,7 @@ void ContinuousCollision::find_hits(const StepContext& step, const List<Broadpha
       is_growing = false;
       for (const Broadphase::Pair& pair : near)
         if ((hits_something[pair.first] || hits_something[pair.second]) && is_open(pair))
-          is_growing = mark(pair) || is_growing;
+          is_growing = mark(pair.bodies()) || is_growing;
     }
   }
   if (!any) return;
@@ -249,7 +246,7 @@ void ContinuousCollision::list_jointed_pairs(const StepContext& step,
   jointed_pairs_.clear();
   for (const Broadphase::Pair& pair : near) {
     if (!is_led(step, lists, pair) || !is_fast(step, state, pair, h) ||
-        step.topology.is_unpaired(pair) || find_contact(state.touching, pair) != nullptr ||
+        step.topology.is_unpaired(pair.bodies()) || find_contact(state.touching, pair) != nullptr ||
         !may_meet(step, state, pair, h))
       continue;
     jointed_pairs_.push_back(pair);
@@ -379,8 +376,8 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   hits_.clear();
   const bool is_on_joints =
       std::any_of(state->touching.begin(), state->touching.end(), [&](const TouchingPair& pair) {
-        return is_forced(step, pair.ends()) ||
-               (pair.manifold.count == 0 && is_led(step, lists, pair.ends()));
+        return is_forced(step, pair.shapes()) ||
+               (pair.manifold.count == 0 && is_led(step, lists, pair.shapes()));
       });
 
   if (is_on_joints) divided_.begin_joint_sums();

@@ -121,10 +121,10 @@ ControlledStep::Attempt ControlledStep::attempt(const GroupSurroundings& around,
 void ControlledStep::list_met(const Model& model, const List<TouchingPair>& touching) {
   met_.clear();
   for (const TouchingPair& pair : touching) {
-    const double open = -kLocated * thinner_of(model, pair.ends());
+    const double open = -kLocated * thinner_of(model, pair.shapes());
     for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
       if (pair.manifold.points[k].depth >= open || pair.impulses[k].isZero(0.0)) continue;
-      met_.push_back(pair.ends());
+      met_.push_back(pair.shapes());
       break;
     }
   }
@@ -174,9 +174,7 @@ double ControlledStep::locate_impact(const GroupSurroundings& around, double don
     for (const Broadphase::Pair& ends : met) {
       const double near = kLocated * thinner_of(model, ends);
       const Manifold manifold =
-          engine::collide(PlacedShape(model.bodies[ends.first], state->states[ends.first]),
-                          PlacedShape(model.bodies[ends.second], state->states[ends.second]),
-                          kMarginShare * thinner_of(model, ends));
+          engine::collide(model, *state, ends, kMarginShare * thinner_of(model, ends));
       const TouchingPair* const closed = find_contact(parts_.start().touching, ends);
       for (std::size_t k = 0; k < to_index(manifold.count); ++k) {
         const Manifold::Point& point = manifold.points[k];
@@ -201,11 +199,11 @@ double ControlledStep::locate_impact(const GroupSurroundings& around, double don
 // Whether a contact that was closed where the part began approaches faster than `speed` [m/s].
 bool ControlledStep::approaches_closed(const Model& model, double speed, const State& state) const {
   for (const TouchingPair& pair : parts_.start().touching) {
-    const double closed = -kTouches * thinner_of(model, pair.ends());
+    const double closed = -kTouches * thinner_of(model, pair.shapes());
     for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
       const Manifold::Point& point = pair.manifold.points[k];
       if (point.depth >= closed &&
-          -rate_at(state, pair.ends(), point.position).dot(pair.manifold.normal) > speed)
+          -rate_at(state, pair.shapes(), point.position).dot(pair.manifold.normal) > speed)
         return true;
     }
   }
@@ -233,7 +231,7 @@ void ControlledStep::meet(const GroupSurroundings& around, double done, double g
   const double instant = kInstant * options.time_step;
   parts_.collide(around, done, options.time_step, false, state);
   for (TouchingPair& pair : state->touching) {
-    const double thinner = thinner_of(around.step.model, pair.ends());
+    const double thinner = thinner_of(around.step.model, pair.shapes());
     const double near = std::clamp(gap, kTouches * thinner, kMostTouches * thinner);
     int kept = 0;
     for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {

@@ -10,31 +10,31 @@ namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
 
-const TouchingPair* find_contact(const List<TouchingPair>& pairs, const std::pair<int, int>& ends) {
-  const auto found =
-      std::lower_bound(pairs.begin(), pairs.end(), ends,
-                       [](const TouchingPair& pair, const std::pair<int, int>& wanted) {
-                         return pair.ends() < wanted;
-                       });
-  return found != pairs.end() && found->ends() == ends ? &*found : nullptr;
+const TouchingPair* find_contact(const List<TouchingPair>& pairs, const ShapePair& shapes) {
+  const auto found = std::lower_bound(
+      pairs.begin(), pairs.end(), shapes,
+      [](const TouchingPair& pair, const ShapePair& wanted) { return pair.shapes() < wanted; });
+  return found != pairs.end() && found->shapes() == shapes ? &*found : nullptr;
 }
 
-TouchingPair new_contact(const Model& model, const std::pair<int, int>& bodies) {
+TouchingPair new_contact(const Model& model, const ShapePair& shapes) {
   TouchingPair pair;
-  pair.a = bodies.first;
-  pair.b = bodies.second;
-  pair.id_a = model.body_ids[to_index(pair.a)];
-  pair.id_b = model.body_ids[to_index(pair.b)];
+  pair.a = shapes.first;
+  pair.b = shapes.second;
+  pair.id_a = model.body_ids[pair.a];
+  pair.id_b = model.body_ids[pair.b];
+  pair.part_a = shapes.part_first;
+  pair.part_b = shapes.part_second;
   return pair;
 }
 
 void add_contacts(const List<TouchingPair>& of_part, List<TouchingPair>* sums) {
   List<TouchingPair> all;
   for (const TouchingPair& pair : *sums)
-    if (find_contact(of_part, pair.ends()) == nullptr) all.push_back(pair);
+    if (find_contact(of_part, pair.shapes()) == nullptr) all.push_back(pair);
   for (const TouchingPair& pair : of_part) {
     all.push_back(pair);
-    const TouchingPair* before = find_contact(*sums, pair.ends());
+    const TouchingPair* before = find_contact(*sums, pair.shapes());
     if (before == nullptr) continue;
     Vector3d sum = Vector3d::Zero();
     for (std::size_t k = 0; k < to_index(before->manifold.count); ++k) sum += before->impulses[k];
@@ -63,16 +63,16 @@ List<Broadphase::Pair> DividedStep::find_pairs(const StepContext& step, const St
   const Model& model = step.model;
   proxies_.clear();
   for (const int body : moving_shapes) {
-    proxies_.push_back(proxy_of(model, state.states[body], body));
-    if (is_member_[body] || !model.is_movable(to_index(body)))
-      widen(max_distance(step, state.states[body], body, duration), &proxies_.back());
+    const BodyState& now = state.states[body];
+    const bool moves = is_member_[body] || !model.is_movable(to_index(body));
+    add_proxies(model, now, body, moves ? max_distance(step, now, body, duration) : 0.0, &proxies_);
   }
   List<Broadphase::Pair> pairs;
   for (const Broadphase::Pair& pair : broadphase->find_pairs(proxies_)) {
     const bool has_a = is_member_[pair.first];
     const bool has_b = is_member_[pair.second];
     if (!has_a && !has_b) continue;
-    if (step.topology.is_unpaired(pair)) continue;
+    if (step.topology.is_unpaired(pair.bodies())) continue;
     const int other = has_a ? pair.second : pair.first;
     if (has_a != has_b && model.is_movable(to_index(other)))
       *is_any_left = *is_any_left || (is_fast(step, state, pair, duration) &&

@@ -38,10 +38,10 @@ void add_impulses(const ImpulseReport& impulses, Report* report) {
   for (std::size_t i = 0; i < kStageCount; ++i) report->stage_times[i] += impulses.stage_times[i];
 }
 
-/// The contact of a pair in a list that is sorted; null where there is none.
-const TouchingPair* find_contact(const List<TouchingPair>& pairs, const std::pair<int, int>& ends);
-/// A contact of two bodies without points.
-TouchingPair new_contact(const Model& model, const std::pair<int, int>& bodies);
+/// The contact of two shapes in a list that is sorted; null where there is none.
+const TouchingPair* find_contact(const List<TouchingPair>& pairs, const ShapePair& shapes);
+/// A contact of two shapes without points.
+TouchingPair new_contact(const Model& model, const ShapePair& shapes);
 /// Adds the contact impulses of a part of a step to `sums`, the impulses of the parts before.
 void add_contacts(const List<TouchingPair>& of_part, List<TouchingPair>* sums);
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "engine/collision/narrowphase.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/swept_hits.h"
 
@@ -77,10 +76,8 @@ void GroupParts::collide(const GroupSurroundings& around, double done, double h,
   place_kinematic(around, done, state);
   state->touching.clear();
   for (const Broadphase::Pair& ends : near_) {
-    const auto a = to_index(ends.first), b = to_index(ends.second);
-    Manifold manifold = engine::collide(PlacedShape(model.bodies[a], state->states[a]),
-                                        PlacedShape(model.bodies[b], state->states[b]),
-                                        contact_margin(around.step, *state, ends, h));
+    Manifold manifold =
+        engine::collide(model, *state, ends, contact_margin(around.step, *state, ends, h));
     if (is_free) {
       const double open = -kLocated * thinner_of(model, ends);
       int kept = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/collision/convex.h"
 #include "engine/islands/step.h"
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
@@ -37,6 +38,16 @@ struct Reach {
   double operator()(const Capsule& capsule) const { return 0.5 * capsule.length + capsule.radius; }
 };
 
+/// Distance by which a shape exceeds its reach [m]: a sphere turns in its place.
+double beyond_reach(const Shape& shape) {
+  const auto* sphere = std::get_if<Sphere>(&shape);
+  return sphere != nullptr ? sphere->radius : 0.0;
+}
+
+const Shape& shape_of(const Model& model, int body, int part) {
+  return part_of(model.bodies[body].shape, part);
+}
+
 }  // namespace
 
 bool may_touch(const Body& body) {
@@ -52,31 +63,55 @@ bool collides_with_all(const Body& body) {
   return body.collision_groups == 1 && body.collision_mask == kAllGroups;
 }
 
-double thickness(const Shape& shape) { return std::visit(Thickness{}, shape); }
+double thickness(const Shape& shape) {
+  const auto* compound = std::get_if<Compound>(&shape);
+  if (compound == nullptr) return visit_convex(Thickness{}, shape);
+  double least = kInfinity;
+  for (const ShapePart& part : *compound->parts)
+    least = std::min(least, visit_convex(Thickness{}, part.shape));
+  return least;
+}
 
 double reach_of(const Body& body, double distance) {
+  const Reach reach{distance};
+  if (const auto* compound = std::get_if<Compound>(&body.shape)) {
+    double most = 0.0;
+    for (const ShapePart& part : *compound->parts)
+      most = std::max(most, visit_convex(reach, part.shape) + part.pose.position.norm());
+    return most;
+  }
   const double arm = body.shape_pose ? body.shape_pose->position.norm() : 0.0;
-  return std::visit(Reach{distance}, body.shape) + arm;
+  return visit_convex(reach, body.shape) + arm;
+}
+
+bool is_centred(const Body& body) {
+  return !body.shape_pose && !std::holds_alternative<Compound>(body.shape);
 }
 
 double extent(const Body& body) {
-  const auto* sphere = std::get_if<Sphere>(&body.shape);
-  return reach_of(body, kInfinity) + (sphere != nullptr ? sphere->radius : 0.0);
+  const auto* compound = std::get_if<Compound>(&body.shape);
+  if (compound == nullptr) return reach_of(body, kInfinity) + beyond_reach(body.shape);
+  double most = 0.0;
+  for (const ShapePart& part : *compound->parts)
+    most = std::max(most, visit_convex(Reach{kInfinity}, part.shape) + part.pose.position.norm() +
+                              beyond_reach(part.shape));
+  return most;
 }
 
-double thinner_of(const Model& model, const std::pair<int, int>& bodies) {
-  return std::min(thickness(model.bodies[bodies.first].shape),
-                  thickness(model.bodies[bodies.second].shape));
+double thinner_of(const Model& model, const ShapePair& pair) {
+  const Thickness thickness;
+  return std::min(visit_convex(thickness, shape_of(model, pair.first, pair.part_first)),
+                  visit_convex(thickness, shape_of(model, pair.second, pair.part_second)));
 }
 
-ContactTolerances tolerances_of(const Model& model, const State& state,
-                                const std::pair<int, int>& bodies) {
+ContactTolerances tolerances_of(const Model& model, const State& state, const ShapePair& pair) {
   double distance = 0.0;
-  for (const int body : {bodies.first, bodies.second})
+  for (const int body : {pair.first, pair.second})
     if (model.is_movable(to_index(body)))
       distance = std::max(distance, state.states[body].position.norm());
-  return ContactTolerances(size_of_contact(model.bodies[bodies.first].shape,
-                                           model.bodies[bodies.second].shape, distance));
+  return ContactTolerances(size_of_contact(shape_of(model, pair.first, pair.part_first),
+                                           shape_of(model, pair.second, pair.part_second),
+                                           distance));
 }
 
 double max_center_displacement(const StepContext& step, const BodyState& now, int body,
@@ -107,46 +142,60 @@ double fall_and_way(const WorldOptions& options, const BodyState& body, double d
   return duration * (body.linear_velocity.norm() + duration * options.gravity.norm());
 }
 
-double contact_margin(const StepContext& step, const State& state,
-                      const std::pair<int, int>& bodies, double duration) {
+double contact_margin(const StepContext& step, const State& state, const ShapePair& pair,
+                      double duration) {
   const auto way_of = [&](int body) {
     const BodyState& now = state.states[body];
     return controls_contacts(step.model.options) ? max_point_displacement(step, now, body, duration)
                                                  : fall_and_way(step.model.options, now, duration);
   };
-  return std::min(way_of(bodies.first) + way_of(bodies.second),
-                  kMarginShare * thinner_of(step.model, bodies));
+  return std::min(way_of(pair.first) + way_of(pair.second),
+                  kMarginShare * thinner_of(step.model, pair));
 }
 
 double fast_share(const WorldOptions& options) {
   return controls_contacts(options) ? kMarginShare : kFastShare;
 }
 
-Proxy proxy_of(const Model& model, const BodyState& at, int body) {
-  const PlacedShape placed(model.bodies[body], at);
+void add_proxies(const Model& model, const BodyState& at, int body, double margin,
+                 List<Proxy>* proxies) {
   const Body& of = model.bodies[body];
-  return {bounds(placed.shape(), placed.state()), body, model.is_movable(to_index(body)),
-          of.collision_groups, of.collision_mask};
+  const auto wide = Eigen::Vector3d::Constant(margin);
+  const int parts = static_cast<int>(part_count(of.shape));
+  for (int part = 0; part < parts; ++part) {
+    const PlacedShape placed(of, part, at);
+    const Aabb box = bounds(placed.shape(), placed.state());
+    proxies->push_back({{box.min - wide, box.max + wide},
+                        body,
+                        model.is_movable(to_index(body)),
+                        static_cast<std::uint16_t>(part),
+                        of.collision_groups,
+                        of.collision_mask});
+  }
 }
 
-void widen(double margin, Proxy* proxy) {
-  proxy->box.min -= Eigen::Vector3d::Constant(margin);
-  proxy->box.max += Eigen::Vector3d::Constant(margin);
-}
-
-bool is_fast(const StepContext& step, const State& state, const std::pair<int, int>& bodies,
-             double duration) {
-  const auto [a, b] = bodies;
+bool is_fast(const StepContext& step, const State& state, const ShapePair& pair, double duration) {
+  const int a = pair.first, b = pair.second;
   return max_point_displacement(step, state.states[a], a, duration) +
              max_point_displacement(step, state.states[b], b, duration) >
-         fast_share(step.model.options) * thinner_of(step.model, bodies);
+         fast_share(step.model.options) * thinner_of(step.model, pair);
 }
 
-Separation separation_of(const Model& model, const State& state,
-                         const std::pair<int, int>& bodies) {
-  const auto [a, b] = bodies;
-  const PlacedShape of_a(model.bodies[a], state.states[a]), of_b(model.bodies[b], state.states[b]);
-  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state());
+Manifold collide(const Model& model, const State& state, const ShapePair& pair, double margin) {
+  const int a = pair.first, b = pair.second;
+  return collide(PlacedShape(model.bodies[a], pair.part_first, state.states[a]),
+                 PlacedShape(model.bodies[b], pair.part_second, state.states[b]), margin);
+}
+
+Separation separation_of(const Model& model, const ShapePair& pair, const BodyState& first,
+                         const BodyState& second) {
+  const PlacedShape a(model.bodies[pair.first], pair.part_first, first),
+      b(model.bodies[pair.second], pair.part_second, second);
+  return separation(a.shape(), a.state(), b.shape(), b.state());
+}
+
+Separation separation_of(const Model& model, const State& state, const ShapePair& pair) {
+  return separation_of(model, pair, state.states[pair.first], state.states[pair.second]);
 }
 
 }  // namespace constraint_sim::engine

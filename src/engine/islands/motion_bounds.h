@@ -8,6 +8,7 @@
 #include "engine/collision/contact_tolerances.h"
 #include "engine/collision/narrowphase.h"
 #include "engine/model/model.h"
+#include "engine/model/shape_pair.h"
 #include "engine/model/state.h"
 
 namespace constraint_sim::engine {
@@ -23,14 +24,14 @@ bool may_collide(const Body& a, const Body& b);
 /// Whether the groups of a body let it collide with every other body with this property.
 bool collides_with_all(const Body& body);
 
-/// Least width of a shape [m]; infinite of planes, which are half-spaces, and of points.
+/// Least width of a shape, or of the thinnest part of a compound [m]; infinite of planes, which are
+/// half-spaces, and of points.
 double thickness(const Shape& shape);
-/// The smaller thickness of two bodies [m].
-double thinner_of(const Model& model, const std::pair<int, int>& bodies);
+/// The smaller thickness of two shapes [m].
+double thinner_of(const Model& model, const ShapePair& pair);
 
-/// Tolerances of contacts between two bodies.
-ContactTolerances tolerances_of(const Model& model, const State& state,
-                                const std::pair<int, int>& bodies);
+/// Tolerances of contacts between two shapes.
+ContactTolerances tolerances_of(const Model& model, const State& state, const ShapePair& pair);
 
 /// Largest displacement of two bodies in a step that is not fast, as a share of the smaller
 /// thickness.
@@ -47,6 +48,9 @@ double fast_share(const WorldOptions& options);
 /// the same everywhere but at the distance where another shape meets it.
 double reach_of(const Body& body, double distance = 0.0);
 
+/// Whether the shape of a body is centred in its centre of mass, without a pose of its own.
+bool is_centred(const Body& body);
+
 /// Radius around the centre of a body that holds its shape [m]; infinite of planes.
 double extent(const Body& body);
 
@@ -61,22 +65,26 @@ double max_point_displacement(const StepContext& step, const BodyState& now, int
 /// fast a body turns, it stays within its reach.
 double max_distance(const StepContext& step, const BodyState& now, int body, double duration);
 
-/// A body at a pose in the broadphase, with its groups.
-Proxy proxy_of(const Model& model, const BodyState& at, int body);
-/// Widens a box by a margin on all sides [m].
-void widen(double margin, Proxy* proxy);
+/// Adds the shapes of a body at a pose for the broadphase, with boxes that are widened by a margin
+/// on all sides [m].
+void add_proxies(const Model& model, const BodyState& at, int body, double margin,
+                 List<Proxy>* proxies);
 
-/// Whether two bodies move against each other by more than fast_share() of the thinner body.
-bool is_fast(const StepContext& step, const State& state, const std::pair<int, int>& bodies,
-             double duration);
+/// Whether two bodies move against each other by more than fast_share() of the thinner shape.
+bool is_fast(const StepContext& step, const State& state, const ShapePair& pair, double duration);
 
 /// Returns the way of a body within a duration, with the fall of a body at rest [m].
 double fall_and_way(const WorldOptions& options, const BodyState& body, double duration);
 /// Returns the gap within which contacts of a pair are rows of impulses for a duration [m].
-double contact_margin(const StepContext& step, const State& state,
-                      const std::pair<int, int>& bodies, double duration);
+double contact_margin(const StepContext& step, const State& state, const ShapePair& pair,
+                      double duration);
 
-/// Returns the separation of the shapes of two bodies.
-Separation separation_of(const Model& model, const State& state, const std::pair<int, int>& bodies);
+/// Returns the contact of two shapes, with points up to a gap [m].
+Manifold collide(const Model& model, const State& state, const ShapePair& pair, double margin);
+/// Returns the separation of two shapes, with their bodies in the given states.
+Separation separation_of(const Model& model, const ShapePair& pair, const BodyState& first,
+                         const BodyState& second);
+/// Returns the separation of two shapes.
+Separation separation_of(const Model& model, const State& state, const ShapePair& pair);
 
 }  // namespace constraint_sim::engine

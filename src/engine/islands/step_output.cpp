@@ -22,7 +22,7 @@ void StepOutput::add_contacts(const TouchingPair& pair, double time_step) {
     const Eigen::Vector3d force = pair.impulses[k] / time_step;
     const double normal_force = pair.impulses[k].dot(pair.manifold.normal) / time_step;
     contacts.push_back({pair.id_a, pair.id_b, point.position, pair.manifold.normal, point.depth,
-                        normal_force, force, pair.contact_states[k]});
+                        normal_force, force, pair.contact_states[k], pair.part_a, pair.part_b});
   }
 }
 

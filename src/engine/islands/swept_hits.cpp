@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/collision/narrowphase.h"
 #include "engine/impulses/free_turn.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/rollback.h"
@@ -96,9 +95,7 @@ std::optional<double> time_of_hit(const StepContext& step, const State& state,
     if (advances != nullptr) ++*advances;
     const BodyState later_i = moved(state.states[i], model.masses[i], g_i, t);
     const BodyState later_j = moved(state.states[j], model.masses[j], g_j, t);
-    const PlacedShape shape_i(model.bodies[i], later_i), shape_j(model.bodies[j], later_j);
-    const Separation apart =
-        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state());
+    const Separation apart = separation_of(model, pair, later_i, later_j);
     const double left = duration - t;
     const double falling = std::max(0.0, -apart.normal.dot(g_i - g_j));
     const double closing = spin - apart.normal.dot(v + 2.0 * t * (g_i - g_j)) + left * falling;
@@ -129,9 +126,7 @@ bool passes(const StepContext& step, const State& state, const Rollback& rollbac
                        of_j.angle() * reach_of(model.bodies[j], far);
   const double least = fast_share(model.options) * thinner_of(model, pair);
   const auto gap_at = [&](double s) {
-    const BodyState at_i = of_i.at(s), at_j = of_j.at(s);
-    const PlacedShape shape_i(model.bodies[i], at_i), shape_j(model.bodies[j], at_j);
-    return separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state()).gap;
+    return separation_of(model, pair, of_i.at(s), of_j.at(s)).gap;
   };
   double s = 0.0;
   for (int k = 0; k < kMostPlaces && s < 1.0; ++k) {

@@ -59,7 +59,7 @@ void UnseenOverlaps::note(const StepContext& step, const State& state, const Isl
                           const ContactGroups& groups, const Broadphase::Pair& pair) {
   if ((is_followed(step, lists, groups, pair.first) &&
        is_followed(step, lists, groups, pair.second)) ||
-      step.topology.is_unpaired(pair))
+      step.topology.is_unpaired(pair.bodies()))
     return;
   double depth = 0.0;
   if (const TouchingPair* contact = find_contact(state.touching, pair))

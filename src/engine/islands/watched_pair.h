@@ -1,14 +1,13 @@
 #pragma once
 
-#include <utility>
-
 #include "engine/collision/narrowphase.h"
+#include "engine/model/shape_pair.h"
 
 namespace constraint_sim::engine {
 
-/// Two bodies that may touch within the step, and the separation of their shapes at its start.
+/// Two shapes that may touch within the step, and their separation at its start.
 struct WatchedPair {
-  std::pair<int, int> bodies;
+  ShapePair shapes;
   Separation apart;
 };
 

@@ -11,6 +11,7 @@
 
 #include "engine/math/numbers.h"
 #include "engine/model/hull_triangles.h"
+#include "engine/model/principal_axes.h"
 #include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
@@ -24,8 +25,6 @@ using VertexLoop = std::vector<int>;
 // Share of the size within which points lie in one plane, and below which a hull is flat. Files of
 // meshes have single precision.
 constexpr double kFlat = 1e-6;
-// Share of the size to which a hull is centred; moving a hull there leaves some 1e-15.
-constexpr double kCentred = 1e-12;
 // Number of vertices at which Qhull gives up. Hulls of some of the points may have vertices that
 // are inside at the end.
 constexpr std::size_t kMostGrowing = 2048;
@@ -257,26 +256,10 @@ void ConvexHull::integrate() {
   const Matrix3d moments = second / volume_ - arm * arm.transpose();  // about the centre
   const Matrix3d tensor = moments.trace() * Matrix3d::Identity() - moments;
   const double size = greatest_distance(vertices_, centre_);
-  const Vector3d off(tensor(0, 1), tensor(1, 2), tensor(2, 0));
-  unit_inertia_ = tensor.diagonal();
-  const bool is_along = off.lpNorm<Eigen::Infinity>() <= kCentred * size * size;
-  is_centred_ = is_along && centre_.norm() <= kCentred * size;
-  if (is_along) return;
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(tensor);
-  const Matrix3d found = solver.eigenvectors();
-  std::array<int, 3> order{0, 1, 2}, best = order;
-  double most = -1.0;
-  do {
-    double sum = 0.0;
-    for (int i = 0; i < 3; ++i) sum += std::abs(found(i, order[static_cast<std::size_t>(i)]));
-    if (sum > most) most = sum, best = order;
-  } while (std::next_permutation(order.begin(), order.end()));
-  for (int i = 0; i < 3; ++i) {
-    const int k = best[static_cast<std::size_t>(i)];
-    axes_.col(i) = found(i, k) < 0.0 ? Vector3d(-found.col(k)) : Vector3d(found.col(k));
-    unit_inertia_[i] = solver.eigenvalues()[k];
-  }
-  if (axes_.determinant() < 0.0) axes_.col(2) = -axes_.col(2);
+  const PrincipalAxes principal = principal_axes(tensor, kCentred * size * size);
+  axes_ = principal.axes;
+  unit_inertia_ = principal.moments;
+  is_centred_ = principal.is_along && centre_.norm() <= kCentred * size;
 }
 
 }  // namespace constraint_sim::engine

@@ -65,9 +65,18 @@ template <>
 inline constexpr auto kFields<Hull> = std::tuple{Field{"vertices", &Hull::surface, AnyValue{}}};
 
 template <>
+inline constexpr auto kFields<Compound> = std::tuple{Field{"shapes", &Compound::parts, AnyValue{}}};
+
+template <>
 inline constexpr auto kFields<ShapePose> = std::tuple{
     Field{"position", &ShapePose::position, AnyValue{}},
     Field{"orientation", &ShapePose::orientation, AnyValue{}},
+};
+
+template <>
+inline constexpr auto kFields<ShapePart> = std::tuple{
+    Field{"shape", &ShapePart::shape, AnyValue{}},
+    Field{"shape_pose", &ShapePart::pose, AnyValue{}},
 };
 
 template <>

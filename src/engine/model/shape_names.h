@@ -15,7 +15,7 @@ inline constexpr std::array kBodyTypeNames{"dynamic", "static", "kinematic"};
 
 /// Names of shapes in scene files, in the order of Shape.
 inline constexpr std::array<const char*, std::variant_size_v<Shape>> kShapeNames{
-    "point", "sphere", "box", "plane", "cylinder", "hull", "capsule"};
+    "point", "sphere", "box", "plane", "cylinder", "hull", "capsule", "compound"};
 static_assert(kShapeNames.back() != nullptr, "a name for each shape");
 
 /// Returns the shape with an index in the variant Shape, with dimensions 0.
@@ -26,10 +26,12 @@ Shape shape_of_kind(std::size_t index) {
   return Shape(std::in_place_index<kIndex>);
 }
 
-/// All names of shapes, with commas between them.
+/// All names of convex shapes, with commas between them.
 inline std::string names_of_shapes() {
   std::string names;
-  for (const char* name : kShapeNames) names += (names.empty() ? "" : ", ") + std::string(name);
+  for (std::size_t i = 0; i < kShapeNames.size(); ++i)
+    if (!std::holds_alternative<Compound>(shape_of_kind(i)))
+      names += (names.empty() ? "" : ", ") + std::string(kShapeNames[i]);
   return names;
 }
 

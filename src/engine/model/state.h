@@ -12,11 +12,12 @@
 #include "constraint_sim/engine/report.h"
 #include "constraint_sim/engine/wrench.h"
 #include "engine/math/list.h"
+#include "engine/model/shape_pair.h"
 #include "engine/model/twist.h"
 
 namespace constraint_sim::engine {
 
-/// Two bodies in contact, with the contact impulses of the last step.
+/// Two convex shapes of bodies in contact, with the contact impulses of the last step.
 struct TouchingPair {
   static std::array<Eigen::Vector3d, 8> no_impulses() {
     std::array<Eigen::Vector3d, 8> impulses;
@@ -25,15 +26,19 @@ struct TouchingPair {
   }
 
   int a = 0, b = 0;
-  BodyId id_a, id_b;  ///< ids stay when removals move the indices
+  BodyId id_a, id_b;           ///< ids stay when removals move the indices
+  int part_a = 0, part_b = 0;  ///< numbers of the shapes in their bodies
   Manifold manifold;
   /// Impulse of each point on A, world [N s].
   std::array<Eigen::Vector3d, 8> impulses = no_impulses();
   std::array<ContactState, 8> contact_states{};  ///< state of each point after the last step
 
   std::pair<int, int> ends() const { return {a, b}; }
-  /// Orders pairs by the indices of their bodies.
-  static bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
+  ShapePair shapes() const { return {a, b, part_a, part_b}; }
+  /// Orders pairs by the indices of their bodies, then by their parts.
+  static bool in_order(const TouchingPair& l, const TouchingPair& r) {
+    return l.shapes() < r.shapes();
+  }
   /// Returns the impulse of the point with this feature in the last step; zero for a new point.
   Eigen::Vector3d impulse_of(std::uint32_t feature) const;
 };
@@ -56,8 +61,8 @@ struct State {
   List<JointState> joint_states;
   List<SelfStress> self_stress;
   std::vector<Wrench> wrenches;
-  List<TouchingPair> touching;  ///< sorted by bodies
-  List<TouchingPair> resting;   ///< contacts of sleeping bodies, sorted by bodies
+  List<TouchingPair> touching;  ///< sorted by TouchingPair::in_order
+  List<TouchingPair> resting;   ///< contacts of sleeping bodies, sorted alike
 
   // Time and step of the last change of the tick, and steps.
   double base_time = 0.0;

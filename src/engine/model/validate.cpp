@@ -175,6 +175,25 @@ void check(const char*, const ShapePose& pose, AnyValue) { validate(pose); }
 void check(const std::string& field, const std::shared_ptr<const ConvexHull>& surface, AnyValue) {
   if (!surface) refuse(field, "must be given");
 }
+void check(const std::string& field, const std::shared_ptr<const Compound::Parts>& parts,
+           AnyValue) {
+  if (!parts || parts->empty()) refuse(field, "must be at least one part");
+  if (parts->size() > kMostParts)
+    refuse(field, "must be at most " + std::to_string(kMostParts) + ", got " +
+                      std::to_string(parts->size()));
+  for (std::size_t i = 0; i < parts->size(); ++i) {
+    const auto& [shape, pose] = (*parts)[i];
+    try {
+      if (std::holds_alternative<Point>(shape) || std::holds_alternative<Plane>(shape) ||
+          std::holds_alternative<Compound>(shape))
+        refuse("shape", "a part must be a sphere, a box, a cylinder, a capsule or a hull");
+      validate(shape);
+      validate(pose);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument("shapes[" + std::to_string(i) + "]." + error.what());
+    }
+  }
+}
 void check(const char* field, const Eigen::Quaterniond& q, AnyValue) {
   if (!(std::abs(q.norm() - 1.0) <= 0.01))
     refuse(field, "must be a unit quaternion (x, y, z, w), got (" + shortest(q.x()) + ", " +
@@ -208,8 +227,9 @@ void validate(const BodyState& state) { visit_fields(state, kCheck); }
 void validate(const ShapePose& pose) { visit_fields(pose, kCheck); }
 
 void validate(const Shape& shape) {
-  const auto check_size = [](const char* key, const auto& size, auto range) {
-    check(std::string("shape.") + key, size, range);
+  const std::string whose = std::holds_alternative<Compound>(shape) ? "" : "shape.";
+  const auto check_size = [&](const char* key, const auto& size, auto range) {
+    check(whose + key, size, range);
   };
   std::visit([&](const auto& of_kind) { visit_fields(of_kind, check_size); }, shape);
 }
@@ -218,6 +238,8 @@ namespace {
 
 void check_shape_pose(const Body& body) {
   if (!body.shape_pose) return;
+  if (std::holds_alternative<Compound>(body.shape))
+    refuse("shape_pose", "each of several shapes has its own");
   if (std::holds_alternative<Point>(body.shape) || std::holds_alternative<Plane>(body.shape))
     refuse("shape_pose", "only a sphere, a box, a cylinder, a capsule or a hull has one");
   if (body.type == BodyType::kDynamic && body.inertia.isZero(0.0))

@@ -90,6 +90,11 @@ void read_dimension(const YamlElement& dimensions, const char* key,
   *surface = dimensions.attempt([&] { return std::make_shared<const ConvexHull>(vertices); });
 }
 
+void read_dimension(const YamlElement& dimensions, const char*,
+                    std::shared_ptr<const Compound::Parts>*) {
+  dimensions.fail("several shapes are a list 'shapes' of the body");
+}
+
 Shape read_shape(const YamlElement& item) {
   const auto [kind, dimensions] = kind_of_shape(item);
   const auto* const name = std::find(kShapeNames.begin(), kShapeNames.end(), kind);
@@ -143,8 +148,13 @@ void read(const YamlElement& item, const char* key, BodyType* type) {
   if (name == kBodyTypeNames.end()) fail_unknown(*value, word, "dynamic, static, kinematic");
   *type = static_cast<BodyType>(name - kBodyTypeNames.begin());
 }
+Compound read_shapes(const YamlElement& body);
+
 void read(const YamlElement& item, const char* key, Shape* shape) {
-  if (const auto value = item.find(key)) *shape = read_shape(*value);
+  const auto value = item.find(key), shapes = item.find("shapes");
+  if (value && shapes) shapes->fail("the body has a 'shape' already; give one or the other");
+  if (value) *shape = read_shape(*value);
+  if (shapes) *shape = read_shapes(item);
 }
 void read(const YamlElement& item, const char* key, std::optional<ShapePose>* pose) {
   const auto value = item.find(key);
@@ -159,8 +169,19 @@ void read(const YamlElement& item, const char* key, std::optional<std::array<dou
     Eigen::Map<Eigen::Vector4d>(color->emplace().data()) = value->numbers(4);
 }
 
+Compound read_shapes(const YamlElement& body) {
+  Compound::Parts parts;
+  for (const YamlElement& item : body.at("shapes").items()) {
+    item.expect_keys({"shape", "shape_pose"});
+    std::optional<ShapePose> pose;
+    read(item, "shape_pose", &pose);
+    parts.push_back({read_shape(item.at("shape")), pose.value_or(ShapePose{})});
+  }
+  return body.attempt([&] { return Compound(std::move(parts)); });
+}
+
 Body read_body(const YamlElement& item) {
-  item.expect_keys(keys_of<Body>({"asleep", "correction"}));
+  item.expect_keys(keys_of<Body>({"asleep", "correction", "shapes"}));
   Body body;
   visit_fields(body, [&](const char* key, auto& value, auto) { read(item, key, &value); });
   if (std::holds_alternative<Plane>(body.shape))
@@ -198,13 +219,25 @@ Wrench read_wrench(const YamlElement& item, const World& world) {
 
 // ---- state that a saved scene continues from
 
+/// Reads the number of a shape in its body, 0 without the key.
+void read_part(const YamlElement& item, const char* key, const Body& body, int* part) {
+  const auto value = item.find(key);
+  if (!value) return;
+  const std::uint64_t number = value->count();
+  if (number >= part_count(body.shape))
+    value->fail("is no shape of the body, got " + std::to_string(number));
+  *part = static_cast<int>(number);
+}
+
 TouchingPair read_contact(const YamlElement& item, const World& world) {
-  item.expect_keys({"body_a", "body_b", "normal", "points"});
+  item.expect_keys({"body_a", "body_b", "part_a", "part_b", "normal", "points"});
   TouchingPair pair;
   pair.id_a = read_body_reference(item, "body_a", world);
   pair.id_b = read_body_reference(item, "body_b", world);
   if (!may_collide(world.body(pair.id_a), world.body(pair.id_b)))
     item.fail("body_a and body_b do not collide");
+  read_part(item, "part_a", world.body(pair.id_a), &pair.part_a);
+  read_part(item, "part_b", world.body(pair.id_b), &pair.part_b);
   item.read("normal", &pair.manifold.normal);
   item.attempt([&] {
     const Eigen::Vector3d& normal = pair.manifold.normal;

@@ -92,7 +92,12 @@ void write(YAML::Emitter* out, const char* key, const Eigen::Quaterniond& q) {
   write(out, key, q.coeffs());
 }
 
+void write(YAML::Emitter* out, const char* key,
+           const std::shared_ptr<const Compound::Parts>& parts);
+
 void write(YAML::Emitter* out, const char* key, const Shape& shape) {
+  if (const auto* compound = std::get_if<Compound>(&shape))
+    return write(out, "shapes", compound->parts);
   *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginMap;
   *out << YAML::Key << kShapeNames[shape.index()] << YAML::Value << YAML::Flow << YAML::BeginMap;
   std::visit([out](const auto& of_kind) { write_fields(out, of_kind); }, shape);
@@ -108,6 +113,18 @@ void write(YAML::Emitter* out, const char* key, const std::optional<ShapePose>& 
 
 void write(YAML::Emitter* out, const char* key, const std::optional<std::array<double, 4>>& color) {
   if (color) write(out, key, Eigen::Map<const Eigen::VectorXd>(color->data(), 4));
+}
+
+void write(YAML::Emitter* out, const char* key,
+           const std::shared_ptr<const Compound::Parts>& parts) {
+  *out << YAML::Key << key << YAML::Value << YAML::BeginSeq;
+  for (const auto& [shape, pose] : *parts) {
+    *out << YAML::Flow << YAML::BeginMap;
+    write(out, "shape", shape);
+    write(out, "shape_pose", std::optional<ShapePose>(pose));
+    *out << YAML::EndMap;
+  }
+  *out << YAML::EndSeq;
 }
 
 template <class Struct>
@@ -350,6 +367,8 @@ void write_contact(YAML::Emitter* out, const World& world, const TouchingPair& p
   *out << YAML::BeginMap;
   write(out, "body_a", world.body(pair.id_a).name);
   write(out, "body_b", world.body(pair.id_b).name);
+  if (pair.part_a != 0) write(out, "part_a", pair.part_a);
+  if (pair.part_b != 0) write(out, "part_b", pair.part_b);
   write(out, "normal", pair.manifold.normal);
   *out << YAML::Key << "points" << YAML::Value << YAML::BeginSeq;
   for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
@@ -372,8 +391,8 @@ void write_contacts(YAML::Emitter* out, const World& world) {
   pairs.erase(std::remove_if(pairs.begin(), pairs.end(), is_gone), pairs.end());
   if (pairs.empty()) return;
   const auto in_order = [&](const TouchingPair& l, const TouchingPair& r) {
-    return std::make_pair(impl.index(l.id_a), impl.index(l.id_b)) <
-           std::make_pair(impl.index(r.id_a), impl.index(r.id_b));
+    return std::tuple(impl.index(l.id_a), impl.index(l.id_b), l.part_a, l.part_b) <
+           std::tuple(impl.index(r.id_a), impl.index(r.id_b), r.part_a, r.part_b);
   };
   std::sort(pairs.begin(), pairs.end(), in_order);
   *out << YAML::Key << "contacts" << YAML::Value << YAML::BeginSeq;

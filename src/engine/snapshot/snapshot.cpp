@@ -162,13 +162,47 @@ class Visitor {
     visit_options(options, [this](const OptionInfo&, auto& value, auto) { (*this)(value); });
   }
   void visit(Value<Shape>& shape) {
+    visit_kind(shape);
+    if (auto* compound = std::get_if<Compound>(&shape)) return visit_parts(*compound);
+    visit_dimensions(shape);
+  }
+  // Visits the number of the kind of a shape, and makes a shape of this kind.
+  void visit_kind(Value<Shape>& shape) {
     std::size_t index = shape.index();
     (*this)(index);
     if constexpr (kReads) {
       if (index >= std::variant_size_v<Shape>) fail_damaged("a shape");
       shape = shape_of_kind(index);
     }
-    std::visit([this](auto& of_kind) { (*this)(of_kind); }, shape);
+  }
+  void visit_dimensions(Value<Shape>& shape) {
+    std::visit(
+        [this](auto& of_kind) {
+          using Kind = std::decay_t<decltype(of_kind)>;
+          if constexpr (std::is_same_v<Kind, Compound>)
+            fail_damaged("a part of a shape");  // a part that has parts
+          else
+            (*this)(of_kind);
+        },
+        shape);
+  }
+  void visit_parts(Value<Compound>& compound) {
+    Compound::Parts parts;
+    if constexpr (!kReads) parts = *compound.parts;
+    std::size_t count = parts.size();
+    (*this)(count);
+    if constexpr (kReads) parts.resize(bytes_.checked(count));
+    for (ShapePart& part : parts) {
+      visit_kind(part.shape);
+      visit_dimensions(part.shape);
+      (*this)(part.pose);
+    }
+    if constexpr (!kReads) return;
+    try {
+      if constexpr (kReads) compound = Compound(std::move(parts));
+    } catch (const std::invalid_argument&) {
+      fail_damaged("a compound");
+    }
   }
   void visit(Value<std::shared_ptr<const ConvexHull>>& surface) {
     std::vector<Eigen::Vector3d> vertices;
@@ -197,12 +231,14 @@ class Visitor {
   // Structured bindings name all fields, so a new field does not compile. Only `count` points
   // exist.
   void visit(Value<TouchingPair>& pair) {
-    auto& [a, b, id_a, id_b, manifold, impulses, contact_states] = pair;
+    auto& [a, b, id_a, id_b, part_a, part_b, manifold, impulses, contact_states] = pair;
     auto& [normal, count, points] = manifold;
     (*this)(a);
     (*this)(b);
     (*this)(id_a);
     (*this)(id_b);
+    (*this)(part_a);
+    (*this)(part_b);
     (*this)(normal);
     (*this)(count);
     if (count < 0 || static_cast<std::size_t>(count) > points.size()) fail_damaged("its contacts");

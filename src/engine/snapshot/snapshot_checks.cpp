@@ -113,6 +113,10 @@ void check_pairs(const Model& model, const List<TouchingPair>& pairs) {
   const auto n = static_cast<int>(model.bodies.size());
   for (const TouchingPair& pair : pairs) {
     check(pair.a >= 0 && pair.a < n && pair.b >= 0 && pair.b < n, "its contacts");
+    const auto has_part = [&](int body, int part) {
+      return part >= 0 && to_index(part) < part_count(model.bodies[body].shape);
+    };
+    check(has_part(pair.a, pair.part_a) && has_part(pair.b, pair.part_b), "its contacts");
   }
 }
 

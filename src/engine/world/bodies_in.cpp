@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "constraint_sim/engine/region.h"
 #include "engine/collision/broadphase.h"
 #include "engine/islands/motion_bounds.h"
@@ -25,11 +27,15 @@ std::vector<BodyId> bodies_in(const World& world, const Eigen::Vector3d& min,
   const WorldImpl& impl = ImplAccess::of(world);
   const Aabb region{min, max};
   std::vector<BodyId> found;
+  List<Proxy> proxies;
   for (std::size_t i = 1; i < impl.bodies.size(); ++i) {  // behind the world itself
-    const Aabb box = proxy_of(impl, impl.states[i], static_cast<int>(i)).box;
-    const bool is_plane = !box.min.allFinite();
-    if (is_plane ? reaches_into(impl.states[i], region) : overlap(box, region))
-      found.push_back(impl.body_ids[i]);
+    proxies.clear();
+    add_proxies(impl, impl.states[i], static_cast<int>(i), 0.0, &proxies);
+    const auto is_in = [&](const Proxy& proxy) {
+      const bool is_plane = !proxy.box.min.allFinite();
+      return is_plane ? reaches_into(impl.states[i], region) : overlap(proxy.box, region);
+    };
+    if (std::any_of(proxies.begin(), proxies.end(), is_in)) found.push_back(impl.body_ids[i]);
   }
   return found;
 }

@@ -25,7 +25,7 @@ void check_ray(const Ray& ray) {
     refuse("max_distance", "must be a number > 0, got " + shortest(ray.max_distance));
 }
 
-/// Bodies that rays can hit, each in a sphere around its centre.
+/// Convex shapes that rays can hit, each in the sphere around the centre of its body.
 class RayTargets {
  public:
   RayTargets(const Model& model, const State& state, const std::vector<BodyId>& ignored)
@@ -34,8 +34,10 @@ class RayTargets {
     for (const BodyId id : ignored) is_ignored[model.index(id)] = true;
     for (std::size_t i = 0; i < model.bodies.size(); ++i) {
       const double radius = extent(model.bodies[i]);
-      if (radius > 0.0 && !is_ignored[i])  // points have none
-        targets_.push_back({state.states[i].position, radius, i});
+      if (!(radius > 0.0) || is_ignored[i]) continue;  // points have none
+      const int parts = static_cast<int>(part_count(model.bodies[i].shape));
+      for (int part = 0; part < parts; ++part)
+        targets_.push_back({state.states[i].position, radius, i, part});
     }
   }
 
@@ -47,8 +49,7 @@ class RayTargets {
     double nearest = std::min(ray.max_distance, kHorizon);
     for (const Target& target : targets_) {
       if (!target.may_be_hit(ray.origin, direction, nearest)) continue;
-      const Body& body = model_.bodies[target.body];
-      const PlacedShape placed(body, state_.states[target.body]);
+      const PlacedShape placed(model_.bodies[target.body], target.part, state_.states[target.body]);
       const std::optional<LinePart> part =
           line_part_in(placed.shape(), placed.state(), ray.origin, direction);
       if (!part || !(part->exit > 0.0)) continue;
@@ -68,6 +69,7 @@ class RayTargets {
     Eigen::Vector3d centre;
     double radius;  // infinite of planes
     std::size_t body;
+    int part;  // number of the shape in the body
 
     /// Whether a part of the ray up to a distance may be in the sphere. The margin exceeds the
     /// rounding of the nearest point of the line.

@@ -17,8 +17,19 @@ ClosestPoints closest_points(const World& world, BodyId body_a, BodyId body_b) {
   if (is_plane(a) && is_plane(b))
     refuse("body_b", "two planes have no closest points, got " + in_quotes(impl.bodies[a].name) +
                          " and " + in_quotes(impl.bodies[b].name));
-  const PlacedShape of_a(impl.bodies[a], impl.states[a]), of_b(impl.bodies[b], impl.states[b]);
-  return closest_points_of(of_a.shape(), of_a.state(), of_b.shape(), of_b.state());
+  ClosestPoints nearest;
+  const int parts_a = static_cast<int>(part_count(impl.bodies[a].shape));
+  const int parts_b = static_cast<int>(part_count(impl.bodies[b].shape));
+  for (int i = 0; i < parts_a; ++i) {
+    const PlacedShape of_a(impl.bodies[a], i, impl.states[a]);
+    for (int j = 0; j < parts_b; ++j) {
+      const PlacedShape of_b(impl.bodies[b], j, impl.states[b]);
+      const ClosestPoints found =
+          closest_points_of(of_a.shape(), of_a.state(), of_b.shape(), of_b.state());
+      if ((i == 0 && j == 0) || found.distance < nearest.distance) nearest = found;
+    }
+  }
+  return nearest;
 }
 
 }  // namespace constraint_sim::engine

@@ -33,6 +33,19 @@ class Fnv1a {
     add(std::uint64_t{surface->vertices().size()});
     for (const Eigen::Vector3d& vertex : surface->vertices()) add(vertex);
   }
+  void add(const std::shared_ptr<const Compound::Parts>& parts) {
+    add(std::uint64_t{parts->size()});
+    const auto add_field = [this](const char*, const auto& value, auto) { add(value); };
+    for (const auto& [shape, pose] : *parts) {
+      add(shape);
+      visit_fields(pose, add_field);
+    }
+  }
+  void add(const Shape& shape) {
+    add(std::uint64_t{shape.index()});
+    const auto add_field = [this](const char*, const auto& value, auto) { add(value); };
+    std::visit([&](const auto& of_kind) { visit_fields(of_kind, add_field); }, shape);
+  }
   void add(const Eigen::Quaterniond& q) { add(q.coeffs().data(), 4 * sizeof(double)); }
 
   std::uint64_t value() const { return hash_; }
@@ -91,9 +104,8 @@ void add(Fnv1a& hash, const WorldOptions& options) {
 void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodyState& state) {
   hash.add(body.name);
   hash.add(static_cast<std::uint64_t>(body.type));
-  hash.add(std::uint64_t{body.shape.index()});
+  hash.add(body.shape);
   const auto add_field = [&](const char*, const auto& value, auto) { hash.add(value); };
-  std::visit([&](const auto& shape) { visit_fields(shape, add_field); }, body.shape);
   if (body.shape_pose) visit_fields(*body.shape_pose, add_field);
   hash.add(body.mass);
   hash.add(mass.inertia);
@@ -211,6 +223,10 @@ void add(Fnv1a& hash, const TouchingPair& pair, const std::string& body_a,
          const std::string& body_b) {
   hash.add(body_a);
   hash.add(body_b);
+  if (pair.part_a != 0 || pair.part_b != 0) {
+    hash.add(pair.part_a);
+    hash.add(pair.part_b);
+  }
   for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
     hash.add(std::uint64_t{pair.manifold.points[k].feature});
     hash.add(pair.impulses[k]);

@@ -329,7 +329,7 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
   const double slow = kMostResting * h * model.options.gravity.norm();
   const double patience = std::max(kOverlapPatience, kOverlapTicks * h);
   has_moved_.resize(model.bodies.size(), 0);
-  auto before = held_before_.begin();  // both lists are in the order of ids
+  auto before = held_before_.begin();  // both lists are in the order of ids and parts
   for (const TouchingPair& pair : state.touching) {
     for (const int body : {pair.a, pair.b}) {
       if (has_moved_[body] != 0) continue;
@@ -349,13 +349,14 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
       sticks = sticks || pair.contact_states[k] == ContactState::kSticking;
     }
     if (deepest <= sunk && !sticks) continue;
-    HeldPair now{pair.id_a, pair.id_b};
+    HeldPair now{pair.id_a, pair.id_b, pair.part_a, pair.part_b};
+    const auto place_of = [](const HeldPair& held) {
+      return std::tuple(held.a, held.b, held.part_a, held.part_b);
+    };
     const BodyId movable = model.is_movable(pair.a) ? pair.id_a : pair.id_b;
-    while (before != held_before_.end() &&
-           std::pair(before->a, before->b) < std::pair(now.a, now.b))
-      ++before;
-    const bool is_known = before != held_before_.end() && before->a == now.a && before->b == now.b;
-    const double thinner = thinner_of(model, pair.ends());
+    while (before != held_before_.end() && place_of(*before) < place_of(now)) ++before;
+    const bool is_known = before != held_before_.end() && place_of(*before) == place_of(now);
+    const double thinner = thinner_of(model, pair.shapes());
     if (deepest > std::max(sunk, kMostOverlapShare * thinner)) {
       now.overlapping = h + (is_known ? before->overlapping : 0.0);
       const bool is_reported =

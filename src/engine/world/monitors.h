@@ -92,6 +92,7 @@ class Monitors {
   /// A pair of bodies whose contact impulses hold, in the order of their places.
   struct HeldPair {
     BodyId a, b;
+    int part_a = 0, part_b = 0;                      ///< numbers of the shapes in their bodies
     double overlapping = 0.0;                        ///< duration of a too deep overlap [s]
     Eigen::Vector3d slid = Eigen::Vector3d::Zero();  ///< slip of A on B while friction holds [m]
   };

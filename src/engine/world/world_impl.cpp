@@ -109,7 +109,7 @@ void World::Impl::run_narrowphase(const StepContext& step) {
 void World::Impl::find_hits(const StepContext& step) {
   if (continuous.fast_bodies().empty()) return;
   continuous.find_hits(step, pipeline.pairs(), *this, this);
-  for (const Broadphase::Pair& pair : continuous.jointed_pairs()) sleep.wake(pair, this);
+  for (const Broadphase::Pair& pair : continuous.jointed_pairs()) sleep.wake(pair.bodies(), this);
 }
 
 // Wakes bodies in contact, and sleeping bodies that may be touched within the step. Returns whether
@@ -118,7 +118,7 @@ bool World::Impl::wake_touched() {
   for (const TouchingPair& pair : touching) sleep.wake(pair.ends(), this);
   if (!sleep.is_stale() && follows_contacts(options))
     for (const auto& [pair, apart] : reach.watched_pairs())
-      if (asleep[pair.first] || asleep[pair.second]) sleep.wake(pair, this);
+      if (asleep[pair.first] || asleep[pair.second]) sleep.wake(pair.bodies(), this);
   return sleep.is_stale();
 }
 

@@ -97,7 +97,17 @@ class Capsule:
         """between the centres of the half spheres [m]"""
 
 
-Shape = Union[Point, Sphere, Box, Plane, Cylinder, Hull, Capsule]
+class Compound:
+    """Compound(shapes)
+
+    Several spheres, boxes, cylinders, capsules and hulls of one body, a list of shapes or of pairs (shape, shape_pose); at most 4096."""
+    def __init__(self, shapes: Iterable[Union["Shape", Tuple["Shape", Optional[Mapping[str, Vector]]]]]) -> None: ...
+    @property
+    def shapes(self) -> List[Tuple["Shape", Dict[str, Any]]]:
+        """pairs of each shape and its pose, a dict of position [m] and orientation (x, y, z, w)"""
+
+
+Shape = Union[Point, Sphere, Box, Plane, Cylinder, Hull, Capsule, Compound]
 
 
 class State(TypedDict):
@@ -157,6 +167,8 @@ class Contact(TypedDict):
     normal_force: float  # mean over the step [N]
     force: Tuple3        # normal and friction, on A, world [N]
     state: str           # closed, sticking or slipping
+    part_a: int          # number of the shape in its body, 0 unless that has several
+    part_b: int
 
 
 class RayHit(TypedDict):
@@ -602,7 +614,8 @@ class World:
         no_collision=False, collision_groups=1, collision_mask=0xffffffff: bits of the groups of
         the body, and of those with which it collides; gravity_compensation=0, share of the weight
         that nothing has to carry, shape_pose=None: a dict of position [m] and orientation (x, y,
-        z, w) of a sphere, box, cylinder, capsule or hull in the body's frame)
+        z, w) of a sphere, box, cylinder, capsule or hull in the body's frame; the shapes of a
+        Compound have their own)
 
         Adds a body. Raises ValueError naming field and value."""
     def remove_body(self, name: str) -> List[str]:
@@ -806,7 +819,8 @@ class World:
         begins."""
     def contacts(self) -> List[Contact]:
         """Contact points of the last step: bodies, position [m], normal from B to A, depth [m],
-        normal_force [N], force of both normal and friction on A [N], state."""
+        normal_force [N], force of both normal and friction on A [N], state, and the number of
+        the shape of each body that touches, part_a and part_b."""
     def events(self) -> List[Event]:
         """What happened within the last step, in the order of time: kind ('broken', 'rope_taut',
         'rope_slack', 'limit_reached', 'limit_left', 'saturated', 'released', 'slips', 'sticks',

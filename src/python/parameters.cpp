@@ -129,28 +129,6 @@ auto reader(Keywords* keywords) {
   return [keywords](const char* key, auto& field, auto...) { read(keywords, key, &field); };
 }
 
-engine::Shape shape_from(const py::object& value) {
-  try {
-    return value.cast<engine::Shape>();
-  } catch (const py::cast_error&) {
-    throw std::invalid_argument(
-        "shape: must be a Point, Sphere, Box, Plane, Cylinder, Hull or Capsule, got " +
-        std::string(py::str(py::repr(value))));
-  }
-}
-
-std::optional<engine::ShapePose> shape_pose_from(const py::object& value) {
-  if (value.is_none()) return std::nullopt;
-  if (!py::isinstance<py::dict>(value))
-    throw std::invalid_argument("shape_pose: must be a dict of position and orientation, got " +
-                                std::string(py::str(py::repr(value))));
-  Keywords reading("shape_pose", value.cast<py::dict>());
-  engine::ShapePose pose;
-  engine::visit_fields(pose, reader(&reading));
-  reading.expect_no_more();
-  return pose;
-}
-
 engine::BodyId body_named(const engine::World& world, const std::string& name) {
   return name == "world" ? engine::kWorldBody : world.find_body(name);
 }
@@ -183,6 +161,30 @@ py::dict options_dict(const engine::WorldOptions& options) {
 }
 
 // ---- bodies
+
+engine::Shape shape_from(const py::object& value) {
+  try {
+    return value.cast<engine::Shape>();
+  } catch (const py::cast_error&) {
+    throw std::invalid_argument(
+        "shape: must be a Point, Sphere, Box, Plane, Cylinder, Hull, Capsule or Compound, got " +
+        std::string(py::str(py::repr(value))));
+  }
+}
+
+std::optional<engine::ShapePose> shape_pose_from(const py::object& value) {
+  if (value.is_none()) return std::nullopt;
+  if (!py::isinstance<py::dict>(value))
+    throw std::invalid_argument("shape_pose: must be a dict of position and orientation, got " +
+                                std::string(py::str(py::repr(value))));
+  Keywords reading("shape_pose", value.cast<py::dict>());
+  engine::ShapePose pose;
+  engine::visit_fields(pose, reader(&reading));
+  reading.expect_no_more();
+  return pose;
+}
+
+py::dict shape_pose_dict(const engine::ShapePose& pose) { return dict_of(pose); }
 
 void body_from(const py::dict& keywords, engine::Body* target) {
   Keywords reading("add_body", keywords);

@@ -2,6 +2,7 @@
 
 #include <pybind11/pybind11.h>
 
+#include <optional>
 #include <string>
 
 #include "constraint_sim/engine/world.h"
@@ -15,6 +16,12 @@ namespace constraint_sim::python {
 
 void options_from(const py::dict& keywords, engine::WorldOptions* target);
 py::dict options_dict(const engine::WorldOptions& options);
+
+/// Returns a shape of a class of this module.
+engine::Shape shape_from(const py::object& value);
+/// Returns a pose from a dict of position and orientation; none from None.
+std::optional<engine::ShapePose> shape_pose_from(const py::object& value);
+py::dict shape_pose_dict(const engine::ShapePose& pose);
 
 void body_from(const py::dict& keywords, engine::Body* target);
 py::dict body_dict(const engine::Body& body);

@@ -1,6 +1,8 @@
 #include <pybind11/pybind11.h>
 
+#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "constraint_sim/engine/shape.h"
@@ -9,6 +11,54 @@
 #include "python/parameters.h"
 
 namespace constraint_sim::python {
+
+namespace {
+
+/// Returns a part from a shape, or from a pair of a shape and its pose.
+engine::ShapePart part_from(const py::object& value) {
+  if (!py::isinstance<py::tuple>(value) && !py::isinstance<py::list>(value))
+    return {shape_from(value), {}};
+  const auto pair = py::tuple(value);
+  if (pair.size() != 2)
+    throw std::invalid_argument("must be a shape, or a shape and its pose, got " +
+                                std::to_string(pair.size()) + " values");
+  return {shape_from(pair[0]), shape_pose_from(pair[1]).value_or(engine::ShapePose{})};
+}
+
+void define_compound(py::module* module) {
+  py::class_<engine::Compound>(
+      *module, "Compound",
+      "Compound(shapes)\n\nSeveral spheres, boxes, cylinders, capsules and hulls of one body, a "
+      "list of shapes or of pairs (shape, shape_pose); at most 4096.")
+      .def(py::init([](const py::iterable& shapes) {
+             engine::Compound::Parts parts;
+             for (const py::handle shape : shapes) {
+               try {
+                 parts.push_back(part_from(py::reinterpret_borrow<py::object>(shape)));
+               } catch (const std::invalid_argument& error) {
+                 throw std::invalid_argument("shapes[" + std::to_string(parts.size()) +
+                                             "]: " + error.what());
+               }
+               if (parts.size() > engine::kMostParts) break;  // rejected, may have no end
+             }
+             return engine::Compound(std::move(parts));
+           }),
+           py::arg("shapes"))
+      .def_property_readonly(
+          "shapes",
+          [](const engine::Compound& compound) {
+            py::list list;
+            for (const engine::ShapePart& part : *compound.parts)
+              list.append(py::make_tuple(part.shape, shape_pose_dict(part.pose)));
+            return list;
+          },
+          "pairs of each shape and its pose, a dict of position [m] and orientation (x, y, z, w)")
+      .def("__repr__", [](const engine::Compound& compound) {
+        return "Compound(" + std::to_string(compound.parts->size()) + " shapes)";
+      });
+}
+
+}  // namespace
 
 void define_shapes(py::module* module) {
   py::class_<engine::Point>(*module, "Point",
@@ -120,7 +170,9 @@ void define_shapes(py::module* module) {
       .def("__repr__", [](const engine::Hull& hull) {
         return "Hull(" + std::to_string(hull.surface->vertices().size()) + " vertices)";
       });
-  for (const char* name : {"Point", "Sphere", "Box", "Plane", "Cylinder", "Hull", "Capsule"})
+  define_compound(module);
+  for (const char* name :
+       {"Point", "Sphere", "Box", "Plane", "Cylinder", "Hull", "Capsule", "Compound"})
     make_by_call_alone(py::object(module->attr(name)));
 }
 

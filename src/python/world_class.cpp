@@ -49,6 +49,8 @@ py::dict contact_dict(const engine::World& world, const engine::Contact& contact
   dict["normal_force"] = contact.normal_force;
   dict["force"] = tuple_of(contact.force);
   dict["state"] = engine::name(contact.state);
+  dict["part_a"] = contact.part_a;
+  dict["part_b"] = contact.part_b;
   return dict;
 }
 
@@ -86,7 +88,7 @@ void define_bodies(Class* world) {
       "with which it collides; gravity_compensation=0, share of the weight that nothing has to "
       "carry,\n"
       "shape_pose=None: a dict of position [m] and orientation (x, y, z, w) of a sphere, box,\n"
-      "cylinder, capsule or hull in the body's frame)\n\n"
+      "cylinder, capsule or hull in the body's frame; the shapes of a Compound have their own)\n\n"
       "Adds a body. Raises ValueError naming field and value.");
   world->def(
       "remove_body",
@@ -271,7 +273,8 @@ void define_lists(Class* world) {
         return list;
       },
       "Contact points of the last step: bodies, position [m], normal from B to A, depth [m], "
-      "normal_force [N], force of both normal and friction on A [N], state.");
+      "normal_force [N], force of both normal and friction on A [N], state, and the number of the\n"
+      "shape of each body that touches, part_a and part_b.");
   world->def(
       "events",
       [](const SharedWorld& self) {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ros/conversions.h"
@@ -61,15 +62,22 @@ std::optional<engine::ShapePose> shape_pose_of(const Shape& shape) {
 
 void read_shapes(const Body& msg, engine::Body* body) {
   if (msg.shapes.empty()) return;
-  if (msg.shapes.size() > 1)
-    refuse("shapes",
-           "bodies of several shapes do not exist yet, got " + std::to_string(msg.shapes.size()));
-  try {
-    body->shape = from_msg(msg.shapes[0]);
-    body->shape_pose = shape_pose_of(msg.shapes[0]);
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(std::string("shapes[0].") + error.what());
+  engine::Compound::Parts parts;
+  for (std::size_t i = 0; i < msg.shapes.size(); ++i) {
+    try {
+      const std::optional<engine::ShapePose> pose = shape_pose_of(msg.shapes[i]);
+      parts.push_back({from_msg(msg.shapes[i]), pose.value_or(engine::ShapePose{})});
+      if (i == 0) body->shape_pose = pose;
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument("shapes[" + std::to_string(i) + "]." + error.what());
+    }
   }
+  if (parts.size() == 1) {
+    body->shape = std::move(parts[0].shape);
+    return;
+  }
+  body->shape_pose.reset();
+  body->shape = engine::Compound(std::move(parts));
 }
 
 /// Returns the colour; none, which means by the type, where all components are 0.

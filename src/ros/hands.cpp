@@ -296,25 +296,31 @@ void Hands::show_body(const World& world, engine::BodyId id) {
     server_->setPose(body.name, to_pose(world.state(id)), header);
     return;
   }
-  Marker veil;
-  veil.color = body_colour(body);
-  veil.color.a = kVeil;
-  set_shape(&veil, body.shape);
-  veil.scale.x *= kLargerThanBody;
-  veil.scale.y *= kLargerThanBody;
-  veil.scale.z *= kLargerThanBody;
   InteractiveMarkerControl control;
   control.name = "drag";
   control.interaction_mode = InteractiveMarkerControl::MOVE_3D;
   control.always_visible = true;
-  control.markers.push_back(veil);
+  float scale = 0.0F;
+  for (std::size_t part = 0; part < engine::part_count(body.shape); ++part) {
+    Marker& veil = control.markers.emplace_back();
+    veil.color = body_colour(body);
+    veil.color.a = kVeil;
+    set_shape(&veil, engine::part_of(body.shape, static_cast<int>(part)));
+    veil.scale.x *= kLargerThanBody;
+    veil.scale.y *= kLargerThanBody;
+    veil.scale.z *= kLargerThanBody;
+    const engine::ShapePose pose = pose_of_part(body, part);
+    veil.pose = to_pose({pose.position, pose.orientation});
+    scale =
+        std::max(scale, static_cast<float>(std::max({veil.scale.x, veil.scale.y, veil.scale.z})));
+  }
   InteractiveMarker marker;
   marker.header.frame_id = parameters_.world_frame;
   marker.header.stamp = ros::Time(0);  // stamp 0: the pose holds at any time
   marker.name = body.name;
   marker.description = "";
   marker.pose = to_pose(world.state(id));
-  marker.scale = static_cast<float>(std::max({veil.scale.x, veil.scale.y, veil.scale.z}));
+  marker.scale = scale;
   marker.controls.push_back(control);
   server_->insert(marker, [this, id](const Feedback& feedback) {
     feedback_guard_([&] { on_feedback(feedback, id); });

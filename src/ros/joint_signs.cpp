@@ -45,6 +45,7 @@ double length_of_axis_through(const engine::Shape& shape) {
   if (const auto* hull = std::get_if<engine::Hull>(&shape)) return 2.0 * hull->surface->radius();
   if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
     return capsule->length + 3.0 * capsule->radius;
+  if (std::holds_alternative<engine::Compound>(shape)) return 2.0 * radius_of(shape);
   return 0.0;
 }
 

@@ -184,6 +184,8 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
       place.z() += hull->surface->radius();
     if (const auto* capsule = std::get_if<engine::Capsule>(&world.body(id).shape))
       place.z() += capsule->radius + 0.5 * capsule->length;
+    if (std::holds_alternative<engine::Compound>(world.body(id).shape))
+      place.z() += half_width(world.body(id), world.state(id), Vector3d::UnitZ());
     place.z() += height_;
     add_text("body_names", marker_id(id), place, colour(0.9, 0.9, 0.9), world.body(id).name);
   }

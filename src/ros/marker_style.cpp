@@ -79,6 +79,12 @@ double radius_of(const engine::Shape& shape) {
   if (const auto* hull = std::get_if<engine::Hull>(&shape)) return hull->surface->radius();
   if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
     return capsule->radius + 0.5 * capsule->length;
+  if (const auto* compound = std::get_if<engine::Compound>(&shape)) {
+    double most = 0.0;
+    for (const engine::ShapePart& part : *compound->parts)
+      most = std::max(most, part.pose.position.norm() + radius_of(part.shape));
+    return most;
+  }
   return 0.0;
 }
 
@@ -95,7 +101,20 @@ double half_width(const engine::Shape& shape, const Eigen::Vector3d& along) {
   }
   if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
     return capsule->radius + 0.5 * capsule->length * std::abs(along.z());
+  if (const auto* compound = std::get_if<engine::Compound>(&shape)) {
+    double most = 0.0;
+    for (const engine::ShapePart& part : *compound->parts)
+      most = std::max(most, std::abs(along.dot(part.pose.position)) +
+                                half_width(part.shape, part.pose.orientation.conjugate() * along));
+    return most;
+  }
   return 0.0;
+}
+
+engine::ShapePose pose_of_part(const engine::Body& body, std::size_t part) {
+  if (const auto* compound = std::get_if<engine::Compound>(&body.shape))
+    return (*compound->parts)[part].pose;
+  return body.shape_pose.value_or(engine::ShapePose{});
 }
 
 Eigen::Vector3d middle_of(const engine::Body& body, const engine::BodyState& state) {

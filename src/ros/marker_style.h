@@ -59,8 +59,11 @@ inline constexpr double kRedError = 1e-2;    ///< error from which constraints a
 /// Radius about the centre of mass [m]; 0 for points and planes.
 double radius_of(const engine::Shape& shape);
 
-/// Half the extent of a shape along a direction (unit) in its own frame [m].
+/// Half the extent of a shape along a direction (unit) in its own frame [m]; of a compound to the
+/// farther side of its body.
 double half_width(const engine::Shape& shape, const Eigen::Vector3d& along);
+/// Returns the pose of a convex shape in the frame of its body, by the number of the part.
+engine::ShapePose pose_of_part(const engine::Body& body, std::size_t part);
 /// Middle of a body's shape in the world's frame, and half of its extent along a direction [m].
 Eigen::Vector3d middle_of(const engine::Body& body, const engine::BodyState& state);
 double half_width(const engine::Body& body, const engine::BodyState& state,

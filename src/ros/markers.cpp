@@ -94,10 +94,10 @@ void add_sheave(const Vector3d& at, const Vector3d& down, const Vector3d& over, 
   add_circle(at + u + along, u, radius * v.normalized(), lines);
 }
 
-// Returns the pose of a shape that has its own pose in its body.
-engine::BodyState shape_state(const engine::World& world, engine::BodyId id) {
+// Returns the pose of a convex shape of a body, by the number of the part.
+engine::BodyState shape_state(const engine::World& world, engine::BodyId id, std::size_t part) {
   const engine::BodyState& state = world.state(id);
-  const engine::ShapePose& shape_pose = *world.body(id).shape_pose;
+  const engine::ShapePose shape_pose = pose_of_part(world.body(id), part);
   engine::BodyState placed;
   placed.position = state.position + state.orientation * shape_pose.position;
   placed.orientation = state.orientation * shape_pose.orientation;
@@ -156,11 +156,15 @@ void Markers::find_looks(const engine::World& world) {
   world.body_ids(&body_ids_);
   find_extent(world);
   body_looks_.clear();
+  std::int32_t further = 0;
   for (const bool are_static : {false, true}) {
     for (const engine::BodyId id : body_ids_) {
       const engine::Body& body = world.body(id);
-      if ((body.type == engine::BodyType::kStatic) == are_static)
-        body_looks_.push_back({id, body.shape_pose.has_value()});
+      if ((body.type == engine::BodyType::kStatic) != are_static) continue;
+      const bool has_pose = body.shape_pose || std::holds_alternative<engine::Compound>(body.shape);
+      body_looks_.push_back({id, has_pose, 0, marker_id(id)});
+      for (std::size_t part = 1; part < engine::part_count(body.shape); ++part)
+        body_looks_.push_back({id, true, part, further++});
     }
     if (!are_static) moving_ = body_looks_.size();
   }
@@ -227,18 +231,19 @@ void Markers::find_extent(const engine::World& world) {
 // Adds a body; skips one at the pose that subscribers have.
 void Markers::add_body(const engine::World& world, const BodyLook& look) {
   std::optional<engine::BodyState> placed;
-  if (look.has_shape_pose) placed = shape_state(world, look.id);
+  if (look.has_shape_pose) placed = shape_state(world, look.id, look.part);
   const engine::BodyState& at = placed ? *placed : world.state(look.id);
-  ShownMarker* shown = bodies_.shown(marker_id(look.id));
-  if (!is_edited_ && shown != nullptr && is_at(shown->pose, at)) return bodies_.keep(shown);
+  MarkerSet::Namespace& markers = look.part == 0 ? bodies_ : parts_;
+  ShownMarker* shown = markers.shown(look.marker);
+  if (!is_edited_ && shown != nullptr && is_at(shown->pose, at)) return markers.keep(shown);
   const bool is_new = is_edited_ || shown == nullptr;
-  Marker& marker = is_new ? bodies_.add(marker_id(look.id), Marker::CUBE) : bodies_.send(shown);
+  Marker& marker = is_new ? markers.add(look.marker, Marker::CUBE) : markers.send(shown);
   marker.pose.position = point_at(at.position);
   marker.pose.orientation = quaternion_of(at.orientation);
   if (!is_new) return;
   const engine::Body& body = world.body(look.id);
   marker.color = body_colour(body);
-  set_shape(&marker, body.shape);
+  set_shape(&marker, engine::part_of(body.shape, static_cast<int>(look.part)));
   if (std::holds_alternative<engine::Plane>(body.shape))
     marker.scale.x = marker.scale.y = width_around(extent_, at.position);
 }

@@ -17,7 +17,8 @@
 
 namespace constraint_sim {
 
-/// Markers for rviz, with the ids of the world, in fixed namespaces: `bodies`; `constraints` (rods
+/// Markers for rviz, with the ids of the world, in fixed namespaces: `bodies`; `parts`, the shapes
+/// of a body beside its first one; `constraints` (rods
 /// as cylinders; ropes striped, sagging while slack; coils, struts, arms); `joints`, the turning or
 /// sliding part; `motors` as arrows; `contacts` and `friction`, one marker each; `fixed`, cubes
 /// where lengths end at the world; `visuals` of robots. A constraint that breaks is grey, in two
@@ -49,10 +50,13 @@ class Markers {
     std::optional<engine::JointId> pulley;  ///< pulley whose rope this length is a part of
     double tackle = 1.0;  ///< factor from the pulley's force to the force in this length
   };
-  /// Properties of a body that change only with edits.
+  /// Properties of a convex shape of a body that change only with edits.
   struct BodyLook {
     engine::BodyId id;
     bool has_shape_pose = false;
+    std::size_t part = 0;  ///< number of the shape in its body
+    std::int32_t marker =
+        0;  ///< id in `bodies`, or in `parts` for the second part and further ones
   };
   /// Present state of a constraint.
   struct Seen {
@@ -85,6 +89,7 @@ class Markers {
 
   MarkerSet set_;
   MarkerSet::Namespace& bodies_ = set_.in("bodies");
+  MarkerSet::Namespace& parts_ = set_.in("parts");
   MarkerSet::Namespace& constraints_ = set_.in("constraints");
   MarkerSet::Namespace& joints_ = set_.in("joints");
   MarkerSet::Namespace& motors_ = set_.in("motors");

@@ -143,6 +143,19 @@ TEST(CompoundMasses, MovePartsToTheCentreAndThePrincipalAxes) {
   }
 }
 
+// A body whose shapes lie where its inertia needs them cannot have the inertia of its shapes.
+TEST(CompoundMasses, AreNotThoseOfShapesBesideTheCentre) {
+  World world;
+  Body body = make_body("body", ell(), 1.0, {0, 0, 1});
+  body.inertia = {0.1, 0.2, 0.2};
+  const BodyId id = world.add_body(body);
+  body.inertia.setZero();
+  EXPECT_NE(refusal([&] { world.set_body(id, body); }).find("inertia"), std::string::npos);
+  body.inertia = {0.2, 0.2, 0.2};
+  EXPECT_EQ(refusal([&] { world.set_body(id, body); }), "");
+  EXPECT_EQ(std::get<Compound>(world.body(id).shape).parts->front().pose.position.x(), 0.2);
+}
+
 // ---- motion
 
 // A box cut in halves one above the other touches the floor as the whole box does, with equal

@@ -17,11 +17,33 @@ constexpr int kChanges = 60;
 constexpr int kChanges = 200;
 #endif
 
-const char* const kScenes[] = {"double_pendulum", "gear_train", "two_boxes", "winch",
-                               "heavy_load",      "crane",      "gripper",   "stewart_platform"};
+const char* const kScenes[] = {"double_pendulum", "gear_train",       "two_boxes",
+                               "winch",           "heavy_load",       "crane",
+                               "gripper",         "stewart_platform", "compounds"};
+
+/// A hull and a capsule of one body on a box and a ball of another one.
+World compounds(Method method) {
+  WorldOptions options;
+  options.method = method;
+  return load_scene(R"(
+bodies:
+  - name: base
+    type: static
+    shapes:
+      - {shape: {box: {size: [2, 2, 0.2]}}, shape_pose: {position: [0, 0, -0.1]}}
+      - {shape: {sphere: {radius: 0.1}}}
+  - name: hammer
+    mass: 1
+    position: [0.1, 0, 0.3]
+    shapes:
+      - {shape: {hull: {vertices: [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]]}}}
+      - {shape: {capsule: {radius: 0.05, length: 0.3}}, shape_pose: {position: [0.2, 0, 0.2]}}
+)",
+                    "compounds", options);
+}
 
 World after_steps(const std::string& scene, Method method) {
-  World world = shipped(scene, method);
+  World world = scene == "compounds" ? compounds(method) : shipped(scene, method);
   for (int i = 0; i < 20; ++i) world.step();
   return world;
 }

@@ -164,6 +164,18 @@ def test_bodies_joints_and_options_go_round():
     pill = world.body('pill')
     assert (pill['shape'].radius, pill['shape'].length) == (0.2, 0.5)
     assert repr(pill['shape']) == 'Capsule(0.2, 0.5)'
+    world.add_body('table', mass=3.0, inertia=(1.0, 1.0, 1.0), position=(0.0, 29.0, 5.0),
+                   shape=engine.Compound([engine.Box((1.0, 1.0, 0.1)),
+                                          (engine.Sphere(0.1), {'position': (0.0, 0.0, -0.5)})]))
+    table = world.body('table')
+    assert repr(table['shape']) == 'Compound(2 shapes)'
+    (top, _), (foot, pose) = table['shape'].shapes
+    assert (top.size, foot.radius, pose['position']) == ((1.0, 1.0, 0.1), 0.1, (0.0, 0.0, -0.5))
+    with pytest.raises(ValueError, match=r'shapes\[1\]'):
+        engine.Compound([engine.Sphere(0.1), engine.Plane()])
+    with pytest.raises(ValueError, match=r'shapes\[0\].*must be a shape'):
+        engine.Compound([(engine.Sphere(0.1),)])
+    world.remove_body('table')
     world.remove_body('pill')
     world.remove_body('can')
     world.add_body('hammer', shape=engine.Sphere(0.1), mass=1.0, inertia=(0.1, 0.1, 0.1),

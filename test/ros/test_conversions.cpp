@@ -114,14 +114,36 @@ TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
   EXPECT_EQ(body.collision_mask, 9u);
 }
 
-TEST(Conversions, ABodyHasAtMostOneShapeAndAGroup) {
+TEST(Conversions, SeveralShapesAreACompound) {
+  Body msg;
+  msg.shapes.resize(2);
+  msg.shapes[0].type = Shape::BOX;
+  msg.shapes[0].dimensions = {1.0, 2.0, 3.0};
+  msg.shapes[1].type = Shape::SPHERE;
+  msg.shapes[1].dimensions = {0.5};
+  msg.shapes[1].pose.position.z = 2.0;
+  const engine::Body body = from_msg(msg);
+  EXPECT_FALSE(body.shape_pose);
+  const auto& parts = *std::get<engine::Compound>(body.shape).parts;
+  ASSERT_EQ(parts.size(), 2u);
+  EXPECT_EQ(std::get<engine::Box>(parts[0].shape).size, Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ(parts[0].pose.position, Eigen::Vector3d(0.0, 0.0, 0.0));
+  EXPECT_EQ(std::get<engine::Sphere>(parts[1].shape).radius, 0.5);
+  EXPECT_EQ(parts[1].pose.position, Eigen::Vector3d(0.0, 0.0, 2.0));
+  msg.shapes[1].dimensions.clear();
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "shapes[1].dimensions: a sphere has one: its radius, got 0 numbers");
+  msg.shapes[1].type = Shape::POINT;
+  msg.shapes[1].pose.position.z = 0.0;
+  EXPECT_EQ(error_of([&] { from_msg(msg); }),
+            "shapes[1].shape: a part must be a sphere, a box, a cylinder, a capsule or a hull");
+}
+
+TEST(Conversions, ABodyWithoutAShapeIsAPointOfTheFirstGroup) {
   Body msg;
   EXPECT_TRUE(std::holds_alternative<engine::Point>(from_msg(msg).shape));
   EXPECT_EQ(from_msg(msg).collision_groups, 1u);
   EXPECT_EQ(from_msg(msg).collision_mask, engine::kAllGroups);
-  msg.shapes.resize(2);
-  EXPECT_EQ(error_of([&] { from_msg(msg); }),
-            "shapes: bodies of several shapes do not exist yet, got 2");
   msg.shapes.resize(1);
   msg.shapes[0].type = Shape::SPHERE;
   EXPECT_EQ(error_of([&] { from_msg(msg); }),

@@ -324,6 +324,41 @@ TEST(Markers, OfWhatBreaksAreGreyForTwoSeconds) {
   EXPECT_TRUE(is_gone);
 }
 
+// Parts beside the first one are in a namespace of their own, where no body has an id.
+TEST(Markers, EachShapeOfABodyHasOne) {
+  const char* const shapes =
+      "shapes: [{shape: {box: {size: [1, 2, 3]}}}, {shape: {sphere: {radius: 0.5}}, shape_pose: "
+      "{position: [0, 0, 2]}}, {shape: {sphere: {radius: 0.1}}, shape_pose: {position: [1, 0, "
+      "0]}}]";
+  engine::World world = engine::load_scene(
+      std::string("bodies: [{name: a, mass: 1, inertia: [1, 1, 1], position: [5, 0, 0], ") +
+      shapes +
+      "}, {name: b, mass: 1, shape: {sphere: {radius: 1}}, position: [9, 0, 0]}, {name: c, mass: "
+      "1, "
+      "inertia: [1, 1, 1], orientation: [1, 0, 0, 0], position: [20, 0, 0], " +
+      shapes + "}]");
+  Listener listener;
+  const MarkerArray array = listener.hear(world);
+  const auto id_of = [&](const char* name) {
+    return static_cast<std::int32_t>(world.find_body(name).value);
+  };
+  const auto is_of_shape = [](const Marker& m) { return m.ns == "bodies" || m.ns == "parts"; };
+  ASSERT_EQ(std::count_if(array.markers.begin(), array.markers.end(), is_of_shape), 7);
+  const Marker* box = find(array, "bodies", id_of("a"));
+  EXPECT_EQ(box->type, Marker::CUBE);
+  EXPECT_EQ(box->scale.y, 2.0);
+  EXPECT_EQ(box->pose.position.x, 5.0);
+  EXPECT_EQ(find(array, "bodies", id_of("b"))->type, Marker::SPHERE);
+  EXPECT_EQ(find(array, "parts", 0)->scale.x, 1.0);
+  EXPECT_EQ(find(array, "parts", 0)->pose.position.z, 2.0);
+  EXPECT_EQ(find(array, "parts", 1)->pose.position.x, 6.0);
+  EXPECT_EQ(find(array, "parts", 2)->pose.position.z, -2.0);  // turned upside down
+  world.remove_body(world.find_body("a"));
+  const MarkerArray later = listener.hear(world, false, true);
+  EXPECT_EQ(find(later, "parts", 2)->action, Marker::DELETE);
+  EXPECT_EQ(find(later, "parts", 0)->pose.position.x, 20.0);
+}
+
 TEST(Markers, StaticBodiesAreMutedAndColoursAreTheBodies) {
   engine::World world = engine::load_scene(
       "bodies: [{name: wall, type: static, shape: {box: {size: [1, 1, 1]}}},"

@@ -55,14 +55,15 @@ bool centre_hull(Hull* hull, ShapePose* pose) {
 }
 
 /// Moves the parts of a homogeneous compound so that its centre of mass is in 0 and its principal
-/// axes are the axes of the body, more than once where rounding leaves them off.
-void centre_parts(Compound::Parts* parts) {
+/// axes are the axes of the body, more than once where rounding leaves them off. False where they
+/// lay so.
+bool centre_parts(Compound::Parts* parts) {
   for (int i = 0;; ++i) {
     const Compound compound(*parts);
     const CompoundMass mass = mass_of(compound);
     const double size = size_of(Shape(compound));
     const PrincipalAxes principal = principal_axes(mass.unit_inertia, kCentred * size * size);
-    if (principal.is_along && mass.centre.norm() <= kCentred * size) return;
+    if (principal.is_along && mass.centre.norm() <= kCentred * size) return i > 0;
     if (i == kMostMoves) refuse("shapes", "the parts lie too far from the body for their size");
     const Eigen::Quaterniond back = Eigen::Quaterniond(principal.axes).conjugate();
     for (ShapePart& part : *parts) part.pose = composed({back * -mass.centre, back}, part.pose);
@@ -148,6 +149,11 @@ void World::set_body(BodyId id, const Body& body) {
   changed.collision_mask = body.collision_mask;
   changed.gravity_compensation = body.gravity_compensation;
   validate(changed);
+  if (const auto* compound = std::get_if<Compound>(&changed.shape)) {
+    Compound::Parts parts = *compound->parts;
+    if (is_homogeneous(changed) && centre_parts(&parts))
+      refuse("inertia", "must be given for shapes whose centre is beside the centre of mass");
+  }
   const MassProperties mass = mass_properties(changed);
   if (mass.can_turn() != impl_->masses[i].can_turn())
     refuse("inertia", "cannot be given to a point mass, or taken from a body that turns");

@@ -44,6 +44,18 @@ double beyond_reach(const Shape& shape) {
   return sphere != nullptr ? sphere->radius : 0.0;
 }
 
+/// Largest distance from the centre of a body that a part reaches, with its length beyond its reach
+/// [m]. Out of line, so that bodies of one shape pay nothing for it.
+template <class Beyond>
+[[gnu::noinline]] double farthest_part(const Compound& compound, double distance,
+                                       const Beyond& beyond) {
+  double most = 0.0;
+  for (const ShapePart& part : *compound.parts)
+    most = std::max(most, visit_convex(Reach{distance}, part.shape) + part.pose.position.norm() +
+                              beyond(part.shape));
+  return most;
+}
+
 const Shape& shape_of(const Model& model, int body, int part) {
   return part_of(model.bodies[body].shape, part);
 }
@@ -73,15 +85,10 @@ double thickness(const Shape& shape) {
 }
 
 double reach_of(const Body& body, double distance) {
-  const Reach reach{distance};
-  if (const auto* compound = std::get_if<Compound>(&body.shape)) {
-    double most = 0.0;
-    for (const ShapePart& part : *compound->parts)
-      most = std::max(most, visit_convex(reach, part.shape) + part.pose.position.norm());
-    return most;
-  }
+  if (const auto* compound = std::get_if<Compound>(&body.shape))
+    return farthest_part(*compound, distance, [](const Shape&) { return 0.0; });
   const double arm = body.shape_pose ? body.shape_pose->position.norm() : 0.0;
-  return visit_convex(reach, body.shape) + arm;
+  return visit_convex(Reach{distance}, body.shape) + arm;
 }
 
 bool is_centred(const Body& body) {
@@ -89,13 +96,9 @@ bool is_centred(const Body& body) {
 }
 
 double extent(const Body& body) {
-  const auto* compound = std::get_if<Compound>(&body.shape);
-  if (compound == nullptr) return reach_of(body, kInfinity) + beyond_reach(body.shape);
-  double most = 0.0;
-  for (const ShapePart& part : *compound->parts)
-    most = std::max(most, visit_convex(Reach{kInfinity}, part.shape) + part.pose.position.norm() +
-                              beyond_reach(part.shape));
-  return most;
+  if (const auto* compound = std::get_if<Compound>(&body.shape))
+    return farthest_part(*compound, kInfinity, beyond_reach);
+  return reach_of(body, kInfinity) + beyond_reach(body.shape);
 }
 
 double thinner_of(const Model& model, const ShapePair& pair) {

@@ -7,6 +7,14 @@
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
+namespace {
+
+/// Returns the distance of two boxes [m]; 0 where they overlap.
+double distance_of(const Aabb& a, const Aabb& b) {
+  return (a.min - b.max).cwiseMax(b.min - a.max).cwiseMax(0.0).norm();
+}
+
+}  // namespace
 
 ClosestPoints closest_points(const World& world, BodyId body_a, BodyId body_b) {
   const WorldImpl& impl = ImplAccess::of(world);
@@ -17,16 +25,19 @@ ClosestPoints closest_points(const World& world, BodyId body_a, BodyId body_b) {
   if (is_plane(a) && is_plane(b))
     refuse("body_b", "two planes have no closest points, got " + in_quotes(impl.bodies[a].name) +
                          " and " + in_quotes(impl.bodies[b].name));
+  List<Proxy> parts_a, parts_b;
+  add_proxies(impl, impl.states[a], static_cast<int>(a), 0.0, &parts_a);
+  add_proxies(impl, impl.states[b], static_cast<int>(b), 0.0, &parts_b);
   ClosestPoints nearest;
-  const int parts_a = static_cast<int>(part_count(impl.bodies[a].shape));
-  const int parts_b = static_cast<int>(part_count(impl.bodies[b].shape));
-  for (int i = 0; i < parts_a; ++i) {
-    const PlacedShape of_a(impl.bodies[a], i, impl.states[a]);
-    for (int j = 0; j < parts_b; ++j) {
-      const PlacedShape of_b(impl.bodies[b], j, impl.states[b]);
+  nearest.distance = kInfinity;
+  for (const Proxy& i : parts_a) {
+    const PlacedShape of_a(impl.bodies[a], i.part, impl.states[a]);
+    for (const Proxy& j : parts_b) {
+      if (distance_of(i.box, j.box) > nearest.distance) continue;
+      const PlacedShape of_b(impl.bodies[b], j.part, impl.states[b]);
       const ClosestPoints found =
           closest_points_of(of_a.shape(), of_a.state(), of_b.shape(), of_b.state());
-      if ((i == 0 && j == 0) || found.distance < nearest.distance) nearest = found;
+      if (found.distance < nearest.distance) nearest = found;
     }
   }
   return nearest;

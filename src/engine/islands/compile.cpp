@@ -74,7 +74,7 @@ void compile_where_needed(const Model& model, const State& state, const Topology
 bool goes_on_by_nature(std::size_t i, const IslandLists& lists) {
   const IslandParts& parts = lists.island_parts[i];
   return lists.islands[i].why == parts.nature && !uses_impulses(lists.islands[i].method) &&
-         parts.motion >= 0 && lists.motions[parts.motion].lent<EnergyMomentum>() == nullptr;
+         parts.motion >= 0 && !lists.motions[parts.motion].has_lent();
 }
 
 }  // namespace

@@ -257,8 +257,7 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
     const double t = interval_ends_[k];
     const JointStep span = joint_step(model.options, t, interval_ends_[k + 1] - t);
     const bool had_loads = !loads_.empty();
-    if (!state->wrenches.empty() || had_loads)
-      find_loads(model, *state, t, interval_ends_[k + 1]);
+    if (!state->wrenches.empty() || had_loads) find_loads(model, *state, t, interval_ends_[k + 1]);
     const bool is_disturbed = had_loads || !loads_.empty() || k > 0;
     for (const int j : time_varying_joints_)
       if (is_integrated(model, topology, *lists, to_index(j)))

@@ -49,6 +49,12 @@ class Borrowers {
   IntegrationResult advance(Integration way, const Interval& span,
                             const IntegratorOptions& accuracy, EquationsOfMotion* equations,
                             List<BodyState>* states);
+  /// Whether any method is constructed.
+  bool any() const {
+    bool is_any = false;
+    for_each_line([&](const auto& line) { is_any = is_any || line.method; });
+    return is_any;
+  }
   /// Whether a method continues in the next interval.
   bool have_started() const;
   void forget();

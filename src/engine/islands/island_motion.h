@@ -74,6 +74,8 @@ class IslandMotion {
   const Method* lent() const {
     return borrowers_.find<Method>();
   }
+  /// Whether any method has borrowed the equations since compilation.
+  bool has_lent() const { return borrowers_.any(); }
   /// Distributes the forces among redundant rows by least norm, at the bodies' final states.
   const LeastNormForces& share_forces(const List<BodyState>& states);
 

@@ -1,8 +1,8 @@
 // Sequential impulses: the order, conserved quantities, and states that must not change.
 
 #include "engine/constraints/contact.h"
-#include "engine/math/list.h"
 #include "engine/impulses/row_solver.h"
+#include "engine/math/list.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

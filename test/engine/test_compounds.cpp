@@ -51,7 +51,7 @@ Compound ell() {
                       {Box{{0.1, 0.1, 0.3}}, {{0.05, 0.0, 0.2}, Quaterniond::Identity()}}});
 }
 
-WorldOptions options_of(Method method, double time_step = 1e-3) {
+WorldOptions step_options(Method method, double time_step = 1e-3) {
   WorldOptions options;
   options.method = method;
   options.time_step = time_step;
@@ -59,7 +59,7 @@ WorldOptions options_of(Method method, double time_step = 1e-3) {
 }
 
 World world_on_floor(Method method, const Body& body, double friction = 0.5, double slope = 0.0) {
-  World world(options_of(method));
+  World world(step_options(method));
   world.add_body(make_floor(friction, slope));
   world.add_body(body);
   return world;
@@ -219,7 +219,9 @@ TEST(Compounds, OfTwoHalvesTipAsABox) {
       const Quaterniond& q = world.state(world.find_body("body")).orientation;
       const double turned = q.angularDistance(body.state.orientation);
       EXPECT_EQ(turned > 0.5, share > 1.0) << turned;
-      if (share < 1.0) EXPECT_LT(turned, 1e-3);
+      if (share < 1.0) {
+        EXPECT_LT(turned, 1e-3);
+      }
     }
   }
 }
@@ -271,7 +273,7 @@ TEST(Compounds, ForcesOfPartsAreThoseOfTheLever) {
 // Bodies that are welded move as one compound, as far as impulses hold the weld: the error of a
 // weld is of the order of the fall of a step.
 TEST(Compounds, MoveAsWeldedBodies) {
-  WorldOptions options = options_of(Method::kTimeStepping);
+  WorldOptions options = step_options(Method::kTimeStepping);
   World welded(options), whole(options);
   welded.add_body(make_floor(0.5));
   whole.add_body(make_floor(0.5));
@@ -311,7 +313,7 @@ TEST(Compounds, DoNotDependOnOrderOrPlace) {
   const auto end_of = [](bool is_reversed, const Vector3d& offset, double turn) {
     Compound::Parts parts = *ell().parts;
     if (is_reversed) std::reverse(parts.begin(), parts.end());
-    WorldOptions options = options_of(Method::kTimeStepping);
+    WorldOptions options = step_options(Method::kTimeStepping);
     World world(options);
     Body floor = make_floor(0.5);
     floor.state.position = offset;
@@ -336,7 +338,7 @@ TEST(Compounds, DoNotDependOnOrderOrPlace) {
 // the body that the ball touches already.
 TEST(CompoundContacts, AFastBallInContactDoesNotPassAWall) {
   for (const Method method : {Method::kSequentialImpulses, Method::kTimeStepping, Method::kAuto}) {
-    World world(options_of(method, 0.01));
+    World world(step_options(method, 0.01));
     Body trough =
         make_body("trough",
                   Compound({{Box{{4.0, 1.0, 0.2}}, {{0, 0, -0.1}, Quaterniond::Identity()}},
@@ -354,7 +356,7 @@ TEST(CompoundContacts, AFastBallInContactDoesNotPassAWall) {
 
 TEST(CompoundContacts, AFastCompoundDoesNotPassAWall) {
   for (const Method method : kImpulses) {
-    World world(options_of(method, 0.01));
+    World world(step_options(method, 0.01));
     Body wall = make_body("wall", Box{{0.01, 4.0, 4.0}}, 0.0, {1.0, 0, 0});
     wall.type = BodyType::kStatic;
     world.add_body(wall);
@@ -381,7 +383,7 @@ TEST(CompoundContacts, AreLeftToTimeStepping) {
 
 TEST(CompoundContacts, RestOnEachOtherAndFallAsleep) {
   for (const Method method : kImpulses) {
-    WorldOptions options = options_of(method, 0.005);
+    WorldOptions options = step_options(method, 0.005);
     options.sleep_after = 0.5;
     World world(options);
     world.add_body(make_floor(0.6));
@@ -417,7 +419,7 @@ TEST(CompoundContacts, FollowGroupsAndJoints) {
 TEST(CompoundContacts, NeverRaiseEnergy) {
   Random random;
   for (int scene = 0; scene < 20 / std::min(kSanitizedShare, 5); ++scene) {
-    WorldOptions options = options_of(Method::kSequentialImpulses, 0.002);
+    WorldOptions options = step_options(Method::kSequentialImpulses, 0.002);
     options.sleep_after = kInfinity;
     World world(options);
     world.add_body(make_floor(0.3));
@@ -475,8 +477,9 @@ TEST(CompoundQueries, RaysAndClosestPointsAreThoseOfTheNearestPart) {
         least = std::min(least, closest_points(alone, a, b).distance);
     const ClosestPoints nearest = closest_points(world, id, other_id);
     EXPECT_NEAR(nearest.distance, least, 1e-12);
-    if (least > 0.0)
+    if (least > 0.0) {
       EXPECT_LT((nearest.p_a - nearest.p_b - nearest.distance * nearest.normal).norm(), 1e-8);
+    }
     const Vector3d min = random.vector(), max = min + Vector3d::Constant(0.2);
     const std::vector<BodyId> in = bodies_in(alone, min, max);
     const bool is_in = std::any_of(in.begin(), in.end(), [&](BodyId found) {
@@ -491,7 +494,7 @@ TEST(CompoundQueries, RaysAndClosestPointsAreThoseOfTheNearestPart) {
 
 World heap(int threads, Method method = Method::kAuto) {
   Random random;
-  WorldOptions options = options_of(method, 0.005);
+  WorldOptions options = step_options(method, 0.005);
   options.threads = threads;
   World world(options);
   world.add_body(make_floor(0.5));

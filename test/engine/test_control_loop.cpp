@@ -27,7 +27,7 @@ CoordinateMotor going_to(double position, double frequency, double max_force = 0
   return motor;
 }
 
-WorldOptions smooth(double time_step) {
+WorldOptions without_gravity(double time_step) {
   WorldOptions options;
   options.gravity.setZero();
   options.time_step = time_step;
@@ -40,7 +40,7 @@ struct OnRail {
   World world;
   JointId rail;
 
-  explicit OnRail(double time_step, double friction = 0.0) : world(smooth(time_step)) {
+  explicit OnRail(double time_step, double friction = 0.0) : world(without_gravity(time_step)) {
     const Body load = make_body("load", Box{{0.2, 0.2, 0.2}}, kMass, Vector3d::Zero());
     Joint joint;
     joint.name = "rail";
@@ -135,7 +135,7 @@ World random_arm(Draw* random, int seed) {
 }
 
 /// Changes some numbers, and now and then the kind of a law.
-void edit(World* world, Draw* random) {
+void change_a_law(World* world, Draw* random) {
   const std::vector<JointId> ids = world->joint_ids();
   const JointId id = ids[static_cast<std::size_t>(random->below(static_cast<int>(ids.size())))];
   CoordinateLaw law = world->joint(id).coordinates[0];
@@ -157,7 +157,7 @@ TEST(ControlLoop, FollowsLawsAsEquationsCompiledAnew) {
     Draw random(static_cast<unsigned>(seed));
     World world = random_arm(&random, seed);
     for (int k = 0; k < 40; ++k) {
-      edit(&world, &random);
+      change_a_law(&world, &random);
       World compiled = read_snapshot(write_snapshot(world));
       world.step();
       compiled.step();
@@ -167,7 +167,7 @@ TEST(ControlLoop, FollowsLawsAsEquationsCompiledAnew) {
 }
 
 /// Largest distance between the bodies of two worlds [m].
-double distance(const World& a, const World& b) {
+double largest_distance(const World& a, const World& b) {
   std::vector<BodyId> ids;
   a.body_ids(&ids);
   double largest = 0.0;
@@ -192,7 +192,7 @@ TEST(ControlLoop, MovesAnArmAsOneOfAnotherMethodIsMoved) {
     arm.step();
     run(reference, steps);
   }
-  EXPECT_LT(distance(arm, reference), 1e-7);
+  EXPECT_LT(largest_distance(arm, reference), 1e-7);
 }
 
 // ---- wrenches that stay
@@ -239,7 +239,7 @@ TEST(ControlLoop, AConstantForceActsAsGravity) {
   for (int k = 0; k < 100; ++k) {
     falling.step();
     pushed.step();
-    ASSERT_LT(distance(falling, pushed), 1e4 * kEpsilon) << "tick " << k;
+    ASSERT_LT(largest_distance(falling, pushed), 1e4 * kEpsilon) << "tick " << k;
   }
 }
 

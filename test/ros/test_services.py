@@ -89,7 +89,7 @@ class Services(support.ServiceCase):
         self.bad(["shapes[0].type", "mesh"], "add_body", body=sphere("b", shapes=[Shape(type=Shape.MESH)]))
         self.bad(["shapes[0].vertices", "4"], "add_body",
                  body=sphere("b", shapes=[Shape(type=Shape.SPHERE, dimensions=[1], vertices=[Point()] * 4)]))
-        self.bad(["shapes", "several", "2"], "add_body", body=sphere("b", shapes=[Shape(), Shape()]))
+        self.bad(["shapes[0]", "part", "sphere"], "add_body", body=sphere("b", shapes=[Shape(), Shape()]))
         self.bad(["color", "1.5"], "add_body", body=sphere("b", color=ColorRGBA(r=1.5)))
         self.bad(["type", "7"], "add_body", body=sphere("b", type=7))
 

@@ -59,7 +59,8 @@ class EquationsOfMotion : public IslandModel {
                     const List<int>& idle = {}, const List<char>& open = {});
 
   /// Takes over the springs, dampers and constant forces of the joints. Returns false where other
-  /// rows or coordinates follow from the laws; then the island has to be compiled anew.
+  /// rows or coordinates follow from the laws, or coordinates have another zero; then the island
+  /// has to be compiled anew.
   bool follow_laws(const List<Joint>& all_joints) {
     energy_.forget();
     return IslandModel::follow_laws(all_joints);

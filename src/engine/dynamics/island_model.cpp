@@ -230,6 +230,10 @@ bool IslandModel::follow_laws(const List<Joint>& all_joints) {
     return a.function == b.function && a.zero == b.zero;
   };
   if (!std::equal(softs.begin(), softs.end(), softs_.begin(), is_at_same)) return false;
+  for (const CoupledRow& coupled : coupled_)
+    for (const CoupledRow::Term& term : coupled.terms)
+      if (term.zero != all_joints[joints_[term.link]].coordinates[to_index(term.coordinate)].zero)
+        return false;
   links_ = std::move(links);
   softs_ = std::move(softs);
   return true;

@@ -38,6 +38,16 @@ bool differ_in_force_alone(const CoordinateLaw& a, const CoordinateLaw& b) {
   return one_sided(a) == one_sided(b);
 }
 
+/// Whether a coordinate is beyond a limit that has changed.
+bool is_beyond_new_limits(const Joint& joint, const Joint& before, const JointState& state) {
+  for (std::size_t i = 0; i < to_index(coordinates(joint.kind)); ++i) {
+    const CoordinateLaw &law = joint.coordinates[i], &old = before.coordinates[i];
+    if (law.lower == old.lower && law.upper == old.upper) continue;
+    if (beyond_limits(law, state.coordinates[i].position) != 0.0) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void JointEdits::start() {
@@ -94,6 +104,8 @@ void JointEdits::replace(const Joint& joint, const LawChanges& changes) {
     else
       open_joint(world_, j_, world_.time(), &world_);
     motions.send(world_, is_sent, &world_);
+  } else if (is_beyond_new_limits(joint, before, world_.joint_states[j_])) {
+    open_joint(world_, j_, world_.time(), &world_);
   }
 }
 

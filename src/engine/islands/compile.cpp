@@ -45,7 +45,7 @@ void compile_island(const Model& model, const Topology& topology, const List<int
   parts->turning_freely.clear();
   for (std::size_t i = equations.rotating(); i < held.size(); ++i)
     if (model.masses[held[i]].can_turn()) parts->turning_freely.push_back(held[i]);
-  parts->is_stale = parts->has_other_laws = false;
+  parts->is_stale = false;
   if (parts->motion >= 0) {
     (*motions)[parts->motion] = std::move(motion);
     return;
@@ -64,17 +64,9 @@ void compile_where_needed(const Model& model, const State& state, const Topology
   const bool is_as_before = parts->motion >= 0 && !parts->is_stale &&
                             open_points == parts->open_points &&
                             has_events == (*motions)[parts->motion].is_event_driven();
-  parts->has_other_laws = false;
   if (is_as_before && (*motions)[parts->motion].follow_laws(model.joints)) return;
   parts->begin_anew();
   compile_island(model, topology, open_points, parts, motions);
-}
-
-// Whether an island is advanced by the equations that suit its joints, and nothing else.
-bool goes_on_by_nature(std::size_t i, const IslandLists& lists) {
-  const IslandParts& parts = lists.island_parts[i];
-  return lists.islands[i].why == parts.nature && !uses_impulses(lists.islands[i].method) &&
-         parts.motion >= 0 && !lists.motions[parts.motion].has_lent();
 }
 
 }  // namespace
@@ -84,14 +76,15 @@ void compile_islands(const Model& model, const State& state, const Topology& top
   const FastestSprings fastest(model, state.joint_states, topology.joint_ends());
   for (std::size_t i = 0; i < lists->island_parts.size(); ++i) {
     IslandParts& parts = lists->island_parts[i];
-    const MethodReason before = parts.nature;
-    parts.nature = classify(traits_of(model, parts.members, fastest), model.options);
-    if (parts.has_other_laws && (parts.nature != before || !goes_on_by_nature(i, *lists)))
-      parts.begin_anew();
-    if (uses_impulses(method_for(parts.nature, model.options))) continue;
-    if (parts.members.joints.empty())
+    const MethodReason nature = classify(traits_of(model, parts.members, fastest), model.options);
+    const bool has_other_laws = std::exchange(parts.has_other_laws, false);
+    if (has_other_laws && !lists->goes_on(i, nature)) parts.begin_anew();
+    parts.nature = nature;
+    if (uses_impulses(method_for(nature, model.options)))
+      parts.is_stale = parts.is_stale || has_other_laws;
+    else if (parts.members.joints.empty())
       parts.turning_freely = parts.members.bodies;
-    else if (parts.motion < 0 || parts.is_stale || parts.has_other_laws)
+    else if (parts.motion < 0 || parts.is_stale || has_other_laws)
       compile_where_needed(model, state, topology, &parts, &lists->motions);
   }
   lists->list_fresh();

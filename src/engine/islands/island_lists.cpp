@@ -26,6 +26,12 @@ void IslandLists::keep_island(std::size_t old, IslandLists* before) {
   motions.push_back(std::move(before->motions[m]));
 }
 
+bool IslandLists::goes_on(std::size_t i, MethodReason nature) const {
+  const IslandParts& parts = island_parts[i];
+  return parts.nature == nature && islands[i].why == nature && !uses_impulses(islands[i].method) &&
+         parts.motion >= 0 && !motions[to_index(parts.motion)].has_lent();
+}
+
 void IslandLists::restart_all() {
   for (IslandParts& parts : island_parts) parts.is_fresh = true;
   list_fresh();

@@ -47,8 +47,8 @@ struct IslandParts : IslandMemory {
   bool has_failed = false;
 
   bool is_fresh = true;         ///< no step since an edit of the island
-  bool is_stale = false;        ///< bodies differ from the compiled bodies
-  bool has_other_laws = false;  ///< laws of joints differ from the compiled laws
+  bool is_stale = false;        ///< bodies or laws differ from the compiled ones
+  bool has_other_laws = false;  ///< laws of joints have changed since the last compilation
   List<int> open_points;        ///< joints without axes that were open when the island was compiled
   WatchedEnergy energy;
   bool has_limited_spring = false;  ///< has a spring with a force limit: its energy is not ½ k C²
@@ -68,6 +68,10 @@ struct IslandLists {
   template <class OldIsland>
   void regroup(const Model& model, List<IslandMembers> groups, OldIsland old_island);
   IslandMemory loaded_memory_of(BodyId first) const;
+  /// Whether the method of an island goes on when forces of its joints change, and its nature is
+  /// `nature` then: it is advanced by the method of its nature, and no other has borrowed its
+  /// equations.
+  bool goes_on(std::size_t island, MethodReason nature) const;
   /// Makes all islands fresh.
   void restart_all();
   /// Lists the islands that are marked as fresh.

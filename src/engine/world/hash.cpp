@@ -271,7 +271,6 @@ void add_methods(Fnv1a& hash, const Impl& world) {
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
       add(word);
-    add(!world.integration.loads().empty());
     IslandMotion::visit_memory(world.motions[static_cast<std::size_t>(parts.motion)], add,
                                world.masses);
   }

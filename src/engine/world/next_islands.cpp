@@ -67,6 +67,21 @@ void choose_next_methods(const WorldImpl& world, const List<JointEnds>& ends,
   }
 }
 
+// Lets islands begin anew that cannot go on with other forces of their joints.
+void follow_other_laws(const WorldImpl& world, const List<JointEnds>& ends,
+                       const List<int>& next_of, List<NextIsland>* next) {
+  if (world.edits.bodies_with_other_laws().empty()) return;
+  const FastestSprings fastest(world, world.joint_states, ends);
+  for (const BodyId id : world.edits.bodies_with_other_laws()) {
+    const int body = world.find(id);
+    if (body < 0 || (*next)[next_of[body]].is_fresh) continue;
+    NextIsland& island = (*next)[next_of[body]];
+    const MethodReason nature = classify(traits_of(world, island.members, fastest), world.options);
+    if (!world.goes_on(to_index(world.topology.island_of(to_index(body))), nature))
+      island.begin_anew();
+  }
+}
+
 }  // namespace
 
 List<NextIsland> next_islands(const WorldImpl& world) {
@@ -89,10 +104,9 @@ List<NextIsland> next_islands(const WorldImpl& world) {
   for (const BodyId id : world.edits.bodies()) {
     const int body = world.find(id);
     if (body < 0) continue;
-    NextIsland& island = next[next_of[body]];
-    if (!island.is_fresh) island.memory = island.memory.after_edit();
-    island.is_fresh = true;
+    next[next_of[body]].begin_anew();
   }
+  follow_other_laws(world, ends, next_of, &next);
   choose_next_methods(world, ends, next_of, &next);
   return next;
 }

@@ -18,6 +18,11 @@ struct NextIsland {
   Island island;
   IslandMemory memory;  ///< memory with which the next step begins
   bool is_fresh;        ///< the island was edited since the last step
+
+  void begin_anew() {
+    if (!is_fresh) memory = memory.after_edit();
+    is_fresh = true;
+  }
 };
 
 List<NextIsland> next_islands(const WorldImpl& world);

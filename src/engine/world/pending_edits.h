@@ -29,6 +29,8 @@ class PendingEdits {
   bool all() const { return all_; }
   /// Bodies whose islands begin anew.
   const std::vector<BodyId>& bodies() const { return bodies_; }
+  /// Bodies on joints whose laws have changed.
+  const std::vector<BodyId>& bodies_with_other_laws() const { return bodies_with_other_laws_; }
 
   void note() {
     any_ = true;
@@ -51,7 +53,7 @@ class PendingEdits {
   void note_mass_of(const Model& model, BodyId body);
   /// Marks the islands of a joint: methods begin anew, with other laws.
   void note_laws_of(const Model& model, const Joint& joint);
-  /// Marks the islands of a joint: methods go on with other forces along coordinates.
+  /// Marks the islands of a joint, which go on with other forces where IslandLists::goes_on().
   void note_forces_of(const Model& model, const Joint& joint);
   /// Separates the model from its copies in snapshots, whose ids differ now.
   void forget_model_mark() { model_mark_.reset(); }
@@ -75,9 +77,9 @@ class PendingEdits {
  private:
   bool any_ = true, topology_ = true, all_ = true;
   std::vector<BodyId> bodies_;
-  std::vector<BodyId> changed_bodies_;          // mass or inertia
-  std::vector<BodyId> bodies_with_other_laws_;  // bodies on joints whose laws have changed
-  std::shared_ptr<const char> model_mark_;      // worlds with the same mark have the same model
+  std::vector<BodyId> changed_bodies_;  // mass or inertia
+  std::vector<BodyId> bodies_with_other_laws_;
+  std::shared_ptr<const char> model_mark_;  // worlds with the same mark have the same model
   std::optional<SnapshotAnswers> answers_;
 };
 

@@ -17,12 +17,11 @@
 
 namespace constraint_sim {
 
-/// Markers for rviz, with the ids of the world, in fixed namespaces: `bodies`; `parts`, the shapes
-/// of a body beside its first one; `constraints` (rods
-/// as cylinders; ropes striped, sagging while slack; coils, struts, arms); `joints`, the turning or
-/// sliding part; `motors` as arrows; `contacts` and `friction`, one marker each; `fixed`, cubes
-/// where lengths end at the world; `visuals` of robots. A constraint that breaks is grey, in two
-/// parts, for two seconds.
+/// Markers for rviz, with the ids of the world, in fixed namespaces: `bodies`; `parts` where a
+/// body has further shapes; `constraints` (rods as cylinders; ropes striped, sagging while slack;
+/// coils, struts, arms); `joints`, the turning or sliding part; `motors` as arrows; `contacts` and
+/// `friction`, one marker each; `fixed`, cubes where lengths end at the world; `visuals` of robots.
+/// A constraint that breaks is grey, in two parts, for two seconds.
 class Markers {
  public:
   Markers(const std::string& frame, Robots& robots) : set_(frame), robots_(robots) {}

@@ -184,8 +184,8 @@ TEST(Compounds, OfTwoHalvesTumbleAsABox) {
   }
 }
 
-// Halves side by side have four more corners on the floor, which carry a share of the weight. A box
-// that slides stops after v²/(2 μ g) whichever corners carry it, to the length of a few steps.
+// Halves side by side have four more corners on the floor, which carry a share of the weight.
+// Whichever corners carry it, a sliding box stops after v²/(2 μ g), to the length of a few steps.
 TEST(Compounds, OfTwoHalvesSlideAsABox) {
   const double speed = 1.0, friction = 0.5;
   for (const Method method : kImpulses) {

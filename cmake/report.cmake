@@ -15,7 +15,7 @@ add_library(constraint_sim_report_common OBJECT EXCLUDE_FROM_ALL
   bench/report/tree.cpp
   ${problem_sources}
 )
-target_include_directories(constraint_sim_report_common PRIVATE bench)  # problems.h
+target_include_directories(constraint_sim_report_common PUBLIC bench)  # problems.h, rotation_between.h
 constraint_sim_precompile(constraint_sim_report_common ${common_headers})
 add_library(constraint_sim_report_main OBJECT EXCLUDE_FROM_ALL bench/report/main.cpp)
 add_library(constraint_sim_report_ours OBJECT EXCLUDE_FROM_ALL bench/report/peers/engine.cpp)

@@ -37,11 +37,11 @@ BENCHMARK(link_stage)->Arg(10)->Arg(1000);
 /// Factors and solves a tridiagonal matrix, as in a chain; items are its rows.
 void factorisation_of_a_chain(benchmark::State& state) {
   const int n = static_cast<int>(state.range(0));
-  List<std::pair<int, int>> entries;
+  engine::List<std::pair<int, int>> entries;
   for (int i = 1; i < n; ++i) entries.emplace_back(i, i - 1);
   engine::SparseLdlt factors;
   factors.analyze(n, entries);
-  List<double> b(static_cast<std::size_t>(n), 1.0);
+  engine::List<double> b(static_cast<std::size_t>(n), 1.0);
   for ([[maybe_unused]] auto unused : state) {
     for (int i = 0; i < n; ++i) {
       factors.values()[factors.slot(i, i)] = 2.1;

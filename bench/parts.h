@@ -53,6 +53,21 @@ inline Body in_frame(Body body, const ShapePose& frame) {
   return body;
 }
 
+/// Returns the body with its shape, which has a pose, as the first part of a compound. The second
+/// part is a small sphere within it, which touches nothing.
+inline Body in_parts(Body body) {
+  if (!body.shape_pose) return body;
+  constexpr double kSmall = 0.1;
+  double radius = 0.0;
+  if (const auto* sphere = std::get_if<Sphere>(&body.shape)) radius = sphere->radius;
+  if (const auto* box = std::get_if<Box>(&body.shape)) radius = box->size.minCoeff();
+  if (!(radius > 0.0)) return body;
+  body.shape =
+      Compound({{body.shape, *body.shape_pose}, {Sphere{kSmall * radius}, *body.shape_pose}});
+  body.shape_pose.reset();
+  return body;
+}
+
 /// Transforms a joint's end to another frame of its body.
 inline void put_in_frame(const ShapePose& frame, bool is_a, Joint* joint) {
   const Eigen::Quaterniond back = frame.orientation.conjugate();

@@ -27,11 +27,13 @@ enum class Kind {
   kMechanismWithServos,
   kTouchingWithServos,
   kAligned,
-  kTouchingWithPoses
+  kTouchingWithPoses,
+  kTouchingWithParts
 };
-inline constexpr std::array<const char*, 9> kKindNames{
-    "mechanism",         "mechanism, motors", "touching",      "touching, laws", "touching, motors",
-    "mechanism, servos", "touching, servos",  "aligned boxes", "touching, poses"};
+inline constexpr std::array<const char*, 10> kKindNames{
+    "mechanism",        "mechanism, motors", "touching",         "touching, laws",
+    "touching, motors", "mechanism, servos", "touching, servos", "aligned boxes",
+    "touching, poses",  "touching, parts"};
 
 inline bool has_motors(Kind kind) {
   return kind == Kind::kMechanismWithMotors || kind == Kind::kTouchingWithMotors;
@@ -322,6 +324,27 @@ inline void add_poses(unsigned seed, Parts* parts) {
   }
 }
 
+/// Describes a third of the dynamic bodies as in_parts(), and gives the others another ball or box
+/// beside their shape.
+inline void add_further_parts(unsigned seed, Parts* parts) {
+  add_poses(seed, parts);
+  Draw draw(seed + 2000003);
+  for (Body& body : parts->bodies) {
+    if (!body.shape_pose || std::holds_alternative<Plane>(body.shape)) continue;
+    if (draw.below(3) == 0) {
+      body = in_parts(body);
+      continue;
+    }
+    const double size = 0.05 + 0.1 * draw.share();
+    const Shape beside = draw.below(2) == 0 ? Shape(Sphere{size}) : Shape(Box{{size, size, size}});
+    ShapePart part{beside, {0.2 * draw.vector(), draw.turn()}};
+    if (draw.below(2) == 0) part.friction = draw.share();
+    if (draw.below(2) == 0) part.restitution = draw.share();
+    body.shape = Compound({{body.shape, *body.shape_pose}, part});
+    body.shape_pose.reset();
+  }
+}
+
 /// Equal cubes that stand on each other, or are dropped, and a ball that hits them.
 inline Scene aligned(unsigned seed) {
   Draw draw(seed);
@@ -358,6 +381,10 @@ inline Scene scene_of(Kind kind, unsigned seed) {
     scene = touching(seed, Kind::kTouchingWithLaws);
     scene.kind = kind;
     add_poses(seed, &scene.parts);
+  } else if (kind == Kind::kTouchingWithParts) {
+    scene = touching(seed, Kind::kTouchingWithLaws);
+    scene.kind = kind;
+    add_further_parts(seed, &scene.parts);
   } else if (touches(kind)) {
     scene = touching(seed, kind);
   } else {

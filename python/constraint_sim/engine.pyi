@@ -100,11 +100,11 @@ class Capsule:
 class Compound:
     """Compound(shapes)
 
-    Several spheres, boxes, cylinders, capsules and hulls of one body, a list of shapes or of pairs (shape, shape_pose); at most 4096."""
-    def __init__(self, shapes: Iterable[Union["Shape", Tuple["Shape", Optional[Mapping[str, Vector]]]]]) -> None: ...
+    Several spheres, boxes, cylinders, capsules and hulls of one body, a list of shapes, of pairs (shape, shape_pose), or of triples (shape, shape_pose, surface), the surface a dict with friction and restitution where these are not the body's; at most 4096."""
+    def __init__(self, shapes: Iterable[Union["Shape", Tuple["Shape", Optional[Mapping[str, Vector]]], Tuple["Shape", Optional[Mapping[str, Vector]], Mapping[str, Optional[float]]]]]) -> None: ...
     @property
-    def shapes(self) -> List[Tuple["Shape", Dict[str, Any]]]:
-        """pairs of each shape and its pose, a dict of position [m] and orientation (x, y, z, w)"""
+    def shapes(self) -> List[Tuple["Shape", Dict[str, Any], Dict[str, float]]]:
+        """triples of each shape, its pose, a dict of position [m] and orientation (x, y, z, w), and its surface, a dict with the friction and restitution that are not the body's"""
 
 
 Shape = Union[Point, Sphere, Box, Plane, Cylinder, Hull, Capsule, Compound]

@@ -14,22 +14,38 @@ namespace constraint_sim::python {
 
 namespace {
 
-/// Returns a part from a shape, or from a pair of a shape and its pose.
+/// Returns a part from a shape, or from a tuple of a shape, its pose and the surface.
 engine::ShapePart part_from(const py::object& value) {
   if (!py::isinstance<py::tuple>(value) && !py::isinstance<py::list>(value))
     return {shape_from(value), {}};
-  const auto pair = py::tuple(value);
-  if (pair.size() != 2)
-    throw std::invalid_argument("must be a shape, or a shape and its pose, got " +
-                                std::to_string(pair.size()) + " values");
-  return {shape_from(pair[0]), shape_pose_from(pair[1]).value_or(engine::ShapePose{})};
+  const auto items = py::tuple(value);
+  if (items.size() < 2 || items.size() > 3)
+    throw std::invalid_argument("must be a shape, or a shape, its pose and its surface, got " +
+                                std::to_string(items.size()) + " values");
+  engine::ShapePart part{shape_from(items[0]), {}};
+  part.pose = shape_pose_from(items[1]).value_or(engine::ShapePose{});
+  if (items.size() == 2) return part;
+  Keywords surface("surface", py::dict(items[2]));
+  surface.read("friction", &part.friction);
+  surface.read("restitution", &part.restitution);
+  surface.expect_no_more();
+  return part;
+}
+
+py::dict surface_dict(const engine::ShapePart& part) {
+  py::dict surface;
+  if (part.friction) surface["friction"] = *part.friction;
+  if (part.restitution) surface["restitution"] = *part.restitution;
+  return surface;
 }
 
 void define_compound(py::module* module) {
   py::class_<engine::Compound>(
       *module, "Compound",
       "Compound(shapes)\n\nSeveral spheres, boxes, cylinders, capsules and hulls of one body, a "
-      "list of shapes or of pairs (shape, shape_pose); at most 4096.")
+      "list of shapes, of pairs (shape, shape_pose), or of triples (shape, shape_pose, surface), "
+      "the surface a dict with friction and restitution where these are not the body's; at most "
+      "4096.")
       .def(py::init([](const py::iterable& shapes) {
              engine::Compound::Parts parts;
              for (const py::handle shape : shapes) {
@@ -49,10 +65,12 @@ void define_compound(py::module* module) {
           [](const engine::Compound& compound) {
             py::list list;
             for (const engine::ShapePart& part : *compound.parts)
-              list.append(py::make_tuple(part.shape, shape_pose_dict(part.pose)));
+              list.append(
+                  py::make_tuple(part.shape, shape_pose_dict(part.pose), surface_dict(part)));
             return list;
           },
-          "pairs of each shape and its pose, a dict of position [m] and orientation (x, y, z, w)")
+          "triples of each shape, its pose, a dict of position [m] and orientation (x, y, z, w), "
+          "and its surface, a dict with the friction and restitution that are not the body's")
       .def("__repr__", [](const engine::Compound& compound) {
         return "Compound(" + std::to_string(compound.parts->size()) + " shapes)";
       });

@@ -60,6 +60,15 @@ std::optional<engine::ShapePose> shape_pose_of(const Shape& shape) {
   return pose;
 }
 
+void read_surface(const Shape& shape, engine::ShapePart* part) {
+  if (shape.has_surface) {
+    part->friction = shape.friction;
+    part->restitution = shape.restitution;
+  } else if (shape.friction != 0.0 || shape.restitution != 0.0) {
+    refuse("has_surface", "must be true for a friction or restitution of the shape's own");
+  }
+}
+
 void read_shapes(const Body& msg, engine::Body* body) {
   if (msg.shapes.empty()) return;
   engine::Compound::Parts parts;
@@ -67,6 +76,7 @@ void read_shapes(const Body& msg, engine::Body* body) {
     try {
       const std::optional<engine::ShapePose> pose = shape_pose_of(msg.shapes[i]);
       parts.push_back({from_msg(msg.shapes[i]), pose.value_or(engine::ShapePose{})});
+      read_surface(msg.shapes[i], &parts.back());
       if (i == 0) body->shape_pose = pose;
     } catch (const std::invalid_argument& error) {
       throw std::invalid_argument("shapes[" + std::to_string(i) + "]." + error.what());
@@ -74,6 +84,8 @@ void read_shapes(const Body& msg, engine::Body* body) {
   }
   if (parts.size() == 1) {
     body->shape = std::move(parts[0].shape);
+    if (parts[0].friction) body->friction = *parts[0].friction;
+    if (parts[0].restitution) body->restitution = *parts[0].restitution;
     return;
   }
   body->shape_pose.reset();
@@ -142,12 +154,12 @@ engine::Body from_msg(const Body& msg) {
   engine::Body body;
   body.name = msg.name;
   body.type = body_type(msg.type);
-  read_shapes(msg, &body);
   body.mass = msg.mass;
   body.inertia = from_msg(msg.inertia);
   body.state = from_msg(msg.pose, msg.twist);
   body.friction = msg.friction;
   body.restitution = msg.restitution;
+  read_shapes(msg, &body);
   body.no_collision = msg.no_collision;
   body.gravity_compensation = msg.gravity_compensation;
   if (msg.collision_groups != 0) body.collision_groups = msg.collision_groups;

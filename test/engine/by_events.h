@@ -28,13 +28,16 @@ struct Carried {
   Method method = Method::kEventDriven;
   double tolerance = 1e-10;
   bool has_poses = false;  ///< bodies are described in other frames, with poses of their shapes
+  bool has_parts = false;  ///< these shapes are parts of compounds
 
   operator double() const { return time_step; }
 };
 
 inline void PrintTo(const Carried& by, std::ostream* out) {
   *out << by.time_step << " s, " << name(by.method) << ", " << by.tolerance << " m/s"
-       << (by.has_poses ? ", poses" : "");
+       << (by.has_parts   ? ", parts"
+           : by.has_poses ? ", poses"
+                          : "");
 }
 
 inline WorldOptions by_events(const Carried& by, double gravity = kGravity) {
@@ -71,6 +74,13 @@ inline std::vector<Carried> with_poses() {
   return some;
 }
 
+/// Returns the same with compounds.
+inline std::vector<Carried> with_parts() {
+  std::vector<Carried> some = with_poses();
+  for (Carried& by : some) by.has_parts = true;
+  return some;
+}
+
 /// Describes all bodies and joints in other frames, in a new world, if requested; names stay.
 inline void frame_anew(World* world, const Carried& by) {
   if (!by.has_poses) return;
@@ -81,7 +91,8 @@ inline void frame_anew(World* world, const Carried& by) {
   for (const BodyId id : world->body_ids()) {
     Body body = world->body(id);
     body.state = world->state(id);
-    ASSERT_EQ(framed.add_body(in_frame(body, frame_of(id))), id);
+    const Body posed = in_frame(body, frame_of(id));
+    ASSERT_EQ(framed.add_body(by.has_parts ? in_parts(posed) : posed), id);
   }
   for (const JointId id : world->joint_ids()) {
     Joint joint = world->joint(id);

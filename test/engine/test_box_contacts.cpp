@@ -25,8 +25,8 @@ BodyId add_table(World* world, const Vector3d& size, double friction, double res
 }
 
 double gap_of(const World& world, BodyId a, BodyId b) {
-  return separation(world.body(a).shape, shape_state(world, a), world.body(b).shape,
-                    shape_state(world, b))
+  return separation(part_of(world.body(a).shape, 0), shape_state(world, a),
+                    part_of(world.body(b).shape, 0), shape_state(world, b))
       .gap;
 }
 
@@ -34,6 +34,7 @@ class BoxContactsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, BoxContactsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
 INSTANTIATE_TEST_SUITE_P(Poses, BoxContactsAt, testing::ValuesIn(with_poses()));
+INSTANTIATE_TEST_SUITE_P(Parts, BoxContactsAt, testing::ValuesIn(with_parts()));
 
 // ---- on a static box
 
@@ -186,7 +187,7 @@ double impulse_by_hand(const World& world, BodyId a, BodyId b, const Vector3d& p
   for (const auto& [id, sign] : {std::pair(a, 1.0), std::pair(b, -1.0)}) {
     const Body& body = world.body(id);
     const BodyState& state = world.state(id);
-    const Vector3d size = std::get<Box>(body.shape).size, arm = p - state.position;
+    const Vector3d size = std::get<Box>(part_of(body.shape, 0)).size, arm = p - state.position;
     const Vector3d squares = size.cwiseAbs2();
     const Vector3d inertia = body.mass / 12.0 * (Vector3d::Constant(squares.sum()) - squares);
     const Matrix3d R = shape_state(world, id).orientation.toRotationMatrix();

@@ -369,18 +369,6 @@ TEST(CompoundContacts, AFastCompoundDoesNotPassAWall) {
   }
 }
 
-// Event-driven contacts are left to impulses, and a plan names them.
-TEST(CompoundContacts, AreLeftToTimeStepping) {
-  World world = world_on_floor(Method::kAuto, rough_body(dumbbell(0.1, 0.4), 1.0, {0, 0, 0.1}));
-  run(world, 20);
-  ASSERT_EQ(world.islands().size(), 1u);
-  EXPECT_EQ(world.islands()[0].method, Method::kTimeStepping);
-  const std::vector<std::string> left = left_out(world);
-  EXPECT_TRUE(std::any_of(left.begin(), left.end(), [](const std::string& line) {
-    return line.find("events of compounds") != std::string::npos;
-  }));
-}
-
 TEST(CompoundContacts, RestOnEachOtherAndFallAsleep) {
   for (const Method method : kImpulses) {
     WorldOptions options = step_options(method, 0.005);

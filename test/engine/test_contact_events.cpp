@@ -31,6 +31,7 @@ class ContactEventsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, ContactEventsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
 INSTANTIATE_TEST_SUITE_P(Poses, ContactEventsAt, testing::ValuesIn(with_poses()));
+INSTANTIATE_TEST_SUITE_P(Parts, ContactEventsAt, testing::ValuesIn(with_parts()));
 
 /// Returns the time at which the ball comes to rest.
 double rest_time(double h, double e) {

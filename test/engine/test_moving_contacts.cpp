@@ -18,6 +18,7 @@ class MovingContactsAt : public testing::TestWithParam<Carried> {};
 INSTANTIATE_TEST_SUITE_P(Ticks, MovingContactsAt,
                          testing::ValuesIn(each_way(Method::kEventDriven)));
 INSTANTIATE_TEST_SUITE_P(Poses, MovingContactsAt, testing::ValuesIn(with_poses()));
+INSTANTIATE_TEST_SUITE_P(Parts, MovingContactsAt, testing::ValuesIn(with_parts()));
 
 Body mover(const Vector3d& size, const Vector3d& position, const Vector3d& velocity) {
   Body body = make_body("mover", Box{size}, 0.0, position);

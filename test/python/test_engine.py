@@ -166,11 +166,17 @@ def test_bodies_joints_and_options_go_round():
     assert repr(pill['shape']) == 'Capsule(0.2, 0.5)'
     world.add_body('table', mass=3.0, inertia=(1.0, 1.0, 1.0), position=(0.0, 29.0, 5.0),
                    shape=engine.Compound([engine.Box((1.0, 1.0, 0.1)),
-                                          (engine.Sphere(0.1), {'position': (0.0, 0.0, -0.5)})]))
+                                          (engine.Sphere(0.1), {'position': (0.0, 0.0, -0.5)},
+                                           {'friction': 0.5})]))
     table = world.body('table')
     assert repr(table['shape']) == 'Compound(2 shapes)'
-    (top, _), (foot, pose) = table['shape'].shapes
+    (top, _, plain), (foot, pose, surface) = table['shape'].shapes
     assert (top.size, foot.radius, pose['position']) == ((1.0, 1.0, 0.1), 0.1, (0.0, 0.0, -0.5))
+    assert (plain, surface) == ({}, {'friction': 0.5})
+    with pytest.raises(ValueError, match=r'shapes\[0\].*friction'):
+        engine.Compound([(engine.Sphere(0.1), None, {'friction': -1.0})])
+    with pytest.raises(TypeError, match=r'roughness'):
+        engine.Compound([(engine.Sphere(0.1), None, {'roughness': 1.0})])
     with pytest.raises(ValueError, match=r'shapes\[1\]'):
         engine.Compound([engine.Sphere(0.1), engine.Plane()])
     with pytest.raises(ValueError, match=r'shapes\[0\].*must be a shape'):

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <variant>
 #include <vector>
 
@@ -83,6 +84,10 @@ struct ShapePose {
 struct ShapePart {
   Shape shape;
   ShapePose pose;
+  /// Coulomb's coefficient ≥ 0; none: that of the body.
+  std::optional<double> friction = std::nullopt;
+  /// Newton's coefficient, 0 to 1; none: that of the body.
+  std::optional<double> restitution = std::nullopt;
 };
 
 /// Number of convex shapes of a shape: parts of a compound, else 1.
@@ -90,11 +95,17 @@ inline std::size_t part_count(const Shape& shape) {
   const auto* compound = std::get_if<Compound>(&shape);
   return compound == nullptr ? 1 : compound->parts->size();
 }
+/// Returns a part of a shape by its number; null for a shape that is no compound.
+inline const ShapePart* find_part(const Shape& shape, int part) {
+  const auto* compound = std::get_if<Compound>(&shape);
+  return compound == nullptr ? nullptr : &(*compound->parts)[static_cast<std::size_t>(part)];
+}
+
 /// Returns a convex shape of a shape, by the number of the part: a part of a compound, or the shape
 /// itself.
 inline const Shape& part_of(const Shape& shape, int part) {
-  const auto* compound = std::get_if<Compound>(&shape);
-  return compound == nullptr ? shape : (*compound->parts)[static_cast<std::size_t>(part)].shape;
+  const ShapePart* found = find_part(shape, part);
+  return found == nullptr ? shape : found->shape;
 }
 
 /// Volume of a shape [m³], of a compound the sum over its parts; zero for Point and Plane.

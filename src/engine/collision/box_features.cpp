@@ -84,17 +84,22 @@ int Corners::face_of(std::size_t corner) const {
   for (int face = 1; face < 6; ++face)
     if (beyond(at[corner], face) > beyond(at[corner], farthest)) farthest = face;
   if (beyond(at[corner], farthest) > within.border) return farthest;
-  // Inside or on the box: a face counts where the whole other box is above it.
+  const Vector3d velocity = seen.velocity(own[corner]);
+  const auto rate = [&](int face) { return side(face) * velocity[face % 3]; };
+  // Inside or on the box: a face counts where the whole other box is above it. Of two such faces
+  // the corner belongs to the face that it does not move into, as on the seam of a floor in parts.
   for (int face = 0; face < 6; ++face) {
     const auto f = static_cast<std::size_t>(face);
     if (beyond(at[corner], face) < -within.overlap || apart[f] < -within.overlap) continue;
-    if (on < 0 || apart[f] > apart[static_cast<std::size_t>(on)]) on = face;
+    const double farther = on < 0 ? kInfinity : apart[f] - apart[static_cast<std::size_t>(on)];
+    const double faster = on < 0 ? 0.0 : rate(face) - rate(on);
+    const bool is_tie = std::abs(farther) <= within.border && std::abs(faster) > within.resting;
+    if (is_tie ? faster > 0.0 : farther > 0.0) on = face;
   }
   // A corner at the border of this face that moves outward belongs to the adjacent face.
-  const Vector3d velocity = seen.velocity(own[corner]);
   for (int face = 0; face < 6; ++face)
     if (face % 3 != on % 3 && beyond(at[corner], face) >= -within.border &&
-        side(face) * velocity[face % 3] > within.resting)
+        rate(face) > within.resting)
       return face;
   return on;
 }

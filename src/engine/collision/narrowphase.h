@@ -19,19 +19,21 @@ namespace constraint_sim::engine {
 /// Returns pose and twist of a shape in its body.
 BodyState beside(const BodyState& body, const ShapePose& pose);
 
+/// Returns the pose of a shape in its body; null where the shape lies at the body's pose. `part`:
+/// number of the shape in a compound; 0 for a body of one shape.
+inline const ShapePose* pose_in_body(const Body& body, int part) {
+  if (const ShapePart* found = find_part(body.shape, part)) return &found->pose;
+  return body.shape_pose ? &*body.shape_pose : nullptr;
+}
+
 /// A convex shape of a body with its pose: the pose of its body, or the shape's own pose in the
 /// body. Refers to `body` and `state`.
 class PlacedShape {
  public:
-  /// `part`: number of the shape in a compound; 0 for a body of one shape.
+  /// `part`: as in pose_in_body().
   PlacedShape(const Body& body, int part, const BodyState& state)
-      : shape_(&body.shape), state_(&state) {
-    const ShapePose* pose = body.shape_pose ? &*body.shape_pose : nullptr;
-    if (const auto* compound = std::get_if<Compound>(&body.shape)) {
-      const ShapePart& of = (*compound->parts)[static_cast<std::size_t>(part)];
-      shape_ = &of.shape;
-      pose = &of.pose;
-    }
+      : shape_(&part_of(body.shape, part)), state_(&state) {
+    const ShapePose* pose = pose_in_body(body, part);
     if (pose != nullptr) state_ = &beside_.emplace(beside(state, *pose));
   }
   PlacedShape(const PlacedShape&) = delete;

@@ -40,9 +40,19 @@ Vector3d tangent_to(const Vector3d& n) {
   return n.cross(Vector3d::Unit(least)).normalized();
 }
 
-ContactSurface::ContactSurface(const Body& a, const Body& b)
-    : friction(std::sqrt(a.friction * b.friction)),
-      restitution(std::max(a.restitution, b.restitution)) {}
+double friction_of(const Body& body, int part) {
+  const ShapePart* found = find_part(body.shape, part);
+  return found == nullptr ? body.friction : found->friction.value_or(body.friction);
+}
+
+double restitution_of(const Body& body, int part) {
+  const ShapePart* found = find_part(body.shape, part);
+  return found == nullptr ? body.restitution : found->restitution.value_or(body.restitution);
+}
+
+ContactSurface::ContactSurface(const Body& a, int part_a, const Body& b, int part_b)
+    : friction(std::sqrt(friction_of(a, part_a) * friction_of(b, part_b))),
+      restitution(std::max(restitution_of(a, part_a), restitution_of(b, part_b))) {}
 
 int write_contact_rows(const BodyState& a, const BodyState& b, const Vector3d& normal,
                        const Manifold::Point& point, const ContactSurface& surface,

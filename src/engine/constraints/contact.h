@@ -17,12 +17,16 @@ inline constexpr int kMaxContactRows = 3;
 /// Returns a unit vector at right angles to n, a function of n alone.
 Eigen::Vector3d tangent_to(const Eigen::Vector3d& n);
 
-/// Friction and restitution of a pair of surfaces.
+/// Coefficients of a convex shape of a body, by the number of the part.
+double friction_of(const Body& body, int part);
+double restitution_of(const Body& body, int part);
+
+/// Friction and restitution of two convex shapes of different bodies, by the numbers of the parts.
 struct ContactSurface {
   double friction;     ///< geometric mean of both coefficients
   double restitution;  ///< larger of both coefficients
 
-  ContactSurface(const Body& a, const Body& b);
+  ContactSurface(const Body& a, int part_a, const Body& b, int part_b);
 };
 
 /// Share of the fall of a step within which converged contacts rest: well above the residual.

@@ -39,11 +39,17 @@ std::size_t place_of(const Vector3d& position, const TouchingPair& pair) {
 
 /// Contacts of a pair that hold, or had an impulse within the step, in the order of bodies.
 TouchingPair contacts_of(const ContactEquations& equations, const ContactPair& of) {
-  const int a = equations.bodies()[of.a].index, b = equations.bodies()[of.b].index;
-  const bool is_swapped = a > b;
+  const GroupBodies& bodies = equations.bodies();
   TouchingPair pair;
-  pair.a = std::min(a, b);
-  pair.b = std::max(a, b);
+  pair.a = bodies[of.a].index;
+  pair.b = bodies[of.b].index;
+  pair.part_a = bodies.shapes()[of.placed_a].part;
+  pair.part_b = bodies.shapes()[of.placed_b].part;
+  const bool is_swapped = pair.a > pair.b;
+  if (is_swapped) {
+    std::swap(pair.a, pair.b);
+    std::swap(pair.part_a, pair.part_b);
+  }
   const double sign = is_swapped ? -1.0 : 1.0;
   for (const bool acts : {true, false}) {  // contacts that act now come first
     for (std::size_t c = of.first; c < of.first + of.count; ++c) {
@@ -52,7 +58,7 @@ TouchingPair contacts_of(const ContactEquations& equations, const ContactPair& o
         continue;
       const bool has_moved_on = !acts && of.is_of_boxes();  // to other features
       const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
-      const ContactMotion now = equations.bodies().motion(of.a, of.b, feature);
+      const ContactMotion now = bodies.motion(of.placed_a, of.placed_b, feature);
       const Vector3d position = is_swapped ? now.p : Vector3d(now.p - now.gap * now.n);
       const std::size_t k =
           of.is_of_boxes() ? place_of(position, pair) : to_index(pair.manifold.count);

@@ -5,9 +5,11 @@
 #include <utility>
 
 #include "engine/collision/contact_feature.h"
+#include "engine/collision/narrowphase.h"
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/islands/divided_step.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
@@ -75,17 +77,15 @@ void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, GroupJoints* jo
   }
 }
 
-/// Notes whether a pair touched in the last step, and whether friction was within its cone at a
+/// Notes whether two shapes touched in the last step, and whether friction was within its cone at a
 /// point. `mass`: reduced mass of the pair [kg], which turns a rounding of velocity into an
 /// impulse.
-void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends, double mass,
+void note_step_before(const List<TouchingPair>& before, const ShapePair& shapes, double mass,
                       ContactPair* pair) {
   constexpr double kAtCone = 1e-6;
   constexpr double kRounding = 1e-12;  // [m/s]
-  const auto found = std::lower_bound(
-      before.begin(), before.end(), ends,
-      [](const TouchingPair& l, const std::pair<int, int>& r) { return l.ends() < r; });
-  if (found == before.end() || found->ends() != ends) return;
+  const TouchingPair* found = find_contact(before, shapes);
+  if (found == nullptr) return;
   pair->touched = true;
   for (std::size_t k = 0; k < to_index(found->manifold.count); ++k) {
     const double normal = found->impulses[k].dot(found->manifold.normal);
@@ -290,9 +290,21 @@ std::size_t ContactGroups::add_body(const Model& model, int body, GroupBodies* b
     GroupBody& added = bodies->list().emplace_back();
     added.index = body;
     added.mass = model.masses[body];
-    added.shape_pose = model.bodies[body].shape_pose;
   }
   return to_index(place);
+}
+
+// Returns the index of a shape in GroupBodies::shapes(); `place`: index of its body in the group.
+std::size_t ContactGroups::add_shape(const Body& body, std::size_t place, int part,
+                                     GroupBodies* bodies) {
+  List<GroupShape>& shapes = bodies->shapes();
+  const auto found = std::find_if(shapes.begin(), shapes.end(), [&](const GroupShape& shape) {
+    return shape.body == place && shape.part == part;
+  });
+  if (found != shapes.end()) return to_index(found - shapes.begin());
+  const ShapePose* pose = pose_in_body(body, part);
+  shapes.push_back({place, part, pose == nullptr ? std::nullopt : std::optional(*pose)});
+  return shapes.size() - 1;
 }
 
 // Compiles bodies, joints and pairs of a group.
@@ -304,6 +316,7 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
   GroupBodies& bodies = group.events->equations().bodies();
   GroupJoints& joints = group.events->equations().joints();
   bodies.list().clear();
+  bodies.shapes().clear();
   joints.coordinates().clear();
   for (const int i : group.islands)
     for (const int body : lists.island_parts[i].members.bodies) add_body(model, body, &bodies);
@@ -336,19 +349,27 @@ bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>&
   pairs.clear();
   for (const ShapePair& shapes : group.pairs) {
     auto [a, b] = shapes.bodies();
-    if (!has_features(model.bodies[a].shape, model.bodies[b].shape)) std::swap(a, b);
+    int part_a = shapes.part_first, part_b = shapes.part_second;
+    if (!has_features(part_of(model.bodies[a].shape, part_a),
+                      part_of(model.bodies[b].shape, part_b))) {
+      std::swap(a, b);
+      std::swap(part_a, part_b);
+    }
     const Body& body_a = model.bodies[a];
     const Body& body_b = model.bodies[b];
-    if (!has_features(body_a.shape, body_b.shape)) return false;
-    const ContactSurface surface(body_a, body_b);
+    const Shape& shape_a = part_of(body_a.shape, part_a);
+    const Shape& shape_b = part_of(body_b.shape, part_b);
+    if (!has_features(shape_a, shape_b)) return false;
+    const ContactSurface surface(body_a, part_a, body_b, part_b);
     const std::size_t place_a = add_body(model, a, &bodies);
     const std::size_t place_b = add_body(model, b, &bodies);
-    pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
-                     surface.restitution, 0, 0,
-                     std::min(thickness(body_a.shape), thickness(body_b.shape)),
+    const std::size_t placed_a = add_shape(body_a, place_a, part_a, &bodies);
+    const std::size_t placed_b = add_shape(body_b, place_b, part_b, &bodies);
+    pairs.push_back({place_a, place_b, placed_a, placed_b, shape_a, shape_b, surface.friction,
+                     surface.restitution, 0, 0, std::min(thickness(shape_a), thickness(shape_b)),
                      (step.assumed.of(a) + step.assumed.of(b)) / model.options.time_step});
     const double mass = 1.0 / (model.masses[a].inverse_mass + model.masses[b].inverse_mass);
-    note_step_before(touching_before, std::minmax(a, b), mass, &pairs.back());
+    note_step_before(touching_before, shapes, mass, &pairs.back());
   }
   return true;
 }

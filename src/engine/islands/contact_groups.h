@@ -92,6 +92,7 @@ class ContactGroups {
   bool compile_events(const StepContext& step, const Rollback& rollback, const IslandLists& lists,
                       const List<TouchingPair>& touching_before, const ContactGroup& group);
   std::size_t add_body(const Model& model, int body, GroupBodies* bodies);
+  static std::size_t add_shape(const Body& body, std::size_t place, int part, GroupBodies* bodies);
   bool add_pairs(const StepContext& step, const List<TouchingPair>& touching_before,
                  const ContactGroup& group);
   double most_work_of(const WorldOptions& options, const ContactGroup& of) const;

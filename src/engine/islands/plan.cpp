@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "engine/constraints/contact.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
 #include "engine/islands/method_choice.h"
@@ -25,8 +26,7 @@ constexpr double kTold = 1e-6;  // error of a joint below which it is not report
 struct Counts {
   int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
   int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, colliding_cylinders = 0,
-      colliding_hulls = 0, colliding_capsules = 0, colliding_compounds = 0, colliding_planes = 0,
-      rough = 0, turning = 0;
+      colliding_hulls = 0, colliding_capsules = 0, colliding_planes = 0, rough = 0, turning = 0;
   int rods = 0, limited = 0, springs = 0, motors = 0, broken = 0, disabled = 0;
   std::array<int, kShapeNames.size()> shapes{};  // by kind
   int rubbing = 0;                               // coordinates with friction
@@ -37,6 +37,19 @@ struct Counts {
   bool collides() const { return colliding >= 2 && colliding_dynamic >= 1; }
   bool turns() const { return turning > 0; }
 };
+
+template <class Kind>
+bool has_part(const Shape& shape) {
+  for (int part = 0; part < static_cast<int>(part_count(shape)); ++part)
+    if (std::holds_alternative<Kind>(part_of(shape, part))) return true;
+  return false;
+}
+
+bool has_friction(const Body& body) {
+  for (int part = 0; part < static_cast<int>(part_count(body.shape)); ++part)
+    if (friction_of(body, part) > 0.0) return true;
+  return false;
+}
 
 void count_body(const Body& body, Counts* counts) {
   const bool is_dynamic = body.type == BodyType::kDynamic;
@@ -51,16 +64,12 @@ void count_body(const Body& body, Counts* counts) {
   if (body.no_collision || is_point) return;
   ++counts->colliding;
   counts->colliding_dynamic += is_dynamic;
-  bool has_box = false;
-  for (int part = 0; part < static_cast<int>(part_count(body.shape)); ++part)
-    has_box = has_box || std::holds_alternative<Box>(part_of(body.shape, part));
-  counts->colliding_boxes += has_box;
-  counts->colliding_cylinders += std::holds_alternative<Cylinder>(body.shape);
-  counts->colliding_hulls += std::holds_alternative<Hull>(body.shape);
-  counts->colliding_capsules += std::holds_alternative<Capsule>(body.shape);
-  counts->colliding_compounds += std::holds_alternative<Compound>(body.shape);
-  counts->colliding_planes += std::holds_alternative<Plane>(body.shape);
-  counts->rough += body.friction > 0.0;
+  counts->colliding_boxes += has_part<Box>(body.shape);
+  counts->colliding_cylinders += has_part<Cylinder>(body.shape);
+  counts->colliding_hulls += has_part<Hull>(body.shape);
+  counts->colliding_capsules += has_part<Capsule>(body.shape);
+  counts->colliding_planes += has_part<Plane>(body.shape);
+  counts->rough += has_friction(body);
 }
 
 void count_law(const CoordinateLaw& law, Counts* counts) {
@@ -195,8 +204,6 @@ std::vector<std::string> left_out(const World& world) {
             "events of cylinders: time_stepping carries what touches one");
   leave_out(collides_by_events && counts.colliding_hulls > 0,
             "events of hulls: time_stepping carries what touches one");
-  leave_out(collides_by_events && counts.colliding_compounds > 0,
-            "events of compounds: time_stepping carries what touches one");
   leave_out(collides_by_events && counts.colliding_capsules > 0 &&
                 counts.colliding - counts.colliding_planes > 1,
             "events of capsules: time_stepping carries what touches one and is no plane");

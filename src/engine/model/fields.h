@@ -77,6 +77,8 @@ template <>
 inline constexpr auto kFields<ShapePart> = std::tuple{
     Field{"shape", &ShapePart::shape, AnyValue{}},
     Field{"shape_pose", &ShapePart::pose, AnyValue{}},
+    Field{"friction", &ShapePart::friction, NotNegative{}},
+    Field{"restitution", &ShapePart::restitution, Share{}},
 };
 
 template <>

@@ -175,6 +175,8 @@ void check(const char*, const ShapePose& pose, AnyValue) { validate(pose); }
 void check(const std::string& field, const std::shared_ptr<const ConvexHull>& surface, AnyValue) {
   if (!surface) refuse(field, "must be given");
 }
+template <class Value, class Range>
+void check(const char* field, const std::optional<Value>& value, Range range);
 void check(const std::string& field, const std::shared_ptr<const Compound::Parts>& parts,
            AnyValue) {
   if (!parts || parts->empty()) refuse(field, "must be at least one part");
@@ -182,13 +184,14 @@ void check(const std::string& field, const std::shared_ptr<const Compound::Parts
     refuse(field, "must be at most " + std::to_string(kMostParts) + ", got " +
                       std::to_string(parts->size()));
   for (std::size_t i = 0; i < parts->size(); ++i) {
-    const auto& [shape, pose] = (*parts)[i];
+    const ShapePart& part = (*parts)[i];
+    const Shape& shape = part.shape;
     try {
       if (std::holds_alternative<Point>(shape) || std::holds_alternative<Plane>(shape) ||
           std::holds_alternative<Compound>(shape))
         refuse("shape", "a part must be a sphere, a box, a cylinder, a capsule or a hull");
-      validate(shape);
-      validate(pose);
+      visit_fields(
+          part, [](const char* key, const auto& value, auto range) { check(key, value, range); });
     } catch (const std::invalid_argument& error) {
       throw std::invalid_argument("shapes[" + std::to_string(i) + "]." + error.what());
     }

@@ -172,10 +172,14 @@ void read(const YamlElement& item, const char* key, std::optional<std::array<dou
 Compound read_shapes(const YamlElement& body) {
   Compound::Parts parts;
   for (const YamlElement& item : body.at("shapes").items()) {
-    item.expect_keys({"shape", "shape_pose"});
+    item.expect_keys(keys_of<ShapePart>());
+    ShapePart& part = parts.emplace_back();
+    part.shape = read_shape(item.at("shape"));
     std::optional<ShapePose> pose;
     read(item, "shape_pose", &pose);
-    parts.push_back({read_shape(item.at("shape")), pose.value_or(ShapePose{})});
+    part.pose = pose.value_or(ShapePose{});
+    item.read("friction", &part.friction);
+    item.read("restitution", &part.restitution);
   }
   return body.attempt([&] { return Compound(std::move(parts)); });
 }

@@ -104,11 +104,14 @@ void write(YAML::Emitter* out, const char* key, const Shape& shape) {
   *out << YAML::EndMap << YAML::EndMap;
 }
 
-void write(YAML::Emitter* out, const char* key, const std::optional<ShapePose>& pose) {
-  if (!pose) return;
+void write(YAML::Emitter* out, const char* key, const ShapePose& pose) {
   *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginMap;
-  write_fields(out, *pose);
+  write_fields(out, pose);
   *out << YAML::EndMap;
+}
+
+void write(YAML::Emitter* out, const char* key, const std::optional<ShapePose>& pose) {
+  if (pose) write(out, key, *pose);
 }
 
 void write(YAML::Emitter* out, const char* key, const std::optional<std::array<double, 4>>& color) {
@@ -118,10 +121,9 @@ void write(YAML::Emitter* out, const char* key, const std::optional<std::array<d
 void write(YAML::Emitter* out, const char* key,
            const std::shared_ptr<const Compound::Parts>& parts) {
   *out << YAML::Key << key << YAML::Value << YAML::BeginSeq;
-  for (const auto& [shape, pose] : *parts) {
+  for (const ShapePart& part : *parts) {
     *out << YAML::Flow << YAML::BeginMap;
-    write(out, "shape", shape);
-    write(out, "shape_pose", std::optional<ShapePose>(pose));
+    write_fields(out, part);
     *out << YAML::EndMap;
   }
   *out << YAML::EndSeq;

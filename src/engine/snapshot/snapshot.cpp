@@ -196,6 +196,8 @@ class Visitor {
       visit_kind(part.shape);
       visit_dimensions(part.shape);
       (*this)(part.pose);
+      (*this)(part.friction);
+      (*this)(part.restitution);
     }
     if constexpr (!kReads) return;
     try {

@@ -36,15 +36,19 @@ class Fnv1a {
   void add(const std::shared_ptr<const Compound::Parts>& parts) {
     add(std::uint64_t{parts->size()});
     const auto add_field = [this](const char*, const auto& value, auto) { add(value); };
-    for (const auto& [shape, pose] : *parts) {
-      add(shape);
-      visit_fields(pose, add_field);
-    }
+    for (const ShapePart& part : *parts) visit_fields(part, add_field);
   }
   void add(const Shape& shape) {
     add(std::uint64_t{shape.index()});
     const auto add_field = [this](const char*, const auto& value, auto) { add(value); };
     std::visit([&](const auto& of_kind) { visit_fields(of_kind, add_field); }, shape);
+  }
+  void add(const ShapePose& pose) {
+    visit_fields(pose, [this](const char*, const auto& value, auto) { add(value); });
+  }
+  void add(const std::optional<double>& value) {
+    add(value.has_value());
+    if (value) add(*value);
   }
   void add(const Eigen::Quaterniond& q) { add(q.coeffs().data(), 4 * sizeof(double)); }
 

@@ -272,7 +272,8 @@ void SequentialImpulses::add_coupling(const Model& model, const ImpulseStep& ste
 void SequentialImpulses::prepare_contact(const Model& model, const ContactStep& contacts,
                                          const State& state, const TouchingPair& pair,
                                          std::size_t point) {
-  const ContactSurface surface(model.bodies[pair.a], model.bodies[pair.b]);
+  const ContactSurface surface(model.bodies[pair.a], pair.part_a, model.bodies[pair.b],
+                               pair.part_b);
   std::array<Row, kMaxContactRows> written;
   const int count = write_contact_rows(state.states[pair.a], state.states[pair.b],
                                        pair.manifold.normal, pair.manifold.points[point], surface,

@@ -10,10 +10,11 @@
 
 namespace constraint_sim::engine {
 
-/// Pair of bodies with shapes that may touch, by index in ContactEquations, with A first as
-/// has_features() requires. Contacts of a pair are consecutive.
+/// Two convex shapes of different bodies that may touch, with A first as has_features() requires.
+/// Contacts of a pair are consecutive.
 struct ContactPair {
-  std::size_t a, b;
+  std::size_t a, b;                ///< bodies, by index in GroupBodies::list()
+  std::size_t placed_a, placed_b;  ///< shapes, by index in GroupBodies::shapes()
   Shape shape_a, shape_b;
   double friction, restitution;
   std::size_t first = 0, count = 0;  ///< range of its contacts
@@ -25,6 +26,9 @@ struct ContactPair {
 
   bool is_of_boxes() const {
     return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);
+  }
+  bool has_bodies_of(const ContactPair& other) const {
+    return (a == other.a && b == other.b) || (a == other.b && b == other.a);
   }
   /// Whether the features in contact do not depend on the pose.
   bool has_fixed_features() const { return !std::holds_alternative<Box>(shape_b); }

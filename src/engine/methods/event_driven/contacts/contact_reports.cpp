@@ -74,21 +74,33 @@ void ContactReports::add(const ContactChange& change, const ContactEquations& eq
         });
   }
   List<ContactPair>& list = pairs->list();
-  for (std::size_t p = 0; p < list.size(); ++p) add_pair(change, equations, p, &list[p]);
+  for (std::size_t first = 0, last = 0; first < list.size(); first = last) {
+    while (last < list.size() && list[last].has_bodies_of(list[first])) ++last;
+    add_pairs(change, equations, first, last, &list);
+  }
 }
 
-void ContactReports::add_pair(const ContactChange& change, const ContactEquations& equations,
-                              std::size_t p, ContactPair* pair) {
-  bool was = pair->held, is = false, stuck = pair->stuck, sticks = false;
+// Reports two bodies, whose pairs of shapes are those from `first` to before `last`.
+void ContactReports::add_pairs(const ContactChange& change, const ContactEquations& equations,
+                               std::size_t first, std::size_t last, List<ContactPair>* pairs) {
+  bool was = false, is = false, stuck = false, sticks = false, is_still = false, is_rough = false;
   double impulse = 0.0, rests_in = 0.0;
-  for (std::size_t c = pair->first; c < pair->first + pair->count; ++c) {
-    const Acts now = equations.contacts()[c].acts;
-    was = was || change.acts[c] != Acts::kOpen;
-    stuck = stuck || change.acts[c] == Acts::kSticks;
-    is = is || now != Acts::kOpen;
-    sticks = sticks || now == Acts::kSticks;
-    impulse += change.impulses.contacts[c];
-    rests_in = std::max(rests_in, change.rests_in.contacts[c]);
+  for (std::size_t p = first; p < last; ++p) {
+    ContactPair& pair = (*pairs)[p];
+    was = was || pair.held;
+    stuck = stuck || pair.stuck;
+    is_still = is_still || pair.is_still;
+    is_rough = is_rough || pair.friction > 0.0;
+    pair.forget();
+    for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
+      const Acts now = equations.contacts()[c].acts;
+      was = was || change.acts[c] != Acts::kOpen;
+      stuck = stuck || change.acts[c] == Acts::kSticks;
+      is = is || now != Acts::kOpen;
+      sticks = sticks || now == Acts::kSticks;
+      impulse += change.impulses.contacts[c];
+      rests_in = std::max(rests_in, change.rests_in.contacts[c]);
+    }
   }
   // A contact that already exists at the first step is not reported as an event.
   if (change.is_begin && !was && impulse == 0.0) {
@@ -97,16 +109,15 @@ void ContactReports::add_pair(const ContactChange& change, const ContactEquation
   }
   // At the start of a step, friction at its bound does not tell sticking from slipping. A pair that
   // does not move and sticks now stuck before as well.
-  if (change.is_begin && pair->is_still && sticks) stuck = true;
-  pair->forget();
+  if (change.is_begin && is_still && sticks) stuck = true;
   const auto add_one = [&](EventKind kind, double of, double later) {
-    add({kind, change.t, static_cast<int>(p), -1, of}, later);
+    add({kind, change.t, static_cast<int>(first), -1, of}, later);
   };
   const double later = is ? rests_in : 0.0;
   if (!was && (is || impulse > 0.0)) add_one(EventKind::kContactBegan, impulse, later);
   if (was && impulse > 0.0) add_one(EventKind::kHit, impulse, later);
   if ((was || impulse > 0.0) && !is) add_one(EventKind::kContactEnded, 0.0, 0.0);
-  if (was && is && stuck != sticks && pair->friction > 0.0)
+  if (was && is && stuck != sticks && is_rough)
     add_one(sticks ? EventKind::kSticks : EventKind::kSlips, 0.0, 0.0);
 }
 

@@ -28,7 +28,7 @@ class ContactReports {
   struct Report {
     EventKind kind;
     double time;     ///< simulated [s]
-    int pair;        ///< −1: event of a joint
+    int pair;        ///< first pair of shapes of the two bodies; −1: event of a joint
     int coordinate;  ///< index in ContactEquations, for events of joints
     double impulse;  ///< impulse of an impact [N s or N m s]
     int joint = -1;  ///< index in ContactEquations of a joint that broke
@@ -48,8 +48,8 @@ class ContactReports {
   void write(const ContactEquations& equations, std::size_t coordinate, JointState* state) const;
 
  private:
-  void add_pair(const ContactChange& change, const ContactEquations& equations, std::size_t p,
-                ContactPair* pair);
+  void add_pairs(const ContactChange& change, const ContactEquations& equations, std::size_t first,
+                 std::size_t last, List<ContactPair>* pairs);
   void add(const Report& report, double rests_in);
 
   List<Report> list_;

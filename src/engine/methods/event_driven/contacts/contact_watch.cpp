@@ -148,8 +148,9 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
     watched.rough = 0.0;
   }
   const ContactPair& pair = pairs.of(c);
-  const FeatureMargin margin = margin_of(contact.feature, pair.shape_a, bodies.shape_state(pair.a),
-                                         pair.shape_b, bodies.shape_state(pair.b));
+  const FeatureMargin margin =
+      margin_of(contact.feature, pair.shape_a, bodies.shape_state(pair.placed_a), pair.shape_b,
+                bodies.shape_state(pair.placed_b));
   if (!std::isfinite(margin.value)) return;
   watched.kind = Kind::kMargin;
   watched.value = margin.value;

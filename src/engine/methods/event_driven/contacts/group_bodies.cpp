@@ -42,15 +42,13 @@ void GroupBodies::gather(const List<BodyState>& states, double since_tick) {
   since_tick_ = since_tick;
   movers_.clear();
   states_.resize(list_.size());
-  shapes_.resize(list_.size());
+  shape_states_.resize(shapes_.size());
   inverse_inertia_.assign(list_.size(), Matrix3d::Zero());
   y_.assign(size(), 0.0);
   scale_ = 0.0;
   for (std::size_t i = 0; i < list_.size(); ++i) {
     const BodyState& state = states_[i] = states[static_cast<std::size_t>(list_[i].index)];
     scale_ = std::max(scale_, state.position.norm());
-    if (list_[i].shape_pose) scale_ = std::max(scale_, list_[i].shape_pose->position.norm());
-    place_shape(i);
     if (i >= movable_ && !(state.linear_velocity.isZero(0.0) && state.angular_velocity.isZero(0.0)))
       movers_.push_back({i, state});
     if (i >= movable_) continue;
@@ -61,6 +59,8 @@ void GroupBodies::gather(const List<BodyState>& states, double since_tick) {
     Vector(y + kL) =
         apply_inertia(list_[i].mass.inertia, state.orientation, state.angular_velocity);
   }
+  for (const GroupShape& shape : shapes_)
+    if (shape.pose) scale_ = std::max(scale_, shape.pose->position.norm());
   place(y_.data());
 }
 
@@ -79,9 +79,9 @@ void GroupBodies::place(const double* numbers) {
     const Matrix3d R = rotation_matrix(y + kQ);
     inverse_inertia_[i] = R * list_[i].mass.inverse_inertia.asDiagonal() * R.transpose();
     state.angular_velocity = inverse_inertia_[i] * ConstVector(y + kL);
-    place_shape(i);
   }
   if (has_movers()) place_movers();
+  place_shapes();
 }
 
 void GroupBodies::place_movers() {
@@ -90,17 +90,17 @@ void GroupBodies::place_movers() {
     states_[i].position = start.position + t * start.linear_velocity;
     states_[i].orientation =
         (rotation(t * start.angular_velocity) * start.orientation).normalized();
-    place_shape(i);
   }
 }
 
-void GroupBodies::place_shape(std::size_t i) {
-  if (list_[i].shape_pose) shapes_[i] = beside(states_[i], *list_[i].shape_pose);
+void GroupBodies::place_shapes() {
+  for (std::size_t k = 0; k < shapes_.size(); ++k)
+    if (shapes_[k].pose) shape_states_[k] = beside(states_[shapes_[k].body], *shapes_[k].pose);
 }
 
 void GroupBodies::set_states(const List<BodyState>& states) {
   states_ = states;
-  for (std::size_t i = 0; i < list_.size(); ++i) place_shape(i);
+  place_shapes();
 }
 
 double GroupBodies::kinetic_energy() const {
@@ -115,18 +115,19 @@ double GroupBodies::kinetic_energy() const {
 }
 
 // Features are in frames of shapes; arms and accelerations refer to centres of mass.
-ContactMotion GroupBodies::motion(std::size_t a, std::size_t b,
+ContactMotion GroupBodies::motion(std::size_t shape_a, std::size_t shape_b,
                                   const ContactFeature& feature) const {
-  ContactMotion motion = motion_of(feature, shape_state(a), shape_state(b));
-  const auto move = [this](std::size_t body, double sign, Vector3d* arm, Vector3d* w_bias) {
-    if (!list_[body].shape_pose) return;
-    const Vector3d offset = shapes_[body].position - states_[body].position;
-    const Vector3d& w = states_[body].angular_velocity;
+  ContactMotion motion = motion_of(feature, shape_state(shape_a), shape_state(shape_b));
+  const auto move = [this](std::size_t shape, double sign, Vector3d* arm, Vector3d* w_bias) {
+    if (!shapes_[shape].pose) return;
+    const BodyState& body = states_[shapes_[shape].body];
+    const Vector3d offset = shape_states_[shape].position - body.position;
+    const Vector3d& w = body.angular_velocity;
     *arm += offset;
     *w_bias += sign * w.cross(w.cross(offset));
   };
-  move(a, 1.0, &motion.r_a, &motion.w_bias);
-  move(b, -1.0, &motion.r_b, &motion.w_bias);
+  move(shape_a, 1.0, &motion.r_a, &motion.w_bias);
+  move(shape_b, -1.0, &motion.r_b, &motion.w_bias);
   return motion;
 }
 

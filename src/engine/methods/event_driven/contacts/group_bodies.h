@@ -19,7 +19,13 @@ struct GroupBody {
   int index;  ///< index in the world
   MassProperties mass;
   Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
-  std::optional<ShapePose> shape_pose;
+};
+
+/// Convex shape of a body of a contact group.
+struct GroupShape {
+  std::size_t body;               ///< index in GroupBodies::list()
+  int part;                       ///< number of the shape in its body
+  std::optional<ShapePose> pose;  ///< none: at the pose of the body
 };
 
 /// Motions of the bodies of a contact group, such as accelerations.
@@ -41,6 +47,9 @@ class GroupBodies {
   List<GroupBody>& list() { return list_; }
   const List<GroupBody>& list() const { return list_; }
   const GroupBody& operator[](std::size_t body) const { return list_[body]; }
+  /// Shapes that may touch another; set before gather().
+  List<GroupShape>& shapes() { return shapes_; }
+  const List<GroupShape>& shapes() const { return shapes_; }
   void set_movable(std::size_t count) { movable_ = count; }
   std::size_t movable() const { return movable_; }
 
@@ -67,19 +76,20 @@ class GroupBodies {
   const BodyState& state(std::size_t body) const { return states_[body]; }
   const List<BodyState>& states() const { return states_; }
   void set_states(const List<BodyState>& states);
-  /// State of the shape of a body, from which contact features are computed.
-  const BodyState& shape_state(std::size_t body) const {
-    return list_[body].shape_pose ? shapes_[body] : states_[body];
+  /// State of a shape, from which contact features are computed.
+  const BodyState& shape_state(std::size_t shape) const {
+    return shapes_[shape].pose ? shape_states_[shape] : states_[shapes_[shape].body];
   }
-  /// Whether the centre of a body's shape is off its centre of mass.
-  bool is_beside(std::size_t body) const {
-    const std::optional<ShapePose>& pose = list_[body].shape_pose;
+  /// Whether the centre of a shape is off the centre of mass of its body.
+  bool is_beside(std::size_t shape) const {
+    const std::optional<ShapePose>& pose = shapes_[shape].pose;
     return pose && !pose->position.isZero(0.0);
   }
   bool has_movers() const { return !movers_.empty(); }  ///< whether there are kinematic bodies
   double kinetic_energy() const;
-  /// Relative motion at a feature of the shapes of A and B.
-  ContactMotion motion(std::size_t a, std::size_t b, const ContactFeature& feature) const;
+  /// Relative motion at a feature of two shapes, the first of body A, the second of body B.
+  ContactMotion motion(std::size_t shape_a, std::size_t shape_b,
+                       const ContactFeature& feature) const;
 
   /// Length that rounding is relative to [m].
   double scale() const { return scale_; }
@@ -121,18 +131,19 @@ class GroupBodies {
     BodyState start;  ///< state at the start of the tick
   };
 
-  void place_shape(std::size_t body);
+  void place_shapes();
   void place_movers();
   double driven_power(std::size_t body, const Eigen::Vector3d& force,
                       const Eigen::Vector3d& torque) const;
 
   List<GroupBody> list_;
+  List<GroupShape> shapes_;
   std::size_t movable_ = 0;
   Eigen::Vector3d gravity_ = Eigen::Vector3d::Zero();
   List<double> y_;
   double start_ = 0.0, t_ = 0.0;
   List<BodyState> states_;
-  List<BodyState> shapes_;  // states of shapes with a pose
+  List<BodyState> shape_states_;  // of shapes with a pose
   List<Mover> movers_;
   double since_tick_ = 0.0;                // time from the start of the tick to t_ = 0 [s]
   List<Eigen::Matrix3d> inverse_inertia_;  // per body, world axes

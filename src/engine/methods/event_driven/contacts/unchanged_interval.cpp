@@ -24,7 +24,11 @@ bool are_same(const GroupBody& l, const GroupBody& r) {
   return l.index == r.index && l.mass.inverse_mass == r.mass.inverse_mass &&
          l.mass.inertia == r.mass.inertia && l.mass.inverse_inertia == r.mass.inverse_inertia &&
          l.mass.weight_share == r.mass.weight_share && have_same_bits(l.force, r.force) &&
-         have_same_bits(l.torque, r.torque) && are_same(l.shape_pose, r.shape_pose);
+         have_same_bits(l.torque, r.torque);
+}
+
+bool are_same(const GroupShape& l, const GroupShape& r) {
+  return l.body == r.body && l.part == r.part && are_same(l.pose, r.pose);
 }
 
 bool are_same(const Shape& l, const Shape& r) {
@@ -40,9 +44,10 @@ bool are_same(const Shape& l, const Shape& r) {
 }
 
 bool are_same(const ContactPair& l, const ContactPair& r) {
-  return l.a == r.a && l.b == r.b && l.friction == r.friction && l.restitution == r.restitution &&
-         l.held == r.held && l.stuck == r.stuck && l.is_still == r.is_still &&
-         are_same(l.shape_a, r.shape_a) && are_same(l.shape_b, r.shape_b);
+  return l.placed_a == r.placed_a && l.placed_b == r.placed_b && l.friction == r.friction &&
+         l.restitution == r.restitution && l.held == r.held && l.stuck == r.stuck &&
+         l.is_still == r.is_still && are_same(l.shape_a, r.shape_a) &&
+         are_same(l.shape_b, r.shape_b);
 }
 
 template <class Container>
@@ -58,7 +63,7 @@ bool UnchangedInterval::is_repeated_by(const Interval& span, const ContactEquati
   const GroupBodies& bodies = equations.bodies();
   if (!is_known_ || !equations.joints().list().empty() || bodies.has_movers() || span.h != h_ ||
       !have_same_bits(span.gravity, gravity_) || !are_all_same(bodies.list(), bodies_) ||
-      !are_all_same(pairs, pairs_))
+      !are_all_same(bodies.shapes(), shapes_) || !are_all_same(pairs, pairs_))
     return false;
   const List<double>& numbers = bodies.numbers();
   if (!have_same_bits(numbers.data(), numbers_.data(), numbers.size())) return false;
@@ -75,6 +80,7 @@ void UnchangedInterval::begin(const Interval& span, const ContactEquations& equa
   h_ = span.h;
   numbers_ = bodies.numbers();
   bodies_ = bodies.list();
+  shapes_ = bodies.shapes();
   pairs_ = pairs;
 }
 

@@ -29,6 +29,7 @@ class UnchangedInterval {
   double h_ = 0.0;
   List<double> numbers_;  // state of the movable bodies at the start
   List<GroupBody> bodies_;
+  List<GroupShape> shapes_;
   List<ContactPair> pairs_;
   List<BodyState> states_;                    // at the end
   List<ContactEquations::Contact> contacts_;  // at the end

@@ -21,6 +21,7 @@ const std::string kNoContact = "no_contact/";
 constexpr double kTouching = 1e-6;
 constexpr std::size_t kMostPairs = 1000;  // of exceptions of a robot, which cost time in each step
 constexpr std::size_t kMostWarnings = 20;
+constexpr std::size_t kMostListed = 200;  // characters of a list of links in a warning
 
 double depth(const engine::Body& a, int part_a, const engine::Body& b, int part_b) {
   const engine::Manifold manifold = engine::collide(engine::PlacedShape(a, part_a, a.state),
@@ -57,14 +58,32 @@ class ExceptionSearch {
     }
   }
 
+  // Excepts the pairs of bodies of which all pairs of links are listed.
   void add_listed(const std::vector<LinkPair>& listed) {
     std::map<std::string, std::vector<std::size_t>> by_link;
     for (std::size_t i = 0; i < lumps_.list.size(); ++i)
-      if (lumps_.list[i].shape) by_link[lumps_.list[i].shape->link].push_back(i);
+      for (const std::string& link : links_with_shapes(i)) by_link[link].push_back(i);
+    std::map<IndexPair, std::set<LinkPair>> of_bodies;
     for (const auto& [first, second] : listed)
       for (const std::size_t i : by_link[first])
         for (const std::size_t j : by_link[second])
-          if (i != j) except({i, j});
+          if (i != j)
+            of_bodies[std::minmax(i, j)].insert(i < j ? LinkPair{first, second}
+                                                      : LinkPair{second, first});
+    std::string partly;
+    for (const auto& [pair, links] : of_bodies) {
+      if (links.size() ==
+          links_with_shapes(pair.first).size() * links_with_shapes(pair.second).size())
+        except(pair);
+      else if (!is_excepted(pair))
+        for (const auto& [first, second] : links)
+          partly += (partly.empty() ? "" : ", ") + ("'" + first + "' and '" + second + "'");
+    }
+    if (!partly.empty())
+      warnings_.push_back(
+          "pairs of links that are listed and collide nevertheless, since other links on the same "
+          "bodies are not listed: " +
+          engine::shortened(partly, kMostListed));
   }
 
   void add_overlaps() {
@@ -83,14 +102,16 @@ class ExceptionSearch {
     for (const engine::ShapePair& shapes : broadphase.find_pairs(proxies)) {
       const IndexPair pair{static_cast<std::size_t>(shapes.first),
                            static_cast<std::size_t>(shapes.second)};
-      if (are_of_two_models(pair) || is_excepted(pair)) continue;
+      const std::string& first = link(pair.first, shapes.part_first);
+      const std::string& second = link(pair.second, shapes.part_second);
+      if (are_of_two_models(first, second) || is_excepted(pair)) continue;
       if (!(depth(bodies_[pair.first], shapes.part_first, bodies_[pair.second],
                   shapes.part_second) > kTouching))
         continue;
       except(pair);
       if (group(pair.first) == group(pair.second) || ++overlaps > kMostWarnings) continue;
-      warnings_.push_back("links '" + link(pair.first) + "' and '" + link(pair.second) +
-                          "' overlap, and do not collide with each other");
+      warnings_.push_back("links '" + first + "' and '" + second +
+                          "' overlap, and do not collide with each other" + others_of(pair));
     }
     if (overlaps > kMostWarnings)
       warnings_.push_back("more links overlap than these " + std::to_string(kMostWarnings));
@@ -106,15 +127,40 @@ class ExceptionSearch {
   }
 
  private:
-  const std::string& link(std::size_t i) const { return lumps_.list[i].shape->link; }
-  std::size_t group(std::size_t i) const { return lumps_.list[i].group; }
+  const std::string& link(std::size_t i, int part) const {
+    return lumps_.list[i].shapes[static_cast<std::size_t>(part)].link;
+  }
+  std::size_t group(std::size_t i) const { return lumps_.list[i].plane_of.value_or(i); }
+
+  std::set<std::string> links_with_shapes(std::size_t i) const {
+    std::set<std::string> links;
+    for (const LumpShape& shape : lumps_.list[i].shapes) links.insert(shape.link);
+    return links;
+  }
+
+  // Says which links an exception of two bodies concerns, where these have several.
+  std::string others_of(const IndexPair& pair) const {
+    std::string of[2];
+    std::size_t count = 0;
+    for (const std::size_t i : {pair.first, pair.second}) {
+      const std::set<std::string> links = links_with_shapes(i);
+      count += links.size();
+      for (const std::string& link : links) {
+        std::string& list = of[i == pair.second ? 1 : 0];
+        list += (list.empty() ? "" : ", ") + link;
+      }
+    }
+    if (count == 2) return "";
+    return "; these are all links of two bodies, " + engine::shortened(of[0], kMostListed) +
+           " and " + engine::shortened(of[1], kMostListed);
+  }
 
   bool collides(std::size_t i) const {
     return !bodies_[i].no_collision && !std::holds_alternative<engine::Point>(bodies_[i].shape);
   }
 
-  bool are_of_two_models(const IndexPair& pair) const {
-    const auto first = models_.find(link(pair.first)), second = models_.find(link(pair.second));
+  bool are_of_two_models(const std::string& link, const std::string& other) const {
+    const auto first = models_.find(link), second = models_.find(other);
     return first != models_.end() && second != models_.end() && first->second != second->second;
   }
 

@@ -1,6 +1,7 @@
 #include "urdf/lumps.h"
 
 #include <algorithm>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -18,8 +19,6 @@ using Eigen::Vector3d;
 [[noreturn]] void refuse_link(const std::string& link, const std::string& why) {
   throw std::invalid_argument("urdf: link '" + link + "' " + why);
 }
-
-bool has_mass(const urdf::Link& link) { return link.inertial && link.inertial->mass > 0.0; }
 
 void add_inertial(const urdf::Link& link, const Isometry3d& in_lump, Lump* lump) {
   if (!link.inertial) return;
@@ -90,36 +89,35 @@ std::vector<LumpShape> shapes_of(const urdf::Link& link, MeshShapes* meshes,
 class Walk {
  public:
   Walk(const urdf::ModelInterface& model, MeshShapes* meshes) : meshes_(meshes) {
-    begin(*model.getRoot(), nullptr, 0);
+    begin(*model.getRoot(), nullptr);
   }
 
   Lumps take() { return std::move(lumps_); }
 
  private:
-  // Begins a new lump with this link, in the group of another lump or of its own.
-  void begin(const urdf::Link& link, const urdf::JointConstSharedPtr& joint, std::size_t group) {
+  // Begins a new lump with this link.
+  void begin(const urdf::Link& link, const urdf::JointConstSharedPtr& joint) {
     const std::size_t lump = lumps_.list.size();
     lumps_.list.emplace_back();
     const bool is_joint_frame =
         joint && link.name == joint_frame_link(joint->name) && link.child_links.size() == 1;
     lumps_.list[lump].link = is_joint_frame ? link.child_links.front()->name : link.name;
     lumps_.list[lump].joint = joint;
-    lumps_.list[lump].group = group;
-    add(link, {lump, Isometry3d::Identity()}, shapes_of(link, meshes_, &lumps_.warnings));
+    add(link, {lump, Isometry3d::Identity()});
   }
 
-  void add(const urdf::Link& link, const LinkPlace& place, const std::vector<LumpShape>& shapes) {
+  void add(const urdf::Link& link, const LinkPlace& place) {
     Lump& lump = lumps_.list[place.lump];
     lump.links.push_back(link.name);
     lumps_.places[link.name] = place;
     add_inertial(link, place.in_lump, &lump);
-    for (LumpShape shape : shapes) {
+    for (LumpShape& shape : shapes_of(link, meshes_, &lumps_.warnings)) {
       shape.in_lump = place.in_lump * shape.in_lump;
-      if (lump.shape)
-        lump.more_shapes.push_back(std::move(shape));
-      else
-        lump.shape = std::move(shape);
+      lump.shapes.push_back(std::move(shape));
     }
+    if (lump.shapes.size() > engine::kMostParts)
+      refuse_link(link.name, "has a body with more than " + std::to_string(engine::kMostParts) +
+                                 " collision shapes");
     for (const urdf::JointSharedPtr& joint : link.child_joints) {
       const auto child = std::find_if(
           link.child_links.begin(), link.child_links.end(),
@@ -129,16 +127,9 @@ class Walk {
   }
 
   void follow(const urdf::Link& child, const urdf::JointSharedPtr& joint, const LinkPlace& parent) {
-    if (joint->type != urdf::Joint::FIXED) return begin(child, joint, lumps_.list.size());
-    const bool would_lose_shape =
-        lumps_.list[parent.lump].shape && has_mass(child) && !child.collision_array.empty();
-    if (would_lose_shape) {
-      std::vector<std::string> warnings;  // dropped here; reported when the link is added
-      if (!shapes_of(child, meshes_, &warnings).empty())
-        return begin(child, joint, lumps_.list[parent.lump].group);
-    }
-    add(child, {parent.lump, parent.in_lump * to_isometry(joint->parent_to_joint_origin_transform)},
-        shapes_of(child, meshes_, &lumps_.warnings));
+    if (joint->type != urdf::Joint::FIXED) return begin(child, joint);
+    add(child,
+        {parent.lump, parent.in_lump * to_isometry(joint->parent_to_joint_origin_transform)});
   }
 
   MeshShapes* meshes_;
@@ -157,31 +148,33 @@ Lumps lump_links(const urdf::ModelInterface& model, MeshShapes* meshes) {
   return Walk(model, meshes).take();
 }
 
-void split_shapes(Lumps* lumps) {
+void split_planes(Lumps* lumps) {
   const std::size_t count = lumps->list.size();
-  std::map<std::string, std::size_t> left_out;  // numbers of shapes, by link
   for (std::size_t i = 0; i < count; ++i) {
-    std::vector<LumpShape> more = std::move(lumps->list[i].more_shapes);
-    const std::size_t room = count + kMostParts - lumps->list.size();
-    for (; more.size() > room; more.pop_back()) ++left_out[more.back().link];
-    const double share = 1.0 / static_cast<double>(more.size() + 1);
-    Lump& whole = lumps->list[i];
-    whole.mass *= share;
-    whole.first_moment *= share;
-    whole.second_moment *= share;
-    Lump part = whole;
-    part.joint.reset();
-    part.part_of = i;
-    for (std::size_t k = 0; k < more.size(); ++k) {
-      part.link = lumps->list[i].link + "/" + std::to_string(k + 2);
-      part.shape = std::move(more[k]);
-      lumps->list.push_back(part);
+    const auto is_plane = [](const LumpShape& shape) {
+      return std::holds_alternative<engine::Plane>(shape.shape);
+    };
+    std::vector<LumpShape> shapes = std::move(lumps->list[i].shapes);
+    const auto first_plane = std::stable_partition(
+        shapes.begin(), shapes.end(), [&](const auto& shape) { return !is_plane(shape); });
+    std::vector<LumpShape> planes(std::make_move_iterator(first_plane),
+                                  std::make_move_iterator(shapes.end()));
+    shapes.erase(first_plane, shapes.end());
+    std::size_t number = 1;
+    for (LumpShape& plane : planes) {
+      if (shapes.empty()) {
+        shapes.push_back(std::move(plane));
+        continue;
+      }
+      Lump part = lumps->list[i];
+      part.joint.reset();
+      part.plane_of = i;
+      part.link += "/" + std::to_string(++number);
+      part.shapes = {std::move(plane)};
+      lumps->list.push_back(std::move(part));
     }
+    lumps->list[i].shapes = std::move(shapes);
   }
-  for (const auto& [link, number] : left_out)
-    lumps->warnings.push_back("link '" + link + "': " + std::to_string(number) +
-                              " of its shapes do not collide: a robot has at most " +
-                              std::to_string(kMostParts) + " shapes beyond one for each body");
 }
 
 }  // namespace constraint_sim

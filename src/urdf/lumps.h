@@ -34,14 +34,12 @@ struct Lump {
   std::string link;                 ///< name of the first link that is no joint_frame_link()
   urdf::JointConstSharedPtr joint;  ///< joint to the parent lump; none for the root
   std::vector<std::string> links;   ///< all links, depth first
-  /// Index of the first lump that fixed joints connect to this one; its own index without such.
-  std::size_t group = 0;
-  double mass = 0.0;                                        ///< [kg]
+  double mass = 0.0;                ///< [kg]
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();   ///< ∫ r dm [kg m]
   Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();  ///< inertia about the origin [kg m²]
-  std::optional<LumpShape> shape;
-  std::vector<LumpShape> more_shapes;  ///< further shapes, which need bodies of their own
-  std::optional<std::size_t> part_of;  ///< lump that this one carries a further shape of
+  std::vector<LumpShape> shapes;
+  /// Lump that this one has a plane of, where a static body has planes beside other shapes.
+  std::optional<std::size_t> plane_of;
 
   Eigen::Vector3d centre_of_mass() const { return first_moment / mass; }
   /// Inertia about the centre of mass, in the axes of the lump [kg m²].
@@ -60,16 +58,12 @@ struct Lumps {
   std::vector<std::string> warnings;  ///< collisions that deviate from the URDF
 };
 
-/// Lumps links connected by fixed joints. A body has one shape; so a link with a mass and a shape,
-/// below a parent that has a shape, becomes a separate welded body. Throws std::invalid_argument
-/// for invalid masses and dimensions.
+/// Lumps links connected by fixed joints. Throws std::invalid_argument for invalid masses and
+/// dimensions, and for more shapes than a body has.
 Lumps lump_links(const urdf::ModelInterface& model, MeshShapes* meshes);
 
-/// Most bodies of a robot that carry further shapes; each costs a weld in each step.
-constexpr std::size_t kMostParts = 100;
-
-/// Makes a lump for each further shape, behind all others. A lump and its parts get equal shares of
-/// its mass and inertia, with the same centre of mass, so welded together they move as it did.
-void split_shapes(Lumps* lumps);
+/// Makes a lump for each plane that is not the only shape of its lump, behind all others: a plane
+/// is no part of a compound.
+void split_planes(Lumps* lumps);
 
 }  // namespace constraint_sim

@@ -35,12 +35,9 @@ bool has_no_moment(const Lump& lump) {
 /// parts; none where the link has no shape.
 std::vector<const LumpShape*> first_shape_of(const Lump& lump, const std::string& link) {
   std::vector<const LumpShape*> found;
-  const auto add = [&](const LumpShape& shape) {
+  for (const LumpShape& shape : lump.shapes)
     if (shape.link == link && (found.empty() || found.front()->collision == shape.collision))
       found.push_back(&shape);
-  };
-  if (lump.shape) add(*lump.shape);
-  for (const LumpShape& shape : lump.more_shapes) add(shape);
   return found;
 }
 

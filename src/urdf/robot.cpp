@@ -123,9 +123,10 @@ class Builder {
         extra_(std::move(extra)),
         is_root_fixed_(is_root_fixed),
         lumps_(lump_links(model, meshes)) {
-    split_shapes(&lumps_);
     for (const Lump& lump : lumps_.list)
-      if (lump.shape) links_with_shapes_.insert(lump.shape->link);
+      for (const LumpShape& shape : lump.shapes) links_with_shapes_.insert(shape.link);
+    split_planes(&lumps_);
+    for (Lump& lump : lumps_.list) drop_shapes_without_collision(&lump);
     robot_.name = model.getName();
     robot_.warnings = lumps_.warnings;
     positions_ = first_positions(model, extra_.positions, &robot_.warnings);
@@ -135,7 +136,6 @@ class Builder {
     place_lumps();
     for (std::size_t i = 0; i < lumps_.list.size(); ++i) add_body(i);
     for (const Lump& lump : lumps_.list) add_joint(lump);
-    for (std::size_t i = 0; i < lumps_.list.size(); ++i) add_weld_of_part(i);
     add_mimics();
     add_extra_constraints();
     add_contact_exceptions();
@@ -153,8 +153,8 @@ class Builder {
   void place_lumps() {
     const Isometry3d root = to_isometry(options_.pose);
     for (const Lump& lump : lumps_.list) {
-      if (lump.part_of) {
-        const Isometry3d whole = lump_poses_[*lump.part_of];
+      if (lump.plane_of) {
+        const Isometry3d whole = lump_poses_[*lump.plane_of];
         lump_poses_.push_back(whole);
         continue;
       }
@@ -178,7 +178,7 @@ class Builder {
   // ---- bodies
 
   bool is_static(std::size_t i) const {
-    const std::size_t whole = lumps_.list[i].part_of.value_or(i);
+    const std::size_t whole = lumps_.list[i].plane_of.value_or(i);
     return (whole == 0 && is_root_fixed_) || extra_.static_links.count(lumps_.list[whole].link) > 0;
   }
 
@@ -189,13 +189,18 @@ class Builder {
     Isometry3d in_lump = Isometry3d::Identity();
     if (is_static(i)) {
       body.type = engine::BodyType::kStatic;
-      const bool is_plane = lump.shape && std::holds_alternative<engine::Plane>(lump.shape->shape);
-      if (is_plane) in_lump = lump.shape->in_lump;  // a plane has no pose in its body
+      const bool is_plane =
+          !lump.shapes.empty() && std::holds_alternative<engine::Plane>(lump.shapes[0].shape);
+      if (is_plane) in_lump = lump.shapes[0].in_lump;  // a plane has no pose in its body
     } else {
       in_lump = set_mass(lump, &body);
     }
+    const std::string of_shape = lump.shapes.empty() ? lump.link : lump.shapes[0].link;
+    const LinkProperties properties = properties_of(lump, of_shape);
+    body.friction = properties.friction;
+    body.restitution = properties.restitution;
+    body.no_collision = properties.no_collision;
     set_shape(lump, in_lump, &body);
-    set_properties(lump, &body);
     body.gravity_compensation = extra_.gravity_compensation;
     body.state = to_state(lump_poses_[i] * in_lump);
     bodies_.push_back(world_.add_body(body));
@@ -222,7 +227,7 @@ class Builder {
              " has no inertia, or one that is not positive definite: its principal moments are " +
              std::to_string(moments.x()) + ", " + std::to_string(moments.y()) + ", " +
              std::to_string(moments.z()) + " kg m^2");
-    if (!lump.part_of && moments.sum() < 2.0 * moments.maxCoeff() * (1.0 - 1e-9))
+    if (moments.sum() < 2.0 * moments.maxCoeff() * (1.0 - 1e-9))
       warn("link " + in_quotes(lump.link) +
            ": no mass has such an inertia: one principal moment is more than the two others");
     body->mass = lump.mass;
@@ -233,38 +238,64 @@ class Builder {
     return in_lump;
   }
 
-  // Returns the axes of the shape where they are principal axes, so that the body's axes are
+  // Returns the axes of the first shape where they are principal axes, so that the body's axes are
   // aligned with its shape.
   static Matrix3d axes_of_shape(const Lump& lump, const Matrix3d& inertia) {
-    if (!lump.shape) return Matrix3d::Identity();
-    const Matrix3d R = lump.shape->in_lump.linear();
+    if (lump.shapes.empty()) return Matrix3d::Identity();
+    const Matrix3d R = lump.shapes[0].in_lump.linear();
     return is_diagonal(R.transpose() * inertia * R) ? R : Matrix3d(Matrix3d::Identity());
   }
 
-  static void set_shape(const Lump& lump, const Isometry3d& in_lump, engine::Body* body) {
-    if (!lump.shape) return;
-    constexpr double kRounding = 1e-14;
-    body->shape = lump.shape->shape;
-    const Isometry3d in_body = in_lump.inverse() * lump.shape->in_lump;
-    const bool is_there = in_body.isApprox(Isometry3d::Identity(), kRounding);
-    if (!is_there)
-      body->shape_pose = engine::ShapePose{in_body.translation(), Quaterniond(in_body.linear())};
+  void set_shape(const Lump& lump, const Isometry3d& in_lump, engine::Body* body) const {
+    if (lump.shapes.empty()) return;
+    if (lump.shapes.size() == 1) {
+      constexpr double kRounding = 1e-14;
+      body->shape = lump.shapes[0].shape;
+      const Isometry3d in_body = in_lump.inverse() * lump.shapes[0].in_lump;
+      const bool is_there = in_body.isApprox(Isometry3d::Identity(), kRounding);
+      if (!is_there) body->shape_pose = pose_of(in_body);
+      return;
+    }
+    engine::Compound::Parts parts;
+    for (const LumpShape& shape : lump.shapes) {
+      engine::ShapePart& part = parts.emplace_back();
+      part.shape = shape.shape;
+      part.pose = pose_of(in_lump.inverse() * shape.in_lump);
+      const LinkProperties properties = properties_of(lump, shape.link);
+      if (properties.friction != body->friction) part.friction = properties.friction;
+      if (properties.restitution != body->restitution) part.restitution = properties.restitution;
+    }
+    body->shape = engine::Compound(std::move(parts));
   }
 
-  // Sets the properties of the link that the shape belongs to, else those of links without shapes.
-  void set_properties(const Lump& lump, engine::Body* body) const {
-    const std::string owner = lump.shape ? lump.shape->link : "";
-    std::vector<std::string> links;
-    for (const std::string& link : lump.links)
-      if (link != owner && links_with_shapes_.count(link) == 0) links.push_back(link);
-    links.push_back(owner);  // the last counts
-    for (const std::string& link : links) {
-      const auto found = extra_.links.find(link);
-      if (found == extra_.links.end()) continue;
-      body->friction = found->second.friction;
-      body->restitution = found->second.restitution;
-      body->no_collision = found->second.no_collision;
-    }
+  static engine::ShapePose pose_of(const Isometry3d& in_body) {
+    return {in_body.translation(), Quaterniond(in_body.linear())};
+  }
+
+  // ---- properties of links
+
+  // Returns the properties of a link, else those of links of its body that have no shapes.
+  LinkProperties properties_of(const Lump& lump, const std::string& link) const {
+    LinkProperties properties;
+    for (const std::string& other : lump.links)
+      if (links_with_shapes_.count(other) == 0) read_properties(other, &properties);
+    read_properties(link, &properties);
+    return properties;
+  }
+
+  void read_properties(const std::string& link, LinkProperties* properties) const {
+    const auto found = extra_.links.find(link);
+    if (found != extra_.links.end()) *properties = found->second;
+  }
+
+  // Drops the shapes of links that do not collide from a body that has others.
+  void drop_shapes_without_collision(Lump* lump) const {
+    const auto collides = [&](const LumpShape& shape) {
+      return !properties_of(*lump, shape.link).no_collision;
+    };
+    std::vector<LumpShape>& shapes = lump->shapes;
+    if (std::none_of(shapes.begin(), shapes.end(), collides)) return;
+    shapes.erase(std::stable_partition(shapes.begin(), shapes.end(), collides), shapes.end());
   }
 
   // ---- joints
@@ -302,23 +333,6 @@ class Builder {
     axis.direction = child.orientation * (*joint.frame_b * Vector3d::UnitZ());
     axis.is_slider = joint.kind == engine::JointKind::kSlider;
     return axis;
-  }
-
-  // Welds a body that carries a further shape to the body that it is a part of.
-  void add_weld_of_part(std::size_t i) {
-    const Lump& part = lumps_.list[i];
-    if (!part.part_of || is_static(i)) return;
-    const std::size_t whole = *part.part_of;
-    engine::Joint weld;
-    weld.name = named(part.link);
-    weld.kind = engine::JointKind::kWeld;
-    weld.body_a = bodies_[whole];
-    weld.body_b = bodies_[i];
-    const Isometry3d in_whole = in_body_[whole] * in_body_[i].inverse();
-    weld.anchor_a = in_whole.translation();
-    weld.frame_a = Quaterniond(in_whole.linear());
-    weld.frame_b = Quaterniond::Identity();
-    add(weld);
   }
 
   engine::CoordinateLaw law_of(const urdf::Joint& given) {
@@ -459,7 +473,7 @@ class Builder {
 
   void list_links() {
     for (const Lump& lump : lumps_.list) {
-      if (lump.part_of) continue;
+      if (lump.plane_of) continue;
       for (const std::string& link : lump.links) {
         const BodyId body = bodies_[lumps_.places.at(link).lump];
         const Isometry3d in_body = link_in_body(link);

@@ -15,8 +15,7 @@ double inertia_behind(const Lumps& lumps, const std::vector<engine::Body>& bodie
     const bool hangs_on_a_joint =
         next.joint && next.joint->type != urdf::Joint::FLOATING &&
         is_behind[lumps.places.at(next.joint->parent_link_name).lump] != 0;
-    const bool is_part = next.part_of && is_behind[*next.part_of] != 0;
-    if (i != lump && !hangs_on_a_joint && !is_part) continue;
+    if (i != lump && !hangs_on_a_joint) continue;
     is_behind[i] = 1;
     const engine::Body& body = bodies[i];
     if (axis.is_slider) {

@@ -154,7 +154,7 @@ struct RandomContact {
     Body a, b;
     a.friction = b.friction = 0.5;
     std::vector<Row> rows(kMaxContactRows);
-    const int count = write_contact_rows(pose.a, pose.b, normal, point, ContactSurface(a, b),
+    const int count = write_contact_rows(pose.a, pose.b, normal, point, ContactSurface(a, 0, b, 0),
                                          {0.01, 0.1, kGravity}, Vector3d::Zero(), rows.data());
     EXPECT_EQ(count, 3);
     return rows;
@@ -204,7 +204,7 @@ TEST(Jacobians, NormalRowOfSpheresIsTheGradientOfTheirGap) {
     Row row;
     const Body body;
     write_contact_rows(pose.a, pose.b, manifold.normal, manifold.points[0],
-                       ContactSurface(body, body), {0.01, 0.1, kGravity}, Vector3d::Zero(), &row);
+                       ContactSurface(body, 0, body, 0), {0.01, 0.1, kGravity}, Vector3d::Zero(), &row);
     EXPECT_NEAR(row.C, gap(pose), 8 * kEpsilon);
     expect_gradient(gap, pose, row.J);
   }

@@ -277,7 +277,7 @@ TEST(Friction, NeverLeavesTheDisk) {
       std::array<Row, kMaxContactRows> written;
       const Manifold::Point point{random.vector(), 0.01, 0};
       const int count = write_contact_rows(bodies[1], bodies[2], random.vector().normalized(),
-                                           point, ContactSurface(rough, rough),
+                                           point, ContactSurface(rough, 0, rough, 0),
                                            {0.01, 0.1, kGravity}, random.vector(), written.data());
       const int first = static_cast<int>(rows.size());
       for (int k = 0; k < count; ++k) {

@@ -590,7 +590,7 @@ TEST_F(Sdf, WorldOfSeveralModels) {
 }
 
 // The slider begins 1e-4 m in the ground, and its joint to the world leaves its contacts. The
-// ground has a second shape, as a body of its own.
+// ground has a plane beside a wall, as a body of its own.
 TEST_F(Sdf, ModelsOfAWorldCollideThoughTheyOverlap) {
   World world = world_with_gravity();
   const Robot robot = add_robot(
@@ -620,8 +620,8 @@ TEST_F(Sdf, StaticModelsDoNotMove) {
   EXPECT_EQ(all_warnings(robot), "model 'm' is static: its joints are left out\n");
   for (const std::string& body : robot.bodies)
     EXPECT_EQ(world.body(world.find_body(body)).type, engine::BodyType::kStatic);
-  // the normal of the plane is the z axis of its body
-  const Vector3d normal = world.state(world.find_body("a/com")).orientation * Vector3d::UnitZ();
+  // the normal of the plane is the z axis of its body, which is beside the body of the box
+  const Vector3d normal = world.state(world.find_body("a/2/com")).orientation * Vector3d::UnitZ();
   EXPECT_LE((normal - about(Vector3d::UnitY(), 0.5) * Vector3d::UnitX()).norm(), 1e-14);
   EXPECT_LE(
       distance(frame_named(world, robot, "b"),

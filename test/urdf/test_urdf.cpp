@@ -183,9 +183,9 @@ TEST(Urdf, ShapesLieWhereTheUrdfHasThem) {
             "link 'c': the mesh 'package://x/y.stl' does not collide: its file is not known");
 }
 
-// Further shapes of a link, and shapes of massless links on fixed joints, are on bodies that share
-// the mass of their link equally: together they have its mass, centre of mass and inertia.
-TEST(Urdf, FurtherShapesAreOnPartsThatShareTheMass) {
+// All shapes of links on fixed joints are parts of one body, whose mass, centre of mass and inertia
+// are those of all links; each part has the friction of its link.
+TEST(Urdf, LinksOnFixedJointsAreOneBodyWithAllShapes) {
   const auto ball = [](const char* origin) {
     return std::string("<collision><origin xyz='") + origin +
            "'/><geometry><sphere radius='0.1'/></geometry></collision>";
@@ -195,31 +195,34 @@ TEST(Urdf, FurtherShapesAreOnPartsThatShareTheMass) {
       "<inertia ixx='0.3' ixy='0.02' ixz='0' iyy='0.2' iyz='0.01' izz='0.25'/></inertial>";
   World world, whole;
   RobotOptions options;
-  options.extra = "links: {pad: {friction: 0.9}}";
+  options.extra =
+      "links: {pad: {friction: 0.9}, hand: {restitution: 0.5}, ghost: {no_collision: true}}";
+  const std::string glue = joint("wrist", "fixed", "base", "hand", "<origin xyz='5 0 0'/>") +
+                           joint("glue", "fixed", "base", "pad", "<origin xyz='0 0 1'/>") +
+                           joint("veil", "fixed", "base", "ghost", "<origin xyz='0 0 2'/>");
   const Robot r = add(link("base", heavy + ball("1 0 0") + ball("0 1 0")) +
                           link("hand", kInertial + ball("0 0 0")) + link("pad", ball("0 0 1")) +
-                          joint("wrist", "fixed", "base", "hand", "<origin xyz='5 0 0'/>") +
-                          joint("glue", "fixed", "base", "pad", "<origin xyz='0 0 1'/>"),
+                          link("ghost", ball("0 0 0")) + glue,
                       &world, options);
-  EXPECT_EQ(r.bodies,
-            (std::vector<std::string>{"base/com", "hand/com", "base/2/com", "base/3/com"}));
-  EXPECT_EQ(r.constraints, (std::vector<std::string>{"wrist", "base/2", "base/3"}));
+  EXPECT_EQ(r.bodies, std::vector<std::string>{"base/com"});
+  EXPECT_EQ(r.constraints, std::vector<std::string>{});
   EXPECT_EQ(r.warnings, std::vector<std::string>{});
-  add(link("base", heavy), &whole);
-  const engine::Body one = whole.body(whole.find_body("base/com"));
-  const Vector3d centres[] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 2.0}};
-  const double friction[] = {0.0, 0.0, 0.9};
-  int i = 0;
-  for (const char* name : {"base/com", "base/2/com", "base/3/com"}) {
-    const engine::Body part = world.body(world.find_body(name));
-    EXPECT_NEAR(part.mass, one.mass / 3.0, 1e-15);
-    EXPECT_LT((part.inertia - one.inertia / 3.0).norm(), 1e-15);  // rounding
-    EXPECT_LT((part.state.position - one.state.position).norm(), 1e-15);
-    ASSERT_TRUE(part.shape_pose);
-    const Vector3d centre =
-        part.state.position + part.state.orientation * part.shape_pose->position;
-    EXPECT_LT((centre - centres[i]).norm(), 1e-15) << name;
-    EXPECT_EQ(part.friction, friction[i++]) << name;
+  EXPECT_EQ(r.links.size(), 4u);
+  add(link("base", heavy) + link("hand", kInertial) + link("pad", "") + link("ghost", "") + glue,
+      &whole);
+  const engine::Body body = world.body(world.find_body("base/com"));
+  const engine::Body bare = whole.body(whole.find_body("base/com"));
+  EXPECT_EQ(body.mass, bare.mass);
+  EXPECT_EQ(body.inertia, bare.inertia);
+  EXPECT_EQ(body.state.position, bare.state.position);
+  const auto& parts = *std::get<engine::Compound>(body.shape).parts;
+  const Vector3d centres[] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 2.0}, {5.0, 0.0, 0.0}};
+  ASSERT_EQ(parts.size(), 4u);  // the ghost does not collide
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Vector3d centre = body.state.position + body.state.orientation * parts[i].pose.position;
+    EXPECT_LT((centre - centres[i]).norm(), 1e-14) << i;
+    EXPECT_EQ(parts[i].friction.value_or(body.friction), i == 2 ? 0.9 : 0.0) << i;
+    EXPECT_EQ(parts[i].restitution.value_or(body.restitution), i == 3 ? 0.5 : 0.0) << i;
   }
 }
 
@@ -299,17 +302,16 @@ TEST(Urdf, ATableStandsOnItsLegs) {
   EXPECT_LT(after.orientation.angularDistance(before.orientation), 1e-4);
 }
 
-// Each part costs a weld: shapes beyond the most are named.
-TEST(Urdf, ShapesBeyondTheMostAreNamed) {
+TEST(Urdf, MoreShapesThanABodyHasAreRefused) {
   std::string balls = kInertial;
-  for (int i = 0; i < 103; ++i)
+  for (int i = 0; i < 4097; ++i)
     balls += "<collision><origin xyz='" + std::to_string(i) +
              " 0 0'/><geometry><sphere radius='0.1'/></geometry></collision>";
   World world;
-  EXPECT_EQ(add(link("base", balls), &world).warnings,
-            (std::vector<std::string>{"link 'base': 2 of its shapes do not collide: a robot has at "
-                                      "most 100 shapes beyond one for each body"}));
-  EXPECT_EQ(world.body_ids().size(), 101u);
+  EXPECT_NE(refusal([&] {
+              add(link("base", balls), &world);
+            }).find("link 'base' has a body with more than 4096 collision shapes"),
+            std::string::npos);
 }
 
 // ---- meshes
@@ -438,6 +440,40 @@ TEST(ContactExceptions, AreListedInTheYamlAndTheSrdf) {
             std::string::npos);
   EXPECT_NE(fault("", "<robot><disable_collisions link1='1'/></robot>").find("link1 and link2"),
             std::string::npos);
+}
+
+// A listed pair of links that are parts of bodies counts where all pairs of links of these bodies
+// are listed; else the bodies collide, and the pair is named.
+TEST(ContactExceptions, OfPartsAreThoseOfTheirBodies) {
+  const std::string ball =
+      std::string(kInertial) + "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+  const std::string text = link("base") + link("a", ball) + link("a_tip", ball) + link("b", ball) +
+                           joint("j", "continuous", "base", "a", "<origin xyz='1 0 0'/>") +
+                           joint("f", "fixed", "a", "a_tip", "<origin xyz='1 0 0'/>") +
+                           joint("k", "continuous", "base", "b", "<origin xyz='X 0 0'/>");
+  const auto at = [&](const char* x) {
+    std::string placed = text;
+    return placed.replace(placed.find('X'), 1, x);
+  };
+  World world;
+  RobotOptions options;
+  options.extra = "no_contact: [[a_tip, b]]";
+  const Robot some = add(at("4"), &world, options);
+  EXPECT_EQ(exceptions_of(world), std::vector<std::string>{});
+  EXPECT_EQ(some.warnings,
+            std::vector<std::string>{
+                "pairs of links that are listed and collide nevertheless, since other links on the "
+                "same bodies are not listed: 'a_tip' and 'b'"});
+  World listed;
+  options.extra = "no_contact: [[a_tip, b], [b, a]]";
+  EXPECT_EQ(add(at("4"), &listed, options).warnings, std::vector<std::string>{});
+  EXPECT_EQ(exceptions_of(listed), std::vector<std::string>{"no_contact/a/b"});
+  World overlapping;
+  options.extra = "";
+  EXPECT_EQ(add(at("2.15"), &overlapping, options).warnings,
+            std::vector<std::string>{
+                "links 'a_tip' and 'b' overlap, and do not collide with each other; these are all "
+                "links of two bodies, a, a_tip and b"});
 }
 
 // Exceptions hold nothing: a robot moves with them as without.

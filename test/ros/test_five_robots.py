@@ -20,7 +20,7 @@ from test_launch import launched
 
 ROBOTS = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "urdf", "robots")
 # bodies and constraints of each
-SIZES = {"arm6": (10, 13), "delta": (5, 9), "fivebar": (5, 5), "gantry": (5, 6), "quad12": (17, 20)}
+SIZES = {"arm6": (9, 9), "delta": (5, 9), "fivebar": (5, 5), "gantry": (4, 3), "quad12": (13, 12)}
 
 
 def text_of(robot):
@@ -43,9 +43,9 @@ class FiveRobots(unittest.TestCase):
     def path(self, robot):
         return os.path.join(self.folder, robot + ".urdf")
 
-    def check(self, robot, size=None):
+    def check(self, robot):
         found = properties()
-        self.assertEqual((len(found.bodies), len(found.constraints)), size or SIZES[robot], robot)
+        self.assertEqual((len(found.bodies), len(found.constraints)), SIZES[robot], robot)
 
     def test_by_every_way(self):
         for robot in SIZES:
@@ -58,7 +58,7 @@ class FiveRobots(unittest.TestCase):
             extra = {"robot_extra": beside} if os.path.exists(beside) else {}
             with running(node_command(paused=True, robot="/robot_description", **extra)):
                 # a text has no folder, and meshes that are not found do not collide
-                self.check(robot, (4, 3) if robot == "gantry" else SIZES[robot])
+                self.check(robot)
             with launched("simulator.launch", robot=self.path(robot), paused="true"):
                 self.check(robot)
         rospy.delete_param("/robot_description")

@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 #include <stdexcept>
+#include <utility>
 #include <variant>
 
 #include "engine/collision/broadphase.h"
@@ -165,7 +166,7 @@ class ExceptionSearch {
   }
 
   bool is_excepted(IndexPair pair) const {
-    pair = std::minmax(pair.first, pair.second);
+    if (pair.first > pair.second) std::swap(pair.first, pair.second);
     return joined_.count(pair) > 0 || excepted_.count(pair) > 0;
   }
 

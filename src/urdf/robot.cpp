@@ -35,6 +35,8 @@ using Eigen::Vector3d;
 using engine::BodyId;
 using engine::World;
 
+constexpr double kOpen = 1e-6;  // as for other constraints that are added [m]
+
 std::string in_quotes(const std::string& name) { return "'" + name + "'"; }
 
 Isometry3d to_isometry(const engine::BodyState& state) {
@@ -429,9 +431,10 @@ class Builder {
         if (const auto saved = item.find(key)) saved->fail("belongs to saved scenes");
       engine::Joint joint = engine::read_joint(item, scene);
       item.attempt([&] { scene.add_joint(joint); });  // later constraints may couple it
+      if (is_within_a_body(item, scene, joint)) continue;
       if (engine::couples_joints(joint.kind)) {
         for (engine::JointId* id : {&joint.coupling.first, &joint.coupling.second})
-          *id = world_.find_joint(named(scene.joint(*id).name));
+          *id = in_world(item, scene.joint(*id).name);
       } else {
         move_end(scene, &joint.body_a, &joint.anchor_a, &joint.frame_a);
         Quaterniond none = Quaterniond::Identity();
@@ -442,6 +445,30 @@ class Builder {
       joint.name = named(joint.name);
       item.attempt([&] { add(joint); });
     }
+  }
+
+  // Whether both ends of a joint are links of one body: it is left out where it fits, with a
+  // warning, and rejected where it does not.
+  bool is_within_a_body(const engine::YamlElement& item, const World& scene,
+                        const engine::Joint& joint) {
+    if (engine::couples_joints(joint.kind) || joint.body_a == engine::kWorldBody ||
+        joint.body_b == engine::kWorldBody)
+      return false;
+    const std::string &a = scene.body(joint.body_a).name, &b = scene.body(joint.body_b).name;
+    if (lumps_.places.at(a).lump != lumps_.places.at(b).lump) return false;
+    const std::string links = "links " + in_quotes(a) + " and " + in_quotes(b) + " are one body";
+    const double error = std::abs(scene.joint_state(scene.find_joint(joint.name)).initial_error);
+    if (error > kOpen)
+      item.fail(links + ", which the constraint does not fit by " + three_digits(error));
+    warn("constraint " + in_quotes(joint.name) + " is left out: " + links);
+    return true;
+  }
+
+  // Returns the joint of the robot that has the given name in the scene of links.
+  engine::JointId in_world(const engine::YamlElement& item, const std::string& name) const {
+    if (!world_.has_joint(named(name)))
+      item.fail("couples constraint " + in_quotes(name) + ", which is left out");
+    return world_.find_joint(named(name));
   }
 
   Quaterniond turn_to_body(const World& scene, BodyId id) const {
@@ -589,7 +616,6 @@ urdf::ModelInterfaceSharedPtr parse_sdf(const std::string& text, RobotOptions* o
 
 /// Returns a sentence for each constraint that does not fit the links where they lie.
 std::vector<std::string> open_constraints(const Robot& robot, const World& world) {
-  constexpr double kOpen = 1e-6;  // as for other constraints that are added [m]
   std::vector<std::string> sentences;
   for (const std::string& name : robot.constraints) {
     const double error = std::abs(world.joint_state(world.find_joint(name)).initial_error);

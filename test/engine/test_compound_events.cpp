@@ -189,6 +189,58 @@ TEST_P(CompoundEventsAt, ABoxSlidesOverASeam) {
   }
 }
 
+// A box whose lower edge lies on the seam of two halves is pushed over the seam, from either side,
+// at rest on a rough table, or while it slides along the seam of a smooth one.
+TEST_P(CompoundEventsAt, ABoxWithItsEdgeOnASeamIsPushedOver) {
+  const double mu = 0.5, force = 10.0;
+  for (const double side : {-1.0, 1.0}) {
+    for (const double along : {0.0, 0.5}) {
+      World world(by_events(GetParam()));
+      Body table =
+          with_surface(make_body("table", two_halves({4.0, 4.0, 0.2}, 0), 0.0, {0, 0, -0.1}),
+                       along > 0.0 ? 0.0 : mu, 0.0);
+      table.type = BodyType::kStatic;
+      world.add_body(table);
+      Body box = with_surface(make_body("box", Box{{0.2, 0.2, 0.1}}, 1.0, {0.1 * side, 0, 0.05}),
+                              along > 0.0 ? 0.0 : mu, 0.0);
+      box.state.linear_velocity = {0, along, 0};
+      const BodyId id = world.add_body(box);
+      run(world, 20);  // rests, or slides along the seam
+      const double start = world.time();
+      // Pushed at the height of the floor, so that the box keeps its orientation: it does not tip.
+      Wrench push;
+      push.body = id;
+      push.start = start;
+      push.force = {-force * side, 0, 0};
+      push.torque = {0, 0.05 * force * side, 0};
+      world.add_wrench(push);
+      run(world, static_cast<int>(std::lround(0.4 / world.options().time_step)));
+      expect_by_events(world);
+      const double t = world.time() - start;
+      const double a = force - (along > 0.0 ? 0.0 : mu * kGravity);
+      EXPECT_NEAR(world.state(id).position.x(), side * (0.1 - 0.5 * a * t * t), 1e-9) << side;
+      EXPECT_NEAR(world.state(id).position.y(), along * world.time(), 1e-9);
+      EXPECT_NEAR(world.state(id).position.z(), 0.05, 1e-9);
+    }
+  }
+}
+
+// A body that rests on a part without friction, beside a rough one, has no events of friction.
+TEST_P(CompoundEventsAt, ASmoothPartBesideARoughOneDoesNotSlip) {
+  ShapePart rough{Box{{0.2, 0.2, 0.1}}, {{0.2, 0, 0}, Quaterniond::Identity()}};
+  ShapePart smooth{Box{{0.2, 0.2, 0.1}}, {{-0.2, 0, 0}, Quaterniond::Identity()}};
+  rough.friction = 0.5;
+  smooth.friction = 0.0;
+  World world =
+      on_floor(GetParam(), make_body("body", Compound({rough, smooth}), 1.0, {0, 0, 0.05}), 0.5);
+  for (int i = 0; i < 20; ++i) {
+    world.step();
+    for (const Event& event : world.events())
+      EXPECT_TRUE(event.kind != EventKind::kSlips && event.kind != EventKind::kSticks) << i;
+  }
+  expect_by_events(world);
+}
+
 // Each part has its own friction: a body on its rough foot sticks where tan(s) < √(μ₁ μ₂), and
 // slides with a = g (sin s − μ cos s) beyond. The body's own friction is that of no part.
 TEST_P(CompoundEventsAt, PartsHaveSurfacesOfTheirOwn) {

@@ -11,14 +11,14 @@ namespace {
 ContactEquations ball_on_ground() {
   ContactEquations equations;
   for (const int index : {0, 1}) equations.bodies().list().emplace_back().index = index;
-  for (const std::size_t body : {0u, 1u}) equations.bodies().shapes().push_back({body, 0, {}});
+  for (const std::size_t body : {0u, 1u}) equations.bodies().shapes().add(Body{}, body, 0);
   equations.bodies().list()[0].mass.inverse_mass = 1.0;
   equations.bodies().set_movable(1);
   ContactEquations::Contact& contact = equations.contacts().emplace_back();
   contact.a = 0;
   contact.b = 1;
-  contact.placed_a = 0;
-  contact.placed_b = 1;
+  contact.shape_index_a = 0;
+  contact.shape_index_b = 1;
   contact.acts = ContactEquations::Acts::kSticks;
   contact.feature.id = 1;
   List<BodyState> states(2);

@@ -556,6 +556,20 @@ TEST_F(Sdf, LinksWithoutJointsMoveFreely) {
   EXPECT_NEAR(frame_named(world, robot, "b").translation().z(), 6.0 - fall, 1e-9);
 }
 
+// A fixed joint that closes a loop of fixed joints holds what is one body already.
+TEST_F(Sdf, FixedJointsInALoopAreOneBody) {
+  World world;
+  const Robot robot =
+      add_robot(model_of(link_of("a") + link_of("b", "1 0 0 0 0 0") + link_of("c", "0 1 0 0 0 0") +
+                         joint_of("ab", "fixed", "a", "b") + joint_of("ac", "fixed", "a", "c") +
+                         joint_of("bc", "fixed", "b", "c")),
+                {}, &world);
+  EXPECT_EQ(robot.bodies, std::vector<std::string>{"a/com"});
+  EXPECT_EQ(robot.constraints, std::vector<std::string>{});
+  EXPECT_EQ(robot.warnings, std::vector<std::string>{
+                                "constraint 'bc' is left out: links 'b' and 'c' are one body"});
+}
+
 // ---- shapes and surfaces
 
 std::string shape(const std::string& kind, const std::string& inside, const std::string& more = "",

@@ -657,6 +657,45 @@ TEST(Urdf, ConstraintsBesideItAreOfLinks) {
   EXPECT_EQ(world.joint(world.find_joint("p/train")).coupling.second, world.find_joint("p/b"));
 }
 
+// A constraint between links of one body is left out and named where it fits, and refused where it
+// does not; so is a gear that needs it.
+TEST(Urdf, ConstraintsWithinABodyAreLeftOutOrRefused) {
+  const std::string text = link("base", kInertial) + link("hand", kInertial) +
+                           joint("wrist", "fixed", "base", "hand", "<origin xyz='1 0 0'/>") +
+                           link("arm", kInertial) + joint("a", "continuous", "base", "arm");
+  const auto robot_with = [&](const std::string& constraints, World* world) {
+    RobotOptions options;
+    options.extra = "constraints:\n" + constraints;
+    return add(text, world, options);
+  };
+  const std::string rod = "  - {name: rod, type: distance, body_a: base, body_b: hand, length: ";
+  const std::string tip =
+      "  - {name: tip, type: hinge, body_a: hand, body_b: base, anchor_b: [1, 0, 0]}\n";
+  World world;
+  const Robot robot = robot_with(rod + "1}\n" + tip, &world);
+  EXPECT_EQ(robot.constraints, std::vector<std::string>{"a"});
+  EXPECT_EQ(robot.warnings,
+            (std::vector<std::string>{
+                "constraint 'rod' is left out: links 'base' and 'hand' are one body",
+                "constraint 'tip' is left out: links 'hand' and 'base' are one body"}));
+  const std::pair<std::string, std::string> faults[] = {
+      {rod + "1.5}\n",
+       "links 'base' and 'hand' are one body, which the constraint does not fit by "
+       "0.5"},
+      {tip + "  - {name: g, type: gear, joints: [a, tip], ratio: 2}\n",
+       "couples constraint 'tip', which is left out"}};
+  for (const auto& [constraints, wanted] : faults) {
+    World refused;
+    try {
+      robot_with(constraints, &refused);
+      ADD_FAILURE() << wanted;
+    } catch (const std::exception& error) {
+      EXPECT_NE(std::string(error.what()).find(wanted), std::string::npos) << error.what();
+    }
+    EXPECT_TRUE(refused.body_ids().empty());
+  }
+}
+
 // ---- malicious texts
 
 std::string text_times(int count, const std::string& text) {

@@ -87,15 +87,21 @@ int Corners::face_of(std::size_t corner) const {
   const Vector3d velocity = seen.velocity(own[corner]);
   const auto rate = [&](int face) { return side(face) * velocity[face % 3]; };
   // Inside or on the box: a face counts where the whole other box is above it. Of two such faces
-  // the corner belongs to the face that it does not move into, as on the seam of a floor in parts.
+  // the corner belongs to the face that it does not move into, as on the seam of a floor in parts;
+  // to neither where the other box keeps to the edge between them, beside the box as well as above.
+  bool keeps_to_edge = false;
   for (int face = 0; face < 6; ++face) {
     const auto f = static_cast<std::size_t>(face);
     if (beyond(at[corner], face) < -within.overlap || apart[f] < -within.overlap) continue;
     const double farther = on < 0 ? kInfinity : apart[f] - apart[static_cast<std::size_t>(on)];
     const double faster = on < 0 ? 0.0 : rate(face) - rate(on);
-    const bool is_tie = std::abs(farther) <= within.border && std::abs(faster) > within.resting;
-    if (is_tie ? faster > 0.0 : farther > 0.0) on = face;
+    const bool is_tie = std::abs(farther) <= within.border;
+    const bool decides = is_tie && std::abs(faster) > within.resting;
+    keeps_to_edge = (is_tie && !decides && rate(face) >= -within.resting) ||
+                    (keeps_to_edge && !decides && farther <= 0.0);
+    if (decides ? faster > 0.0 : farther > 0.0) on = face;
   }
+  if (keeps_to_edge) return -1;
   // A corner at the border of this face that moves outward belongs to the adjacent face.
   for (int face = 0; face < 6; ++face)
     if (face % 3 != on % 3 && beyond(at[corner], face) >= -within.border &&

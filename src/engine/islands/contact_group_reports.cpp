@@ -43,8 +43,8 @@ TouchingPair contacts_of(const ContactEquations& equations, const ContactPair& o
   TouchingPair pair;
   pair.a = bodies[of.a].index;
   pair.b = bodies[of.b].index;
-  pair.part_a = bodies.shapes()[of.placed_a].part;
-  pair.part_b = bodies.shapes()[of.placed_b].part;
+  pair.part_a = bodies.shapes()[of.shape_index_a].part;
+  pair.part_b = bodies.shapes()[of.shape_index_b].part;
   const bool is_swapped = pair.a > pair.b;
   if (is_swapped) {
     std::swap(pair.a, pair.b);
@@ -58,7 +58,7 @@ TouchingPair contacts_of(const ContactEquations& equations, const ContactPair& o
         continue;
       const bool has_moved_on = !acts && of.is_of_boxes();  // to other features
       const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
-      const ContactMotion now = bodies.motion(of.placed_a, of.placed_b, feature);
+      const ContactMotion now = bodies.motion(of.shape_index_a, of.shape_index_b, feature);
       const Vector3d position = is_swapped ? now.p : Vector3d(now.p - now.gap * now.n);
       const std::size_t k =
           of.is_of_boxes() ? place_of(position, pair) : to_index(pair.manifold.count);

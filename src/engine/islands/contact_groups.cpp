@@ -29,54 +29,6 @@ bool can_be_beside_contacts(const Joint& joint) {
   return !has_length(joint.kind) || length_spring(joint).is_none() || !joint.motor.is_moving();
 }
 
-/// Adds the coordinates of a joint on which a law acts.
-void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, GroupJoints* joints) {
-  GroupJoint& of = joints->list()[j];
-  const Joint& joint = of.joint;
-  List<OneSidedLaw>& laws = *of_joint;
-  laws.clear();
-  add_one_sided_laws(joint, j, &laws);
-  const auto add = [&](const OneSidedLaw& law) -> GroupCoordinate& {
-    GroupCoordinate& coordinate = joints->coordinates().emplace_back();
-    coordinate.joint = j;
-    coordinate.law = law;
-    return coordinate;
-  };
-  if (has_length(joint.kind)) {
-    const SoftLaw spring = length_spring(joint);
-    of.has_rows = laws.empty() && spring.is_none();
-    if (of.has_rows) return;
-    OneSidedLaw law;
-    if (!laws.empty()) law = laws.front();
-    law.is_distance = true;
-    law.form = ScalarForm(LengthForm{});
-    if (!law.has_servo()) law.soft = {spring.K, 0.0, spring.C, 0.0};
-    add(law).is_one_sided = !laws.empty();
-    return;
-  }
-  const JointKindInfo& kind = info(joint.kind);
-  for (int i = 0; i < kind.coordinates; ++i) {
-    const CoordinateLaw& from = joint.coordinates[i];
-    const auto found = std::find_if(laws.begin(), laws.end(),
-                                    [&](const OneSidedLaw& law) { return law.coordinate == i; });
-    OneSidedLaw law;
-    if (found != laws.end()) {
-      law = *found;
-    } else {
-      law.coordinate = i;
-      law.form = kind.coordinate[i];
-      law.zero = from.zero;
-      law.function = kind.rows + i;
-      law.soft = soft_law(from);
-    }
-    const bool acts = found != laws.end() || is_held(from) || !law.soft.is_none();
-    if (!acts) continue;
-    GroupCoordinate& coordinate = add(law);
-    coordinate.is_prescribed = is_held(from);
-    coordinate.is_one_sided = found != laws.end();
-  }
-}
-
 /// Notes whether two shapes touched in the last step, and whether friction was within its cone at a
 /// point. `mass`: reduced mass of the pair [kg], which turns a rounding of velocity into an
 /// impulse.
@@ -294,19 +246,6 @@ std::size_t ContactGroups::add_body(const Model& model, int body, GroupBodies* b
   return to_index(place);
 }
 
-// Returns the index of a shape in GroupBodies::shapes(); `place`: index of its body in the group.
-std::size_t ContactGroups::add_shape(const Body& body, std::size_t place, int part,
-                                     GroupBodies* bodies) {
-  List<GroupShape>& shapes = bodies->shapes();
-  const auto found = std::find_if(shapes.begin(), shapes.end(), [&](const GroupShape& shape) {
-    return shape.body == place && shape.part == part;
-  });
-  if (found != shapes.end()) return to_index(found - shapes.begin());
-  const ShapePose* pose = pose_in_body(body, part);
-  shapes.push_back({place, part, pose == nullptr ? std::nullopt : std::optional(*pose)});
-  return shapes.size() - 1;
-}
-
 // Compiles bodies, joints and pairs of a group.
 bool ContactGroups::compile_events(const StepContext& step, const Rollback& rollback,
                                    const IslandLists& lists,
@@ -332,7 +271,7 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
                add_body(model, static_cast<int>(b), &bodies), std::move(storage)};
       joint.joint = model.joints[index];
       joint.was_saturated = rollback.joint_states()[index].saturated;
-      add_coordinates(count, &laws_, &joints);
+      joints.add_coordinates(count);
       ++count;
     }
   }
@@ -363,10 +302,10 @@ bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>&
     const ContactSurface surface(body_a, part_a, body_b, part_b);
     const std::size_t place_a = add_body(model, a, &bodies);
     const std::size_t place_b = add_body(model, b, &bodies);
-    const std::size_t placed_a = add_shape(body_a, place_a, part_a, &bodies);
-    const std::size_t placed_b = add_shape(body_b, place_b, part_b, &bodies);
-    pairs.push_back({place_a, place_b, placed_a, placed_b, shape_a, shape_b, surface.friction,
-                     surface.restitution, 0, 0, std::min(thickness(shape_a), thickness(shape_b)),
+    pairs.push_back({place_a, place_b, bodies.shapes().add(body_a, place_a, part_a),
+                     bodies.shapes().add(body_b, place_b, part_b), shape_a, shape_b,
+                     surface.friction, surface.restitution, 0, 0,
+                     std::min(thickness(shape_a), thickness(shape_b)),
                      (step.assumed.of(a) + step.assumed.of(b)) / model.options.time_step});
     const double mass = 1.0 / (model.masses[a].inverse_mass + model.masses[b].inverse_mass);
     note_step_before(touching_before, shapes, mass, &pairs.back());

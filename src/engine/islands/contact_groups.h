@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "engine/collision/broadphase.h"
-#include "engine/constraints/one_sided_law.h"
 #include "engine/dynamics/method.h"
 #include "engine/islands/contact_reach.h"
 #include "engine/islands/island_lists.h"
@@ -92,7 +91,6 @@ class ContactGroups {
   bool compile_events(const StepContext& step, const Rollback& rollback, const IslandLists& lists,
                       const List<TouchingPair>& touching_before, const ContactGroup& group);
   std::size_t add_body(const Model& model, int body, GroupBodies* bodies);
-  static std::size_t add_shape(const Body& body, std::size_t place, int part, GroupBodies* bodies);
   bool add_pairs(const StepContext& step, const List<TouchingPair>& touching_before,
                  const ContactGroup& group);
   double most_work_of(const WorldOptions& options, const ContactGroup& of) const;
@@ -103,7 +101,6 @@ class ContactGroups {
   List<int> group_at_;           // by leader of islands; -1: none
   List<MethodReason> left_for_;  // by leader: why its islands are in no group
   List<int> place_;              // place of each body in the group being compiled; -1: none
-  List<OneSidedLaw> laws_;       // laws of the joint being compiled; scratch
   std::vector<BodyId> bodies_;
   bool had_groups_ = false;
 };

@@ -26,8 +26,8 @@ class ContactEquations {
   enum class Acts : char { kOpen, kSticks, kSlips };  ///< kSlips includes contacts without friction
 
   struct Contact {
-    std::size_t a, b;                ///< indices in bodies().list(); b may be immovable
-    std::size_t placed_a, placed_b;  ///< indices in bodies().shapes()
+    std::size_t a, b;                          ///< indices in bodies().list(); b may be immovable
+    std::size_t shape_index_a, shape_index_b;  ///< indices in bodies().shapes()
     double friction = 0.0, restitution = 0.0;
     ContactFeature feature;
     Acts acts = Acts::kOpen;
@@ -85,7 +85,7 @@ class ContactEquations {
   static Eigen::Vector3d slip_acceleration(const ContactMotion& motion, const Contact& contact,
                                            const GroupMotions& rates);
   ContactMotion motion(const Contact& contact) const {
-    return bodies_.motion(contact.placed_a, contact.placed_b, contact.feature);
+    return bodies_.motion(contact.shape_index_a, contact.shape_index_b, contact.feature);
   }
   double potential_energy() const;  ///< gravity and constant forces [J]
 

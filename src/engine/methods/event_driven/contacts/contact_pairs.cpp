@@ -17,8 +17,9 @@ constexpr double kMostTurn = 1.0;    // [rad] rotation of a box in a substep
 
 double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) {
   const GroupBodies& bodies = equations.bodies();
-  return separation_of_boxes(std::get<Box>(pair.shape_a).size, bodies.shape_state(pair.placed_a),
-                             std::get<Box>(pair.shape_b).size, bodies.shape_state(pair.placed_b))
+  return separation_of_boxes(
+             std::get<Box>(pair.shape_a).size, bodies.shape_state(pair.shape_index_a),
+             std::get<Box>(pair.shape_b).size, bodies.shape_state(pair.shape_index_b))
       .gap;
 }
 
@@ -26,7 +27,7 @@ double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) 
 double size_of_pair(const ContactEquations& equations, const ContactPair& pair) {
   const GroupBodies& bodies = equations.bodies();
   double distance = 0.0;
-  for (const std::size_t shape : {pair.placed_a, pair.placed_b})
+  for (const std::size_t shape : {pair.shape_index_a, pair.shape_index_b})
     if (bodies.shapes()[shape].body < bodies.movable())
       distance = std::max(distance, bodies.shape_state(shape).position.norm());
   return size_of_contact(pair.shape_a, pair.shape_b, distance);
@@ -79,16 +80,16 @@ void ContactPairs::add_contacts(ContactEquations* equations) {
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     ContactPair& pair = pairs_[p];
     found.clear();
-    add_features(pair.shape_a, bodies.shape_state(pair.placed_a), pair.shape_b,
-                 bodies.shape_state(pair.placed_b), tolerances_, &found);
+    add_features(pair.shape_a, bodies.shape_state(pair.shape_index_a), pair.shape_b,
+                 bodies.shape_state(pair.shape_index_b), tolerances_, &found);
     pair.first = equations->contacts().size();
     pair.count = found.size();
     for (const ContactFeature& feature : found) {
       ContactEquations::Contact& contact = equations->contacts().emplace_back();
       contact.a = pair.a;
       contact.b = pair.b;
-      contact.placed_a = pair.placed_a;
-      contact.placed_b = pair.placed_b;
+      contact.shape_index_a = pair.shape_index_a;
+      contact.shape_index_b = pair.shape_index_b;
       contact.friction = pair.friction;
       contact.restitution = pair.restitution;
       contact.feature = feature;
@@ -142,8 +143,8 @@ void ContactPairs::find_features(bool all, bool is_within, ContactEquations* equ
   for (const ContactPair& pair : pairs_) {
     if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
     found.clear();
-    add_features(pair.shape_a, bodies.shape_state(pair.placed_a), pair.shape_b,
-                 bodies.shape_state(pair.placed_b), tolerances_, &found);
+    add_features(pair.shape_a, bodies.shape_state(pair.shape_index_a), pair.shape_b,
+                 bodies.shape_state(pair.shape_index_b), tolerances_, &found);
     if (pair.is_of_boxes()) keep_places(*equations, pair, all, &found);
     for (std::size_t k = 0; k < pair.count; ++k) {
       ContactEquations::Contact& contact = equations->contacts()[pair.first + k];
@@ -187,9 +188,9 @@ double ContactPairs::longest_substep(double left, const ContactEquations& equati
     if (contact.acts != ContactEquations::Acts::kOpen ||
         contact.feature.kind == ContactFeature::Kind::kNothing)
       continue;
-    if (!contact.feature.on_a.isZero(0.0) || bodies.is_beside(contact.placed_a))
+    if (!contact.feature.on_a.isZero(0.0) || bodies.shapes().is_beside(contact.shape_index_a))
       longest = std::min(longest, kMostTurn / bodies.state(contact.a).angular_velocity.norm());
-    if (pair.is_of_boxes() || bodies.is_beside(contact.placed_b))
+    if (pair.is_of_boxes() || bodies.shapes().is_beside(contact.shape_index_b))
       longest = std::min(longest, kMostTurn / bodies.state(contact.b).angular_velocity.norm());
     if (!std::isfinite(pair.thickness)) continue;
     const ContactMotion now = equations.motion(contact);

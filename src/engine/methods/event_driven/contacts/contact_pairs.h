@@ -13,8 +13,8 @@ namespace constraint_sim::engine {
 /// Two convex shapes of different bodies that may touch, with A first as has_features() requires.
 /// Contacts of a pair are consecutive.
 struct ContactPair {
-  std::size_t a, b;                ///< bodies, by index in GroupBodies::list()
-  std::size_t placed_a, placed_b;  ///< shapes, by index in GroupBodies::shapes()
+  std::size_t a, b;                          ///< bodies, by index in GroupBodies::list()
+  std::size_t shape_index_a, shape_index_b;  ///< shapes, by index in GroupBodies::shapes()
   Shape shape_a, shape_b;
   double friction, restitution;
   std::size_t first = 0, count = 0;  ///< range of its contacts

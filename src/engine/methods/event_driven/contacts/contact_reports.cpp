@@ -87,10 +87,11 @@ void ContactReports::add_pairs(const ContactChange& change, const ContactEquatio
   double impulse = 0.0, rests_in = 0.0;
   for (std::size_t p = first; p < last; ++p) {
     ContactPair& pair = (*pairs)[p];
+    const bool has_friction = pair.friction > 0.0;
     was = was || pair.held;
-    stuck = stuck || pair.stuck;
-    is_still = is_still || pair.is_still;
-    is_rough = is_rough || pair.friction > 0.0;
+    stuck = stuck || (has_friction && pair.stuck);
+    is_still = is_still || (has_friction && pair.is_still);
+    is_rough = is_rough || has_friction;
     pair.forget();
     for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
       const Acts now = equations.contacts()[c].acts;

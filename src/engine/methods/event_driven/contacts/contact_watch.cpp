@@ -149,8 +149,8 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
   }
   const ContactPair& pair = pairs.of(c);
   const FeatureMargin margin =
-      margin_of(contact.feature, pair.shape_a, bodies.shape_state(pair.placed_a), pair.shape_b,
-                bodies.shape_state(pair.placed_b));
+      margin_of(contact.feature, pair.shape_a, bodies.shape_state(pair.shape_index_a), pair.shape_b,
+                bodies.shape_state(pair.shape_index_b));
   if (!std::isfinite(margin.value)) return;
   watched.kind = Kind::kMargin;
   watched.value = margin.value;

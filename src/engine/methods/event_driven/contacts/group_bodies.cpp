@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/collision/narrowphase.h"
 #include "engine/math/larger.h"
 #include "engine/math/quaternion_state.h"
 
@@ -42,10 +41,9 @@ void GroupBodies::gather(const List<BodyState>& states, double since_tick) {
   since_tick_ = since_tick;
   movers_.clear();
   states_.resize(list_.size());
-  shape_states_.resize(shapes_.size());
   inverse_inertia_.assign(list_.size(), Matrix3d::Zero());
   y_.assign(size(), 0.0);
-  scale_ = 0.0;
+  scale_ = shapes_.farthest();
   for (std::size_t i = 0; i < list_.size(); ++i) {
     const BodyState& state = states_[i] = states[static_cast<std::size_t>(list_[i].index)];
     scale_ = std::max(scale_, state.position.norm());
@@ -59,8 +57,6 @@ void GroupBodies::gather(const List<BodyState>& states, double since_tick) {
     Vector(y + kL) =
         apply_inertia(list_[i].mass.inertia, state.orientation, state.angular_velocity);
   }
-  for (const GroupShape& shape : shapes_)
-    if (shape.pose) scale_ = std::max(scale_, shape.pose->position.norm());
   place(y_.data());
 }
 
@@ -81,7 +77,7 @@ void GroupBodies::place(const double* numbers) {
     state.angular_velocity = inverse_inertia_[i] * ConstVector(y + kL);
   }
   if (has_movers()) place_movers();
-  place_shapes();
+  shapes_.place(states_);
 }
 
 void GroupBodies::place_movers() {
@@ -93,14 +89,9 @@ void GroupBodies::place_movers() {
   }
 }
 
-void GroupBodies::place_shapes() {
-  for (std::size_t k = 0; k < shapes_.size(); ++k)
-    if (shapes_[k].pose) shape_states_[k] = beside(states_[shapes_[k].body], *shapes_[k].pose);
-}
-
 void GroupBodies::set_states(const List<BodyState>& states) {
   states_ = states;
-  place_shapes();
+  shapes_.place(states_);
 }
 
 double GroupBodies::kinetic_energy() const {
@@ -112,23 +103,6 @@ double GroupBodies::kinetic_energy() const {
                         list_[i].mass.inertia, state.orientation, state.angular_velocity));
   }
   return energy;
-}
-
-// Features are in frames of shapes; arms and accelerations refer to centres of mass.
-ContactMotion GroupBodies::motion(std::size_t shape_a, std::size_t shape_b,
-                                  const ContactFeature& feature) const {
-  ContactMotion motion = motion_of(feature, shape_state(shape_a), shape_state(shape_b));
-  const auto move = [this](std::size_t shape, double sign, Vector3d* arm, Vector3d* w_bias) {
-    if (!shapes_[shape].pose) return;
-    const BodyState& body = states_[shapes_[shape].body];
-    const Vector3d offset = shape_states_[shape].position - body.position;
-    const Vector3d& w = body.angular_velocity;
-    *arm += offset;
-    *w_bias += sign * w.cross(w.cross(offset));
-  };
-  move(shape_a, 1.0, &motion.r_a, &motion.w_bias);
-  move(shape_b, -1.0, &motion.r_b, &motion.w_bias);
-  return motion;
 }
 
 void GroupBodies::enlarge_scale(double length) { scale_ = std::max(scale_, length); }

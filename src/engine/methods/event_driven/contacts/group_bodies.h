@@ -2,14 +2,13 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <optional>
 
-#include "constraint_sim/engine/body.h"
 #include "engine/collision/contact_feature.h"
 #include "engine/constraints/joint.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
+#include "engine/methods/event_driven/contacts/group_shapes.h"
 #include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
@@ -19,13 +18,6 @@ struct GroupBody {
   int index;  ///< index in the world
   MassProperties mass;
   Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
-};
-
-/// Convex shape of a body of a contact group.
-struct GroupShape {
-  std::size_t body;               ///< index in GroupBodies::list()
-  int part;                       ///< number of the shape in its body
-  std::optional<ShapePose> pose;  ///< none: at the pose of the body
 };
 
 /// Motions of the bodies of a contact group, such as accelerations.
@@ -48,8 +40,8 @@ class GroupBodies {
   const List<GroupBody>& list() const { return list_; }
   const GroupBody& operator[](std::size_t body) const { return list_[body]; }
   /// Shapes that may touch another; set before gather().
-  List<GroupShape>& shapes() { return shapes_; }
-  const List<GroupShape>& shapes() const { return shapes_; }
+  GroupShapes& shapes() { return shapes_; }
+  const GroupShapes& shapes() const { return shapes_; }
   void set_movable(std::size_t count) { movable_ = count; }
   std::size_t movable() const { return movable_; }
 
@@ -77,19 +69,14 @@ class GroupBodies {
   const List<BodyState>& states() const { return states_; }
   void set_states(const List<BodyState>& states);
   /// State of a shape, from which contact features are computed.
-  const BodyState& shape_state(std::size_t shape) const {
-    return shapes_[shape].pose ? shape_states_[shape] : states_[shapes_[shape].body];
-  }
-  /// Whether the centre of a shape is off the centre of mass of its body.
-  bool is_beside(std::size_t shape) const {
-    const std::optional<ShapePose>& pose = shapes_[shape].pose;
-    return pose && !pose->position.isZero(0.0);
-  }
+  const BodyState& shape_state(std::size_t shape) const { return shapes_.state(shape, states_); }
   bool has_movers() const { return !movers_.empty(); }  ///< whether there are kinematic bodies
   double kinetic_energy() const;
   /// Relative motion at a feature of two shapes, the first of body A, the second of body B.
   ContactMotion motion(std::size_t shape_a, std::size_t shape_b,
-                       const ContactFeature& feature) const;
+                       const ContactFeature& feature) const {
+    return shapes_.motion(shape_a, shape_b, feature, states_);
+  }
 
   /// Length that rounding is relative to [m].
   double scale() const { return scale_; }
@@ -131,19 +118,17 @@ class GroupBodies {
     BodyState start;  ///< state at the start of the tick
   };
 
-  void place_shapes();
   void place_movers();
   double driven_power(std::size_t body, const Eigen::Vector3d& force,
                       const Eigen::Vector3d& torque) const;
 
   List<GroupBody> list_;
-  List<GroupShape> shapes_;
+  GroupShapes shapes_;
   std::size_t movable_ = 0;
   Eigen::Vector3d gravity_ = Eigen::Vector3d::Zero();
   List<double> y_;
   double start_ = 0.0, t_ = 0.0;
   List<BodyState> states_;
-  List<BodyState> shape_states_;  // of shapes with a pose
   List<Mover> movers_;
   double since_tick_ = 0.0;                // time from the start of the tick to t_ = 0 [s]
   List<Eigen::Matrix3d> inverse_inertia_;  // per body, world axes

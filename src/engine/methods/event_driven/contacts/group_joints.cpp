@@ -8,6 +8,52 @@
 
 namespace constraint_sim::engine {
 
+void GroupJoints::add_coordinates(std::size_t j) {
+  GroupJoint& of = list_[j];
+  const Joint& joint = of.joint;
+  laws_.clear();
+  add_one_sided_laws(joint, j, &laws_);
+  const auto add = [&](const OneSidedLaw& law) -> GroupCoordinate& {
+    GroupCoordinate& coordinate = coordinates_.emplace_back();
+    coordinate.joint = j;
+    coordinate.law = law;
+    return coordinate;
+  };
+  if (has_length(joint.kind)) {
+    const SoftLaw spring = length_spring(joint);
+    of.has_rows = laws_.empty() && spring.is_none();
+    if (of.has_rows) return;
+    OneSidedLaw law;
+    if (!laws_.empty()) law = laws_.front();
+    law.is_distance = true;
+    law.form = ScalarForm(LengthForm{});
+    if (!law.has_servo()) law.soft = {spring.K, 0.0, spring.C, 0.0};
+    add(law).is_one_sided = !laws_.empty();
+    return;
+  }
+  const JointKindInfo& kind = info(joint.kind);
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const CoordinateLaw& from = joint.coordinates[i];
+    const auto found = std::find_if(laws_.begin(), laws_.end(),
+                                    [&](const OneSidedLaw& law) { return law.coordinate == i; });
+    OneSidedLaw law;
+    if (found != laws_.end()) {
+      law = *found;
+    } else {
+      law.coordinate = i;
+      law.form = kind.coordinate[i];
+      law.zero = from.zero;
+      law.function = kind.rows + i;
+      law.soft = soft_law(from);
+    }
+    const bool acts = found != laws_.end() || is_held(from) || !law.soft.is_none();
+    if (!acts) continue;
+    GroupCoordinate& coordinate = add(law);
+    coordinate.is_prescribed = is_held(from);
+    coordinate.is_one_sided = found != laws_.end();
+  }
+}
+
 // ---- an interval
 
 void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& step,

@@ -61,6 +61,8 @@ class GroupJoints {
   const GroupJoint& operator[](std::size_t joint) const { return list_[joint]; }
   List<GroupCoordinate>& coordinates() { return coordinates_; }
   const List<GroupCoordinate>& coordinates() const { return coordinates_; }
+  /// Adds the coordinates of a joint on which a law acts.
+  void add_coordinates(std::size_t joint);
   /// All angles of joints, numbered by joints and bodies.
   const TurnedAngles& angles() const { return angles_; }
 
@@ -109,6 +111,7 @@ class GroupJoints {
   List<GroupJoint> list_;
   List<GroupCoordinate> coordinates_;
   TurnedAngles angles_;
+  List<OneSidedLaw> laws_;  // laws of the joint being added; scratch
 };
 
 }  // namespace constraint_sim::engine

@@ -22,7 +22,8 @@ double find_overlaps(const List<ContactPair>& pairs, double margin, ContactEquat
   equations->contacts().clear();
   double deepest = 0.0;
   for (const ContactPair& pair : pairs) {
-    const BodyState &a = bodies.shape_state(pair.placed_a), &b = bodies.shape_state(pair.placed_b);
+    const BodyState &a = bodies.shape_state(pair.shape_index_a),
+                    &b = bodies.shape_state(pair.shape_index_b);
     const Manifold manifold = collide(pair.shape_a, a, pair.shape_b, b, margin);
     for (std::size_t k = 0; k < static_cast<std::size_t>(manifold.count); ++k) {
       const Manifold::Point& point = manifold.points[k];
@@ -30,8 +31,8 @@ double find_overlaps(const List<ContactPair>& pairs, double margin, ContactEquat
       ContactEquations::Contact& contact = equations->contacts().emplace_back();
       contact.a = pair.a;
       contact.b = pair.b;
-      contact.placed_a = pair.placed_a;
-      contact.placed_b = pair.placed_b;
+      contact.shape_index_a = pair.shape_index_a;
+      contact.shape_index_b = pair.shape_index_b;
       contact.feature.on_a = a.orientation.conjugate() * (on_a - a.position);
       contact.feature.on_b = b.orientation.conjugate() * (point.position - b.position);
       contact.feature.axis = b.orientation.conjugate() * manifold.normal;

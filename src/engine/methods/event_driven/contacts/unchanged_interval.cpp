@@ -44,9 +44,9 @@ bool are_same(const Shape& l, const Shape& r) {
 }
 
 bool are_same(const ContactPair& l, const ContactPair& r) {
-  return l.placed_a == r.placed_a && l.placed_b == r.placed_b && l.friction == r.friction &&
-         l.restitution == r.restitution && l.held == r.held && l.stuck == r.stuck &&
-         l.is_still == r.is_still && are_same(l.shape_a, r.shape_a) &&
+  return l.shape_index_a == r.shape_index_a && l.shape_index_b == r.shape_index_b &&
+         l.friction == r.friction && l.restitution == r.restitution && l.held == r.held &&
+         l.stuck == r.stuck && l.is_still == r.is_still && are_same(l.shape_a, r.shape_a) &&
          are_same(l.shape_b, r.shape_b);
 }
 
@@ -63,7 +63,7 @@ bool UnchangedInterval::is_repeated_by(const Interval& span, const ContactEquati
   const GroupBodies& bodies = equations.bodies();
   if (!is_known_ || !equations.joints().list().empty() || bodies.has_movers() || span.h != h_ ||
       !have_same_bits(span.gravity, gravity_) || !are_all_same(bodies.list(), bodies_) ||
-      !are_all_same(bodies.shapes(), shapes_) || !are_all_same(pairs, pairs_))
+      !are_all_same(bodies.shapes().list(), shapes_) || !are_all_same(pairs, pairs_))
     return false;
   const List<double>& numbers = bodies.numbers();
   if (!have_same_bits(numbers.data(), numbers_.data(), numbers.size())) return false;
@@ -80,7 +80,7 @@ void UnchangedInterval::begin(const Interval& span, const ContactEquations& equa
   h_ = span.h;
   numbers_ = bodies.numbers();
   bodies_ = bodies.list();
-  shapes_ = bodies.shapes();
+  shapes_ = bodies.shapes().list();
   pairs_ = pairs;
 }
 

@@ -10,7 +10,8 @@ namespace constraint_sim::engine {
 /// Bodies and joints before they are added to a world.
 struct Parts {
   std::vector<Body> bodies;
-  std::vector<Joint> joints;              ///< bodies of joints are given by `ends`
+  /// Bodies of joints are given by `ends`, joints of couplings by their index here.
+  std::vector<Joint> joints;
   std::vector<std::pair<int, int>> ends;  ///< indices into bodies; -1: the world
 };
 
@@ -93,6 +94,7 @@ inline World assemble(const Parts& parts, WorldOptions options, const Placing& p
     body.state.angular_velocity = placing.turn * body.state.angular_velocity;
     ids[i] = world.add_body(body);
   }
+  std::vector<JointId> joints;
   for (std::size_t j = 0; j < parts.joints.size(); ++j) {
     Joint joint = parts.joints[j];
     const auto [a, b] = parts.ends[j];
@@ -103,7 +105,9 @@ inline World assemble(const Parts& parts, WorldOptions options, const Placing& p
       joint.body_a = ids[static_cast<std::size_t>(a)];
     }
     joint.body_b = ids[static_cast<std::size_t>(b)];
-    world.add_joint(joint);
+    if (couples_joints(joint.kind))
+      for (JointId* id : {&joint.coupling.first, &joint.coupling.second}) *id = joints[id->value];
+    joints.push_back(world.add_joint(joint));
   }
   return world;
 }

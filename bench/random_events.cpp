@@ -1,7 +1,7 @@
 // Judges random event-driven scenes (random_events.h), of all kinds in turn. Prints each finding
 // with the kind and seed of its scene, and a table.
 //
-//   PROGRAM [--scenes 2000] [--seed 0] [--kind 0...9] [--threads 2]
+//   PROGRAM [--scenes 2000] [--seed 0] [--kind 0...11] [--threads 2]
 //
 // --seed: of the first scene of each kind; --kind: judges this kind only. Exit status 1 for
 // findings, 2 for wrong arguments. Scenes that the engine gives up are counted, and no failure: it
@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
   po::options_description described;
   described.add_options()("scenes", po::value(&options.scenes)->default_value(2000))(
       "seed", po::value(&options.seed)->default_value(0), "of the first of each kind")(
-      "kind", po::value(&options.kind)->default_value(-1), "0 to 9, none other")(
+      "kind", po::value(&options.kind)->default_value(-1), "0 to 11, none other")(
       "threads", po::value(&options.threads)->default_value(2));
   try {
     po::variables_map values;

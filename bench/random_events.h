@@ -3,10 +3,11 @@
 // Random event-driven scenes of few bodies, each made from its kind and seed alone, and their
 // judge. Mechanisms have ropes, struts, limits, friction, motors, servos and springs. Touching
 // bodies are spheres and boxes with friction and restitution, with joints and laws, some with shape
-// poses; some joints can break. Aligned cubes, hit by a ball, have gaps and margins of zero to
-// rounding. Oracles: only motors raise energy; joints, limits and gaps hold to rounding; events are
-// ordered; a copy, a snapshot and threads give the same bits; the scene moved, turned and added in
-// another order moves alike.
+// poses; some joints can break. Others have screws, gears, racks and pulleys, or joints that are
+// open and motors that move to a position. Aligned cubes, hit by a ball, have gaps and margins of
+// zero to rounding. Oracles: only motors raise energy; joints, limits and gaps hold to rounding;
+// events are ordered; a copy, a snapshot and threads give the same bits; the scene moved, turned
+// and added in another order moves alike.
 
 #include <array>
 #include <string>
@@ -28,12 +29,14 @@ enum class Kind {
   kTouchingWithServos,
   kAligned,
   kTouchingWithPoses,
-  kTouchingWithParts
+  kTouchingWithParts,
+  kTouchingCoupled,
+  kTouchingOpen
 };
-inline constexpr std::array<const char*, 10> kKindNames{
-    "mechanism",        "mechanism, motors", "touching",         "touching, laws",
-    "touching, motors", "mechanism, servos", "touching, servos", "aligned boxes",
-    "touching, poses",  "touching, parts"};
+inline constexpr std::array<const char*, 12> kKindNames{
+    "mechanism",        "mechanism, motors", "touching",          "touching, laws",
+    "touching, motors", "mechanism, servos", "touching, servos",  "aligned boxes",
+    "touching, poses",  "touching, parts",   "touching, coupled", "touching, open"};
 
 inline bool has_motors(Kind kind) {
   return kind == Kind::kMechanismWithMotors || kind == Kind::kTouchingWithMotors;
@@ -249,7 +252,7 @@ inline Scene touching(unsigned seed, Kind kind) {
     body.restitution = restitution;
   }
   for (int i = 1; i <= count; ++i) {
-    if (draw.below(2) == 0) continue;
+    if (kind != Kind::kTouchingCoupled && draw.below(2) == 0) continue;
     const int other = draw.below(2) == 0 ? -1 : draw.below(i);
     const int a = other == 0 ? -1 : other;
     const BodyState state_a = a < 0 ? BodyState{} : parts.bodies[static_cast<std::size_t>(a)].state;
@@ -271,9 +274,9 @@ inline void let_joints_break(Scene* scene) {
     if (draw.below(3) > 0) continue;
     const double bears = scene->largest * std::pow(10.0, draw());
     joint.break_force = bears;
-    const bool is_length =
-        joint.kind == JointKind::kDistance || joint.kind == JointKind::kFreeDistance;
-    if (!is_length && draw.below(2) == 0) joint.break_torque = 0.5 * bears;
+    const bool has_torque = joint.kind != JointKind::kDistance &&
+                            joint.kind != JointKind::kFreeDistance && !couples_joints(joint.kind);
+    if (has_torque && draw.below(2) == 0) joint.break_torque = 0.5 * bears;
   }
 }
 
@@ -345,6 +348,65 @@ inline void add_further_parts(unsigned seed, Parts* parts) {
   }
 }
 
+/// Makes screws of some joints, and couples the coordinates of others.
+inline void couple(unsigned seed, Parts* parts) {
+  Draw draw(seed + 3000017);
+  std::vector<std::size_t> coordinates_at, lengths_at;
+  for (std::size_t j = 0; j < parts->joints.size(); ++j) {
+    Joint& joint = parts->joints[j];
+    if (joint.kind == JointKind::kCylindrical) {
+      joint.kind = JointKind::kScrew;
+      joint.pitch = 0.1 + draw.share();
+    }
+    if (coordinates(joint.kind) > 0)
+      (is_free_length(joint.kind) ? lengths_at : coordinates_at).push_back(j);
+  }
+  const auto add = [&](JointKind kind, const std::vector<std::size_t>& at) {
+    for (std::size_t k = 0; k + 1 < at.size(); ++k) {
+      Joint coupling;
+      coupling.name = std::string(name(kind)) + "_" + std::to_string(at[k]);
+      coupling.kind = kind;
+      coupling.coupling.first = JointId{static_cast<std::uint32_t>(at[k])};
+      coupling.coupling.second = JointId{static_cast<std::uint32_t>(at[k + 1])};
+      coupling.coupling.ratio = 0.3 + draw.share();
+      coupling.coupling.one_sided = kind == JointKind::kPulley && draw.below(2) == 0;
+      if (kind == JointKind::kGear && draw.below(2) == 0) coupling.coupling.ratio *= -1.0;
+      parts->joints.push_back(coupling);
+      parts->ends.emplace_back(-1, 1);
+    }
+  };
+  add(JointKind::kGear, coordinates_at);
+  add(JointKind::kPulley, lengths_at);
+}
+
+/// Shifts and turns joints by up to 1 cm and 0.05 rad, and sends motors to other positions.
+inline void open_joints(unsigned seed, Parts* parts) {
+  Draw draw(seed + 3000029);
+  for (std::size_t j = 0; j < parts->joints.size(); ++j) {
+    Joint& joint = parts->joints[j];
+    const bool has_frames = coordinates(joint.kind) > 0 && !is_free_length(joint.kind);
+    if (!has_frames) continue;
+    const auto [a, b] = parts->ends[j];
+    const auto turn_of = [&](int body) {
+      return body < 0 ? Eigen::Quaterniond::Identity()
+                      : parts->bodies[static_cast<std::size_t>(body)].state.orientation;
+    };
+    if (draw.below(2) == 0) {
+      const Eigen::Quaterniond off(
+          Eigen::AngleAxisd(0.05 * draw.share(), draw.vector().normalized()));
+      joint.anchor_a += 0.005 * draw.vector();
+      joint.frame_b = turn_of(b).conjugate() * (turn_of(a) * joint.frame_a) * off;
+    }
+    for (int i = 0; i < coordinates(joint.kind); ++i) {
+      if (draw.below(2) == 0) continue;
+      CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
+      law.motor.emplace();
+      law.motor->position = 0.1 * draw();
+      law.motor->max_force = draw.below(3) == 0 ? 0.0 : std::pow(10.0, 4.0 * draw.share());
+    }
+  }
+}
+
 /// Equal cubes that stand on each other, or are dropped, and a ball that hits them.
 inline Scene aligned(unsigned seed) {
   Draw draw(seed);
@@ -385,6 +447,12 @@ inline Scene scene_of(Kind kind, unsigned seed) {
     scene = touching(seed, Kind::kTouchingWithLaws);
     scene.kind = kind;
     add_further_parts(seed, &scene.parts);
+  } else if (kind == Kind::kTouchingCoupled || kind == Kind::kTouchingOpen) {
+    scene = touching(seed, kind);
+    if (kind == Kind::kTouchingCoupled)
+      couple(seed, &scene.parts);
+    else
+      open_joints(seed, &scene.parts);
   } else if (touches(kind)) {
     scene = touching(seed, kind);
   } else {

@@ -578,7 +578,8 @@ class World:
                  threads: int = ..., order: int = ..., tolerance: float = ...,
                  stiff_order: int = ..., dissipation: bool = ..., stiffness_limit: float = ...,
                  iterations: int = ..., warm_starting: bool = ...,
-                 contact_tolerance: float = ..., baumgarte: float = ...) -> None:
+                 contact_tolerance: float = ..., event_work: float = ...,
+                 baumgarte: float = ...) -> None:
         ...
     @property
     def options(self) -> Dict[str, Any]:
@@ -588,7 +589,8 @@ class World:
                     threads: int = ..., order: int = ..., tolerance: float = ...,
                     stiff_order: int = ..., dissipation: bool = ..., stiffness_limit: float = ...,
                     iterations: int = ..., warm_starting: bool = ...,
-                    contact_tolerance: float = ..., baumgarte: float = ...
+                    contact_tolerance: float = ..., event_work: float = ...,
+                    baumgarte: float = ...
                     ) -> None:
         """set_options(**options)
 

@@ -412,6 +412,38 @@ TEST(ContactsWithLaws, AnEventCostsAtMostFiveSubsteps) {
 // own, also after a ball has hit the cart. The deceleration is the response of the coordinate to
 // the motor, which is zero but for rounding; a rounding would count as a motor that brakes, at some
 // masses but not at others.
+// A ball on a floor, or on a slider with a stop, bounces more than ten times in a tick. With a work
+// of 15 substeps it is given up, and said to be.
+TEST(ContactsWithLaws, AStepTakesNoMoreThanItsWork) {
+  for (const bool has_floor : {true, false}) {
+    for (const double work : {15.0, WorldOptions{}.event_work, kInfinity}) {
+      WorldOptions options = by_events(8.0);
+      options.event_work = work;
+      World world(options);
+      if (has_floor) world.add_body(make_floor(0.0));
+      const BodyId ball =
+          world.add_body(with_surface(make_body("ball", Sphere{0.1}, 1.0, {0, 0, 0.3}), 0.0, 0.95));
+      Joint slider;
+      slider.name = "slider";
+      slider.kind = JointKind::kSlider;
+      slider.anchor_a = {0, 0, 0.3};
+      slider.body_b = ball;
+      slider.coordinates[0].lower = -0.2;
+      slider.coordinates[0].limit_restitution = 0.95;
+      if (!has_floor) world.add_joint(slider);
+      const StepReport& report = world.step();
+      const Island island = world.islands()[0];
+      const bool is_given_up = work < 100.0;
+      EXPECT_EQ(uses_impulses(island.method), is_given_up) << has_floor << " " << work;
+      if (is_given_up) {
+        EXPECT_EQ(island.why, has_floor ? MethodReason::kContactsGivenUp : MethodReason::kRefused);
+      } else {
+        EXPECT_GT(report.events, 10u);
+      }
+    }
+  }
+}
+
 TEST(ContactsWithLaws, AMotorThatAnotherOneMovesHasNoDeceleration) {
   for (const double mass : {2.0, 3.3}) {
     World world(by_events(0.1));

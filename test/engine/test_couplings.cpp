@@ -128,6 +128,26 @@ TEST(Gear, CountsWholeTurns) {
 
 // More than half a turn in one step of runge_kutta, as without a tolerance: the gear holds with all
 // turns counted, and the wheel follows its speed, up to the integration error of such steps.
+// A motor without force limit that is sent over more than half a turn has its angle on the way, not
+// a turn aside; a gear on it follows.
+TEST(Gear, FollowsAMotorOverMoreThanHalfATurn) {
+  for (const Method method : {Method::kRungeKutta, Method::kTimeStepping}) {
+    Wheels made(2, method);
+    made.gear(0, 1, 1.0);
+    CoordinateMotor motor;
+    motor.position = 5.0;
+    made.world.set_motor(made.hinges[0], 0, motor);
+    double before = 0.0;
+    while (made.world.time() < 1.0) {
+      made.world.step();
+      EXPECT_NEAR(made.angle(0), before, 0.5) << name(method) << " " << made.world.time();
+      EXPECT_NEAR(made.angle(1), -made.angle(0), 1e-2) << name(method) << " " << made.world.time();
+      before = made.angle(0);
+    }
+    EXPECT_NEAR(before, 5.0, 1e-3) << name(method);
+  }
+}
+
 TEST(Gear, CountsTurnsOfLongSteps) {
   Wheels wheels(2, Method::kRungeKutta, 1.0 / 60.0);
   WorldOptions chosen = wheels.world.options();

@@ -204,7 +204,8 @@ TEST(Jacobians, NormalRowOfSpheresIsTheGradientOfTheirGap) {
     Row row;
     const Body body;
     write_contact_rows(pose.a, pose.b, manifold.normal, manifold.points[0],
-                       ContactSurface(body, 0, body, 0), {0.01, 0.1, kGravity}, Vector3d::Zero(), &row);
+                       ContactSurface(body, 0, body, 0), {0.01, 0.1, kGravity}, Vector3d::Zero(),
+                       &row);
     EXPECT_NEAR(row.C, gap(pose), 8 * kEpsilon);
     expect_gradient(gap, pose, row.J);
   }

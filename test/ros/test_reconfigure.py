@@ -81,7 +81,8 @@ class Parameters(support.ServiceCase):
                    "dissipation": True, "method": "energy_momentum", "iterations": 20,
                    "sleep_after": math.inf, "baumgarte": 0.2, "time_step": 0.005,
                    "stiffness_limit": 1.5, "warm_starting": False, "closing_time": 1.0,
-                   "sleep_speed": 1e-6, "threads": 2, "contact_tolerance": 1e-4}
+                   "sleep_speed": 1e-6, "threads": 2, "contact_tolerance": 1e-4,
+                   "event_work": 5000.0}
         said = self.client.update_configuration(dict(changes, real_time_factor=0.25,
                                                      publish_rate=40.0))
         saved = options()

@@ -21,6 +21,7 @@ struct WorldOptions {
   int iterations = 10;
   bool warm_starting = true;
   double contact_tolerance = 0.0;
+  double event_work = 2e4;
   double baumgarte = 0.1;
   double closing_time = 0.5;
   double sleep_after = 0.5;
@@ -88,6 +89,12 @@ void visit_options(Options& options, Visit visit) {
                    "estimated error per simulated second that steps of contacts are divided to, "
                    "rotation times radius of gyration; 0: one step a tick"},
         options.contact_tolerance, NotNegative{});
+  visit(
+      OptionInfo{
+          "event_work", "", Method::kEventDriven,
+          "most substeps and events of an island in a tick, contacts by their cost; beyond it "
+          "impulses take over, and of all groups of auto beyond 7.5 %; .inf: never"},
+      options.event_work, PositiveOrInfinity{});
   visit(OptionInfo{"baumgarte", "", kAny, "share of each error that impulses remove in a step"},
         options.baumgarte, Share{});
   visit(OptionInfo{"closing_time", "s", kAny,

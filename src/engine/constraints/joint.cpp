@@ -92,9 +92,10 @@ struct Passed {
 
 // Returns a reference to unwrap an angle: the held or counted coordinate, or a prediction from the
 // last value and the velocities with which the method moves bodies.
+// A motor that closes an error is not yet where it holds the coordinate.
 double expected(const Passed& passed, const CoordinateLaw& law, const CoordinateState& before,
-                double velocity, int coordinate) {
-  if (is_held(law) && passed.h > 0.0) return before.held;
+                double velocity, int coordinate, bool is_closing) {
+  if (is_held(law) && passed.h > 0.0 && !is_closing) return before.held;
   if (passed.counted != nullptr && !std::isnan(passed.counted[coordinate]))
     return passed.counted[coordinate];
   const double at_start = passed.moves_at_end_rate ? velocity : before.velocity;
@@ -112,7 +113,7 @@ void measure_coordinates(const Joint& joint, const JointVectors& vectors, const 
     CoordinateState& coordinate = state.coordinates[i];
     const double velocity = rate(form, vectors, motion);
     coordinate.position = reading(form, value(form, vectors), law.zero,
-                                  expected(passed, law, coordinate, velocity, i));
+                                  expected(passed, law, coordinate, velocity, i, state.closing));
     coordinate.velocity = velocity;
     if (law.is_none()) continue;
     const double metres = form.is_angle ? state.radius : 1.0;
@@ -212,8 +213,8 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
 bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
             double h, const JointState& state) {
   if (joint.break_force == 0.0 && joint.break_torque == 0.0) return false;
-  if (couples_joints(joint.kind)) return std::abs(state.coupling.effort) > joint.break_force;
-  return load_of(joint, a, b, impulse / h).breaks(joint);
+  const double coupling = couples_joints(joint.kind) ? state.coupling.effort : 0.0;
+  return load_of(joint, a, b, impulse / h, coupling).breaks(joint);
 }
 
 bool is_overloaded(const Joint& joint, const BodyState& a, const BodyState& b,
@@ -352,10 +353,13 @@ World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyS
   return {to_joint * sum.j3, to_joint * (sum.j4 - vectors.r_B.cross(sum.j3))};
 }
 
-JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b,
-                  const RowVector& rows) {
+JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& rows,
+                  double coupling) {
+  if (couples_joints(joint.kind)) return {std::abs(coupling), 0.0};
   if (has_length(joint.kind)) return {std::abs(rows[0]), 0.0};
-  const World::JointWrench wrench = wrench_of(joint, a, b, rows, 1.0);
+  RowVector all = rows;
+  add_own_coupling(joint, coupling, &all);
+  const World::JointWrench wrench = wrench_of(joint, a, b, all, 1.0);
   return {wrench.force.norm(), wrench.torque.norm()};
 }
 
@@ -427,7 +431,12 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   if (!state.closing && !(may_be_lost && std::abs(state.error) > kFits))
     return std::abs(state.error) <= kFits;
   const ClosingErrors allowed = closing_errors(joint, state, step.t, step.closing_time);
-  if (has_length(joint.kind)) return std::abs(state.error - allowed.of(0).value) <= kFits;
+  if (const auto* distance = if_distance(joint)) {
+    const double error = state.error, most = allowed.of(0).value;
+    const bool is_free_side = is_between_limits(*distance) && error * most >= 0.0;
+    return std::abs(is_free_side && std::abs(error) <= std::abs(most) ? 0.0 : error - most) <=
+           kFits;
+  }
   const JointKindInfo& kind = info(joint.kind);
   const double coupling = state.coupling.value - state.coupling.constant - allowed.coupling().value;
   const bool is_slack = joint.coupling.one_sided && coupling <= kFits;

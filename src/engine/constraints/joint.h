@@ -94,10 +94,10 @@ struct JointLoad {
   }
 };
 
-/// Returns the load of a joint that couples no joints. `rows`: forces or impulses per row and
-/// coordinate.
-JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b,
-                  const RowVector& rows);
+/// Returns the load of a joint. `rows`: forces or impulses per row and coordinate; `coupling`:
+/// force or impulse of its coupling that is not part of `rows`.
+JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& rows,
+                  double coupling);
 
 /// Returns the elastic energy of the springs of a joint [J].
 double elastic_energy(const Joint& joint, const JointState& state);

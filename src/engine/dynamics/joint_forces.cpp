@@ -89,18 +89,17 @@ RowVector JointForces::by_joint(const IslandModel& island, std::size_t l,
   return by_function(island, l, of_rows(island, l, of_unknowns), of_unknowns);
 }
 
-double JointForces::coupled_impulse(const IslandModel& island, std::size_t l) const {
+double JointForces::coupled(const IslandModel& island, std::size_t l,
+                            const double* of_unknowns) const {
   for (const IslandModel::CoupledRow& coupled : island.coupled_rows())
-    if (coupled.link == l) return impulses_[unknown_[coupled.row]];
+    if (coupled.link == l) return of_unknowns[unknown_[coupled.row]];
   return 0.0;
 }
 
 RowVector JointForces::force(const IslandModel& island, std::size_t l, std::size_t stage) const {
   const double* const forces = stage_forces_.data() + stage * impulses_.size();
   RowVector force = by_joint(island, l, forces);
-  if (!couples_joints(island.links()[l].kind)) return force;
-  for (const IslandModel::CoupledRow& coupled : island.coupled_rows())
-    if (coupled.link == l) force[0] = forces[unknown_[coupled.row]];
+  if (couples_joints(island.links()[l].kind)) force[0] = coupled(island, l, forces);
   return force;
 }
 

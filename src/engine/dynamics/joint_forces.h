@@ -63,7 +63,9 @@ class JointForces {
     return of_rows(island, l, impulses_.data());
   }
   /// Impulse of the coupling of joints()[l]; 0 where joint l does not couple.
-  double coupled_impulse(const IslandModel& island, std::size_t l) const;
+  double coupled_impulse(const IslandModel& island, std::size_t l) const {
+    return coupled(island, l, impulses_.data());
+  }
   /// Impulse of joint l in the order of rows and coordinates of its kind; `of_rows`: impulses of
   /// its rigid rows.
   RowVector by_function(const IslandModel& island, std::size_t l, const RowVector& of_rows) const {
@@ -72,6 +74,10 @@ class JointForces {
   /// Force of joint l in a stage of the last substep, laid out as impulse() [N or N m]; of a gear
   /// or pulley the force along its first coordinate comes first.
   RowVector force(const IslandModel& island, std::size_t l, std::size_t stage) const;
+  /// Force of the coupling of joints()[l] in the first stage; 0 where joint l does not couple.
+  double coupled_force(const IslandModel& island, std::size_t l) const {
+    return coupled(island, l, stage_forces_.data());
+  }
   /// Largest force of the last first stage [N or N m].
   double largest() const;
   /// Largest frequency ω of the bodies under the forces of the last first stage [rad/s]: ω² =
@@ -89,6 +95,7 @@ class JointForces {
   std::size_t of_single(const IslandModel& island, std::size_t l) const {
     return island.is_rod(l) ? unknown_[l] : of_spring(island, l);
   }
+  double coupled(const IslandModel& island, std::size_t l, const double* of_unknowns) const;
   RowVector of_rows(const IslandModel& island, std::size_t l, const double* of_unknowns) const;
   RowVector by_function(const IslandModel& island, std::size_t l, const RowVector& of_rows,
                         const double* of_unknowns) const;

@@ -49,6 +49,8 @@ struct IntegratorOptions {
   double most_projected = kInfinity;
   /// Substeps beyond which the method gives up, rejected substeps included.
   int most_attempts = 50000;
+  /// Substeps and events of an interval beyond which event-driven integration gives up.
+  double most_work = kInfinity;
   int most_halvings = 9;  ///< halvings of an interval by implicit steps
 };
 

@@ -140,8 +140,7 @@ void add_group_events(const Model& model, const ContactGroup& group, double end,
       const std::size_t j = joint_of(to_index(report.coordinate));
       const OneSidedLaw& law = joints.coordinates()[report.coordinate].law;
       events->push_back({report.kind, t, model.joints[j].body_a, model.joints[j].body_b,
-                         model.joint_ids[j], law.is_distance ? -1 : law.coordinate,
-                         report.impulse});
+                         model.joint_ids[j], law.is_rope() ? -1 : law.coordinate, report.impulse});
       continue;
     }
     const ContactPair& pair = by_events.pairs()[report.pair];

@@ -25,7 +25,7 @@ constexpr double kBack = 0.85;      // share of the limits within which impulses
 
 /// Whether events advance a joint with all its laws beside contacts.
 bool can_be_beside_contacts(const Joint& joint) {
-  if (couples(joint.kind) || is_custom(joint.kind) || !is_switchable(joint)) return false;
+  if (!is_switchable(joint)) return false;
   return !has_length(joint.kind) || length_spring(joint).is_none() || !joint.motor.is_moving();
 }
 
@@ -55,17 +55,19 @@ bool is_small_enough(const GroupSize& size, const GroupLimits& most) {
          static_cast<double>(size.points) <= share * static_cast<double>(most.points);
 }
 
-/// Whether an island can be in a group: none of its joints closes an error.
+/// Whether an island can be in a group: its joints fit, up to the errors that they close. A length
+/// with a force limit that closes an error is left to impulses.
 bool can_be_in_group(const StepContext& step, const State& state, const IslandParts& parts) {
   const Model& model = step.model;
   if (!suits_group(model, state.step_count, parts.members, parts.nature, parts)) return false;
   const JointStep now = joint_step(model.options, step.tick.start, model.options.time_step);
   return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
     const std::size_t j = to_index(index);
-    JointState joint_state = state.joint_states[j];
-    return !joint_state.closing &&
-           (!is_rigid(model.joints[j]) || fits(model.joints[j], step.topology.state_a(state, j),
-                                               step.topology.state_b(state, j), now, joint_state));
+    const Joint& joint = model.joints[j];
+    const JointState& joint_state = state.joint_states[j];
+    if (joint_state.closing && has_length(joint.kind) && joint.motor.max_force > 0.0) return false;
+    return !is_rigid(joint) || fits(joint, step.topology.state_a(state, j),
+                                    step.topology.state_b(state, j), now, joint_state);
   });
 }
 
@@ -276,6 +278,11 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
     }
   }
   joints.list().resize(count);
+  for (std::size_t j = 0; j < count; ++j) {
+    const auto index = to_index(joints[j].index);
+    if (couples(model.joints[index].kind) && !joints.set_terms(j, model.terms_of(index)))
+      return false;
+  }
   return joints.coordinates().size() <= ContactEvents::kMostLaws &&
          add_pairs(step, touching_before, group);
 }

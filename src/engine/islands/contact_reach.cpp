@@ -15,7 +15,7 @@ using Eigen::Vector3d;
 
 // Limits with `method: event_driven` and with `method: auto`. With `auto` all groups of a step
 // share the work, and each group has at least kLeastWork.
-constexpr GroupLimits kForced{32, 64, 2e4}, kAuto{8, 48, 1.5e3};
+constexpr GroupLimits kForced{32, 64, 1.0}, kAuto{8, 48, 0.075};  // shares of the work
 // Impulses leave contacts at rest with overlaps of ½ g h² to g h² in each contact of a stack.
 // Events close overlaps up to a multiple of that, and up to a share of the thinner shape, that
 // change in a step by no more than a multiple of the overlap.
@@ -72,8 +72,10 @@ bool is_settled(const StepContext& step, const State& state, const Broadphase::P
 
 }  // namespace
 
-const GroupLimits& group_limits(const WorldOptions& options) {
-  return options.method == Method::kAuto ? kAuto : kForced;
+GroupLimits group_limits(const WorldOptions& options) {
+  GroupLimits limits = options.method == Method::kAuto ? kAuto : kForced;
+  limits.work *= options.event_work;
+  return limits;
 }
 
 bool keeps_energy(const Body& body) {

@@ -22,7 +22,7 @@ struct GroupLimits {
   double work;  ///< in a step, in substeps of a group with one point
 };
 
-const GroupLimits& group_limits(const WorldOptions& options);
+GroupLimits group_limits(const WorldOptions& options);
 
 /// Whether hits of a body with bodies like it cost no energy.
 bool keeps_energy(const Body& body);

@@ -80,6 +80,7 @@ IntegratorOptions accuracy_within(const IntegrationStep& in, double most_frequen
   const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, in.awake.bodies.size());
   accuracy.most_attempts =
       static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
+  accuracy.most_work = model.options.event_work;
   return accuracy;
 }
 

@@ -237,7 +237,7 @@ void World::Impl::report_contact_groups(JointStep step) {
       positions.fill(std::numeric_limits<double>::quiet_NaN());
       joints.angles().read(j, &positions);
       step.counted = positions.data();
-      read_smooth_joint(to_index(joint.index), step, joint.impulse, 0.0);
+      read_smooth_joint(to_index(joint.index), step, joint.impulse.rows, joint.impulse.coupling);
     }
   }
   for (std::size_t i = first; i < touching.size(); ++i) {

@@ -37,11 +37,10 @@ class EventStepper {
   std::uint32_t events() const { return events_; }
 
   /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
-  /// found, where the states at the event have no solution, or after more than `most_events`.
+  /// found, or where the states at the event have no solution.
   template <class Repeat, class Watch, class Accept, class Change>
-  bool end_substep(const SubstepSpan& start, std::uint32_t most_events, const Repeat& repeat,
-                   const Watch& watch, const Accept& accept, const Change& change,
-                   SubstepSpan* left) {
+  bool end_substep(const SubstepSpan& start, const Repeat& repeat, const Watch& watch,
+                   const Accept& accept, const Change& change, SubstepSpan* left) {
     const double h = start.left - left->left;
     watch(&watched_.after);
     std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
@@ -54,15 +53,15 @@ class EventStepper {
     if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
     if (!accept(h)) return go_to(0.0, true);
     std::swap(watched_.before, watched_.after);
-    if (event) return change_at(event->which, most_events, change);
+    if (event) return change_at(event->which, change);
     watched_.is_muted.clear();
     return true;
   }
 
  private:
   template <class Change>
-  bool change_at(std::size_t which, std::uint32_t most_events, const Change& change) {
-    if (++events_ > most_events) return false;
+  bool change_at(std::size_t which, const Change& change) {
+    ++events_;
     const Watched event = watched_.before[which];
     const std::size_t count = watched_.before.size();
     bool is_changed = false;

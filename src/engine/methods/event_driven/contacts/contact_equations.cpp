@@ -48,7 +48,7 @@ void ContactEquations::Stage::clear() {
   std::fill(contact.begin(), contact.end(), Vector3d::Zero());
   std::fill(normal.begin(), normal.end(), 0.0);
   std::fill(coordinate.begin(), coordinate.end(), 0.0);
-  std::fill(joint.begin(), joint.end(), RowVector::Zero());
+  std::fill(joint.begin(), joint.end(), GroupForces{});
   driven_power = 0.0;
 }
 
@@ -107,7 +107,7 @@ void ContactEquations::add_contact_rows(std::size_t c, bool with_slip, bool with
 
 // Power of kinematic bodies by a unit force of a row.
 double ContactEquations::driven_power(const ContactRow& row) const {
-  if (row.contact < 0) return bodies_.driven_power(row.a, row.b, row.J);
+  if (row.contact < 0) return row.driven_power(bodies_);
   return bodies_.driven_power(row.a, row.b, motion(contacts_[row.contact]).along(row.along));
 }
 
@@ -122,12 +122,12 @@ void ContactEquations::derivative(std::size_t stage, double t, const double* y, 
   forces.clear();
   if (!rows_.list().empty()) rows_.factor(bodies_, stage == 0);
   pushed_.set_zero(bodies_.movable());
-  if (!joints_.coordinates().empty()) add_soft_forces(&forces);
+  if (joints_.has_free_forces()) add_soft_forces(&forces);
   if (!rows_.list().empty()) solve_forces(&forces);
   bodies_.write_derivative(y, free_, pushed_, dydt);
 }
 
-// Adds the forces of springs, dampers and laws at their bounds.
+// Adds the forces of springs, dampers, laws at their bounds and other packages.
 void ContactEquations::add_soft_forces(Stage* forces) {
   for (const GroupCoordinate& of : joints_.coordinates()) {
     if (of.is_prescribed) continue;
@@ -141,7 +141,18 @@ void ContactEquations::add_soft_forces(Stage* forces) {
     row.push(force, bodies_.movable(), &pushed_);
     if (bodies_.has_movers())
       forces->driven_power += force * bodies_.driven_power(row.a, row.b, now.J);
-    forces->joint[of.joint][of.law.function] += force;
+    forces->joint[of.joint].at(of.law) += force;
+  }
+  for (const GroupJoint& joint : joints_.list()) {
+    if (!is_custom_force(joint.joint.kind)) continue;
+    const Jacobian F =
+        custom_wrench(joint.joint, bodies_.state(joint.a), bodies_.state(joint.b), bodies_.clock());
+    ContactRow row;
+    row.a = joint.a;
+    row.b = joint.b;
+    row.inv_M_F = bodies_.accelerations(row.a, row.b, F);
+    row.push(1.0, bodies_.movable(), &pushed_);
+    if (bodies_.has_movers()) forces->driven_power += bodies_.driven_power(row.a, row.b, F);
   }
 }
 
@@ -152,7 +163,7 @@ void ContactEquations::solve_forces(Stage* forces) {
   lambda_.resize(rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     lambda_[i] = -rows[i].gamma - rows[i].times(free_, movable);
-    if (!joints_.coordinates().empty()) lambda_[i] -= rows[i].times(pushed_, movable);
+    if (joints_.has_free_forces()) lambda_[i] -= rows[i].times(pushed_, movable);
   }
   if (!rows_.solve(movable, &lambda_)) std::fill(lambda_.begin(), lambda_.end(), std::nan(""));
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -163,7 +174,7 @@ void ContactEquations::solve_forces(Stage* forces) {
       forces->contact[row.contact] += lambda_[i] * row.along;
       if (row.is_normal) forces->normal[row.contact] = lambda_[i];
     } else {
-      forces->joint[row.joint][row.function] += lambda_[i];
+      forces->joint[row.joint].at(row.function) += lambda_[i];
       if (row.coordinate >= 0) forces->coordinate[row.coordinate] = lambda_[i];
     }
   }
@@ -230,7 +241,7 @@ void ContactEquations::add_impulses(double weight, std::size_t stage) {
   }
   List<GroupJoint>& joints = joints_.list();
   for (std::size_t j = 0; j < joints.size(); ++j)
-    joints[j].impulse += weight * stages_[stage].joint[j];
+    joints[j].impulse.add(weight, stages_[stage].joint[j]);
   driven_work_ += weight * stages_[stage].driven_power;
 }
 

@@ -102,8 +102,8 @@ class ContactEquations {
   double held_force(std::size_t coordinate, std::size_t stage) const {
     return stages_[stage].coordinate[coordinate];
   }
-  /// Force of a joint, by function of its kind.
-  const RowVector& joint_force(std::size_t joint, std::size_t stage) const {
+  /// Forces of a joint.
+  const GroupForces& joint_force(std::size_t joint, std::size_t stage) const {
     return stages_[stage].joint[joint];
   }
   /// Largest force of the group [N]; the share kForceShare of it counts as rounding.
@@ -124,7 +124,7 @@ class ContactEquations {
     List<Eigen::Vector3d> contact;  // per contact, on A
     List<double> normal;            // per contact, along the normal
     List<double> coordinate;        // per coordinate, holding force
-    List<RowVector> joint;
+    List<GroupForces> joint;
     double driven_power = 0.0;  // power of kinematic bodies on the others [W]
 
     void clear();
@@ -135,7 +135,7 @@ class ContactEquations {
     double work = 0.0;
     List<Eigen::Vector3d> contacts;
     List<ContactFeature> touched;  // per contact
-    List<RowVector> joints;
+    List<GroupForces> joints;
   };
 
   void set_rows(bool with_slip, bool with_tangents);

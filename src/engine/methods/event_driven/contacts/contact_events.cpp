@@ -162,7 +162,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   pairs_.find_features(false, false, &equations_);
   set_directions(pairs_.tolerances(), &equations_);
   equations_.joints().integrate_angles(equations_.bodies());
-  if (!equations_.bodies().has_movers() && !equations_.joints().is_moved_by_motors() &&
+  if (!equations_.bodies().has_movers() && !equations_.joints().depends_on_time() &&
       equations_.bodies().is_still(derivative())) {  // nothing will move in the interval
     equations_.accept_stillness(span->left.left);
     span->left.left = 0.0;
@@ -202,7 +202,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   const auto change = [&](const Watched& event, bool* is_changed) {
     return change_states(span, event, is_changed);
   };
-  return stepper_.end_substep(start, kMostEvents, repeat_to, look, accept, change, &span->left) &&
+  return stepper_.end_substep(start, repeat_to, look, accept, change, &span->left) &&
          done_.missed <= kMostMissed;
 }
 
@@ -226,6 +226,7 @@ bool ContactEvents::end_jam(Span* span) {
 
 // Changes the states at the event of a watched value.
 bool ContactEvents::change_states(Span* span, const Watched& event, bool* is_changed) {
+  solver_.add(1.0);
   equations_.joints().integrate_angles(equations_.bodies());
   const std::uint32_t impacts = impacts_.count(), breaks = done_.breaks;
   if (event.kind == Watched::Kind::kBreak) break_joint(*span, event.joint);
@@ -243,6 +244,7 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   const double t = span->all.t + span->left.t;
   has_stages_ = false;
   equations_.set_straight(false);
+  for (GroupJoint& joint : equations_.joints().list()) joint.impact = {};
   if (is_begin && !equations_.joints().list().empty()) {  // else rates may be those of no motion
     const std::optional<double> lost = equations_.fit_joints(y, pairs_.tolerances().resting);
     if (!lost) return false;
@@ -252,7 +254,6 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   pairs_.find_features(!is_begin && event.kind == Watched::Kind::kMargin, false, &equations_);
   states_.note_bounds(t, span->all.h, event, pairs_, equations_);
   impacts_.begin_event(equations_);
-  for (GroupJoint& joint : equations_.joints().list()) joint.impact.setZero();
   const auto decide = [&](const Watched& at) {
     return states_.decide(at, y, pairs_, &solver_, &equations_);
   };
@@ -279,10 +280,20 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   return break_hit(span) ? settle(span, {}, false) : break_overloaded(span);
 }
 
+// Breaks a joint and the couplings on it.
 void ContactEvents::break_joint(const Span& span, std::size_t joint) {
-  ++done_.breaks;
-  equations_.joints().break_joint(joint);
-  reports_.add_break(span.all.t + span.left.t, joint);
+  GroupJoints& joints = equations_.joints();
+  const auto break_one = [&](std::size_t j) {
+    if (joints[j].is_broken) return;
+    ++done_.breaks;
+    joints.break_joint(j);
+    reports_.add_break(span.all.t + span.left.t, j);
+  };
+  break_one(joint);
+  for (std::size_t j = 0; j < joints.list().size(); ++j)
+    if (couples_joints(joints[j].joint.kind))
+      for (const CoupledTerm& term : joints[j].terms)
+        if (term.joint == joint) break_one(j);
 }
 
 // Breaks joints whose impulses by impacts are more than they bear. Returns whether any broke.
@@ -292,8 +303,9 @@ bool ContactEvents::break_hit(Span* span) {
   bool any = false;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const GroupJoint& of = joints[j];
-    if (of.is_broken || of.impact.isZero(0.0)) continue;
-    const JointLoad load = load_of(of.joint, bodies.state(of.a), bodies.state(of.b), of.impact);
+    if (!of.may_break()) continue;
+    const JointLoad load = load_of(of.joint, bodies.state(of.a), bodies.state(of.b), of.impact.rows,
+                                   of.impact.coupling);
     if (!load.breaks(of.joint, 1.0 / kImpactDuration)) continue;
     break_joint(*span, j);
     any = true;

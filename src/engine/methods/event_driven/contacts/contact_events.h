@@ -29,7 +29,6 @@ namespace constraint_sim::engine {
 class ContactEvents {
  public:
   static constexpr std::size_t kMostLaws = 32;  ///< groups with more coordinates use another method
-  static constexpr std::uint32_t kMostEvents = 5000;  ///< per step
 
   /// Bodies, joints and pairs of the group; set before begin(), without contacts.
   ContactEquations& equations() { return equations_; }

@@ -147,6 +147,11 @@ void ContactReports::write(const ContactEquations& equations, std::size_t c,
     CoordinateState& coordinate = state->coordinates[static_cast<std::size_t>(law.coordinate)];
     coordinate.braking = of.braking;
     coordinate.held = law.goal && of.braking == 0.0 ? *law.goal : q;
+    if (law.goal) {
+      const ErrorsToClose& errors = joints[of.joint].to_close;
+      state->to_close.offset[law.function] = errors.offset[law.function];
+      state->to_close.moving[to_index(law.coordinate)] = errors.moving[to_index(law.coordinate)];
+    }
   } else if (law.drive > 0.0)
     state->travel = q - joints[of.joint].joint.distance.length.value_or(0.0);
   else

@@ -43,8 +43,7 @@ void ContactResponses::add_directions(const ContactEquations& equations) {
   const GroupJoints& joints = equations.joints();
   for (const std::size_t c : coordinates_) {
     const GroupCoordinate& of = joints.coordinates()[c];
-    directions_.add(bodies, joints[of.joint].a, joints[of.joint].b,
-                    joints.read(bodies, of, nullptr).J);
+    joints.add_row(bodies, of, joints.read(bodies, of, nullptr), &directions_);
   }
   columns_ = directions_.list().size();
 }
@@ -81,11 +80,13 @@ void ContactResponses::find(const ContactEquations& equations) {
       Vector(velocity + 6 * i + 3) = motions_.angular[i];
     }
     for (std::size_t i = 0; i < n; ++i) A_[n * j + i] = directions[i].times(motions_, movable);
-    if (j >= of_contacts_) is_free_.push_back(A_[n * j + j] > kHeld * free ? 1 : 0);
+    is_free_.push_back(A_[n * j + j] > kHeld * free ? 1 : 0);
   }
   for (std::size_t j = 0; j < n; ++j)
     for (std::size_t i = 0; i < j; ++i)
       A_[n * j + i] = A_[n * i + j] = 0.5 * (A_[n * j + i] + A_[n * i + j]);
+  for (std::size_t j = 0; j < of_contacts_; ++j)
+    for (std::size_t i = 0; i < n && is_held(j); ++i) A_[n * j + i] = A_[n * i + j] = 0.0;
 }
 
 void ContactResponses::displace(const double* p, ContactEquations* equations, double* y) const {
@@ -108,8 +109,8 @@ void ContactResponses::apply(const double* p, ContactEquations* equations, doubl
   const List<ContactRow>&rows = held_.list(), &directions = directions_.list();
   const std::size_t movable = bodies.movable(), held = columns_ > 0 ? joints_.size() / columns_ : 0;
   const auto add = [&](std::size_t joint, int function, double impulse) {
-    joints[joint].impulse[function] += impulse;
-    joints[joint].impact[function] += impulse;
+    joints[joint].impulse.at(function) += impulse;
+    joints[joint].impact.at(function) += impulse;
   };
   GroupMotions& change = motions_;
   change.set_zero(movable);
@@ -122,17 +123,14 @@ void ContactResponses::apply(const double* p, ContactEquations* equations, doubl
     for (std::size_t i = 0; i < held; ++i)
       add(to_index(rows[i].joint), rows[i].function, p[j] * joints_[held * j + i]);
     if (!bodies.has_movers()) continue;
-    const auto power = [&](const ContactRow& row) {
-      return bodies.driven_power(row.a, row.b, row.J);
-    };
-    equations->add_driven_work(p[j] * power(directions[j]));
+    equations->add_driven_work(p[j] * directions[j].driven_power(bodies));
     for (std::size_t i = 0; i < held; ++i)
-      equations->add_driven_work(p[j] * joints_[held * j + i] * power(rows[i]));
+      equations->add_driven_work(p[j] * joints_[held * j + i] * rows[i].driven_power(bodies));
   }
   bodies.add_velocities(change, y);
   for (std::size_t k = 0; k < coordinates_.size(); ++k) {
     const GroupCoordinate& of = equations->joints().coordinates()[coordinates_[k]];
-    add(of.joint, of.law.function, p[of_contacts_ + k]);
+    add(of.joint, function_of(of.law), p[of_contacts_ + k]);
   }
   for (const TouchingContact& touching : contacts_) {
     ContactEquations::Contact& contact = equations->contacts()[touching.contact];

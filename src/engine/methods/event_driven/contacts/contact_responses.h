@@ -41,7 +41,9 @@ class ContactResponses {
   std::size_t columns() const { return columns_; }
   std::size_t of_contacts() const { return of_contacts_; }  ///< number of columns of contacts
   /// Whether the joints leave coordinate k of coordinates() free.
-  bool is_free(std::size_t k) const { return is_free_[k] != 0; }
+  bool is_free(std::size_t k) const { return is_free_[of_contacts_ + k] != 0; }
+  /// Whether joints hold a column of a contact: no impulse along it moves anything.
+  bool is_held(std::size_t column) const { return is_free_[column] == 0; }
   /// Changes of the rates of all columns, per column.
   const List<double>& A() const { return A_; }
 
@@ -58,7 +60,7 @@ class ContactResponses {
   std::size_t columns_ = 0, of_contacts_ = 0;
   ContactRows directions_;   // unit impulses
   ContactRows held_;         // rows of joints
-  List<char> is_free_;       // per coordinate
+  List<char> is_free_;       // per column: whether the joints leave it free
   List<double> velocity_;    // per column: changes of (v, ω) of the bodies
   List<double> joints_;      // per column: impulses of held_
   List<double> A_, lambda_;  // lambda_: scratch

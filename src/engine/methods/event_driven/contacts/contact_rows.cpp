@@ -8,8 +8,7 @@ namespace {
 
 constexpr double kDependentRow = 1e-10;  // pivot of dependent rows, scaled to a unit diagonal
 
-// Computes J M⁻¹ F, the change of row `of` by a unit force of another row.
-double response(std::size_t movable, const ContactRow& of, const ContactRow& to) {
+double response(std::size_t movable, const ContactRowPart& of, const ContactRowPart& to) {
   double sum = 0.0;
   if (of.a < movable) {
     if (of.a == to.a) sum += of.J.j1.dot(to.inv_M_F.j1) + of.J.j2.dot(to.inv_M_F.j2);
@@ -22,16 +21,25 @@ double response(std::size_t movable, const ContactRow& of, const ContactRow& to)
   return sum;
 }
 
+// Computes J M⁻¹ F, the change of row `of` by a unit force of another row.
+double response_of_rows(std::size_t movable, const ContactRow& of, const ContactRow& to) {
+  double sum = response(movable, of, to);
+  if (of.second) sum += response(movable, *of.second, to);
+  if (to.second) sum += response(movable, of, *to.second);
+  if (of.second && to.second) sum += response(movable, *of.second, *to.second);
+  return sum;
+}
+
 }  // namespace
 
-double ContactRow::times(const GroupMotions& motions, std::size_t movable) const {
+double ContactRowPart::times(const GroupMotions& motions, std::size_t movable) const {
   double sum = 0.0;
   if (a < movable) sum += J.j1.dot(motions.linear[a]) + J.j2.dot(motions.angular[a]);
   if (b < movable) sum += J.j3.dot(motions.linear[b]) + J.j4.dot(motions.angular[b]);
   return sum;
 }
 
-void ContactRow::push(double amount, std::size_t movable, GroupMotions* motions) const {
+void ContactRowPart::push(double amount, std::size_t movable, GroupMotions* motions) const {
   if (a < movable) {
     motions->linear[a] += amount * inv_M_F.j1;
     motions->angular[a] += amount * inv_M_F.j2;
@@ -40,6 +48,21 @@ void ContactRow::push(double amount, std::size_t movable, GroupMotions* motions)
     motions->linear[b] += amount * inv_M_F.j3;
     motions->angular[b] += amount * inv_M_F.j4;
   }
+}
+
+double ContactRow::times(const GroupMotions& motions, std::size_t movable) const {
+  const double first = ContactRowPart::times(motions, movable);
+  return second ? first + second->times(motions, movable) : first;
+}
+
+void ContactRow::push(double amount, std::size_t movable, GroupMotions* motions) const {
+  ContactRowPart::push(amount, movable, motions);
+  if (second) second->push(amount, movable, motions);
+}
+
+double ContactRow::driven_power(const GroupBodies& bodies) const {
+  const double first = bodies.driven_power(a, b, J);
+  return second ? first + bodies.driven_power(second->a, second->b, second->J) : first;
 }
 
 ContactRow& ContactRows::add(const GroupBodies& bodies, std::size_t a, std::size_t b,
@@ -60,12 +83,12 @@ void ContactRows::factor(const GroupBodies& bodies, bool asks_rank) {
     for (std::size_t i = 0; i < m; ++i)
       A[m * j + i] = i < j && rows_[i].is_symmetric && rows_[j].is_symmetric
                          ? A[m * i + j]
-                         : response(movable, rows_[i], rows_[j]);
+                         : response_of_rows(movable, rows_[i], rows_[j]);
     double own = A[m * j + j];
     if (!rows_[j].is_symmetric) {
       ContactRow along_gradient = rows_[j];
       along_gradient.inv_M_F = bodies.accelerations(rows_[j].a, rows_[j].b, rows_[j].J);
-      own = response(movable, rows_[j], along_gradient);
+      own = response_of_rows(movable, rows_[j], along_gradient);
     }
     weight_[j] = own > 0.0 ? rows_[j].share / std::sqrt(own) : 0.0;
   }

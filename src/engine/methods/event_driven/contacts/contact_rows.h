@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <optional>
 
 #include "engine/constraints/joint.h"
 #include "engine/math/least_norm_solver.h"
@@ -10,15 +11,22 @@
 
 namespace constraint_sim::engine {
 
-/// Row of a contact group: a rate J v that a force F per unit of a multiplier changes.
-struct ContactRow {
+/// Two bodies in a row of a contact group: gradient, and accelerations by a unit force.
+struct ContactRowPart {
   std::size_t a, b;
-  Jacobian J;
-  Jacobian inv_M_F;          ///< accelerations by a unit force
-  bool is_symmetric = true;  ///< whether F equals J
+  Jacobian J, inv_M_F;
+
+  double times(const GroupMotions& motions, std::size_t movable) const;
+  void push(double amount, std::size_t movable, GroupMotions* motions) const;
+};
+
+/// Row of a contact group: a rate J v that a force F per unit of a multiplier changes.
+struct ContactRow : ContactRowPart {
+  std::optional<ContactRowPart> second;  ///< second joint of a coupling
+  bool is_symmetric = true;              ///< whether F equals J
   double gamma = 0.0, value = 0.0, rate = 0.0, reference = 0.0;
   double share = 1.0;              ///< weight against rows that depend on this row
-  int joint = -1, function = 0;    ///< joint and its function; -1: none
+  int joint = -1, function = 0;    ///< joint and its function or kOfCoupling; -1: none
   int coordinate = -1;             ///< coordinate held by the row; -1: none
   int contact = -1;                ///< contact; -1: none
   bool is_normal = false;          ///< normal row of the contact
@@ -28,6 +36,8 @@ struct ContactRow {
   double times(const GroupMotions& motions, std::size_t movable) const;
   /// Adds the accelerations of `movable` bodies by a force of `amount`.
   void push(double amount, std::size_t movable, GroupMotions* motions) const;
+  /// Power of kinematic bodies on the others, by a unit force along the gradient.
+  double driven_power(const GroupBodies& bodies) const;
 };
 
 /// Solves for the forces λ of the rows of a contact group, with dense matrices:

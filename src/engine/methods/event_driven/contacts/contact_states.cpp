@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/math/box_lcp.h"
 #include "engine/math/numbers.h"
+#include "engine/methods/event_driven/contacts/position_motors.h"
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
@@ -15,41 +15,9 @@ using Eigen::Vector3d;
 constexpr double kAtRest = 1e-8;      // share of the largest acceleration; less is zero
 constexpr double kLeastScale = 0.01;  // [m/s²] least largest acceleration, where nothing pulls
 constexpr double kSameTime = 1e-6;    // share of an interval
-
-// Deceleration of a coordinate by half of the force of its motor, while other motors hold; zero
-// where joints hold the coordinate.
-double braking_of(std::size_t c, const ContactEquations& equations) {
-  const GroupJoints& joints = equations.joints();
-  ContactResponses responses;
-  responses.add_coordinate(c);
-  for (std::size_t d = 0; d < joints.coordinates().size(); ++d)
-    if (d != c && joints.coordinates()[d].is_one_sided && joints.coordinates()[d].law.drive > 0.0)
-      responses.add_coordinate(d);
-  responses.find(equations);
-  if (!responses.is_free(0)) return 0.0;
-  List<Eigen::Index> others;
-  const std::size_t n = responses.columns();
-  for (std::size_t k = 1; k < n; ++k)
-    if (responses.is_free(k)) others.push_back(static_cast<Eigen::Index>(k));
-  const auto size = static_cast<Eigen::Index>(n);
-  const Eigen::Map<const Eigen::MatrixXd> A(responses.A().data(), size, size);
-  return 0.5 * joints.coordinates()[c].law.drive * response_beside(A, others, 0);
-}
-
-// Finds the motors that are not at rest at their goals, and their braking decelerations.
-// EventDriven compares with prescribed motions instead.
-void find_lost(ContactEquations* equations) {
-  GroupJoints& joints = equations->joints();
-  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
-    GroupCoordinate& of = joints.coordinates()[c];
-    if (!of.law.goal) continue;
-    const GroupJoints::Reading now = joints.read(equations->bodies(), of, nullptr);
-    if (std::abs(now.q - *of.law.goal) <= kTouching && std::abs(now.rate) <= kResting)
-      of.braking = 0.0;
-    else if (of.braking == 0.0)
-      of.braking = braking_of(c, *equations);
-  }
-}
+// Share of an interval after which a motion that starts in it counts; courses that end with it have
+// no acceleration in the middle.
+constexpr double kAhead = 0.25;
 
 }  // namespace
 
@@ -82,6 +50,7 @@ bool ContactStates::has_changed(const ContactEquations& equations) const {
 
 void ContactStates::note_bounds(double t, double h, const ContactWatched& event,
                                 const ContactPairs& pairs, const ContactEquations& equations) {
+  interval_ = h;
   const auto note = [&](ContactWatched::Kind kind, bool is_over, AtBound* at) {
     const auto is_done = [&](std::size_t c) {
       const ContactEquations::Contact& contact = equations.contacts()[c];
@@ -123,14 +92,28 @@ bool ContactStates::decide(const ContactWatched& event, const double* y, const C
 bool ContactStates::decide(const ContactWatched& event, double least_slip, const double* y,
                            const ContactPairs& pairs, CountedSolver* solver,
                            ContactEquations* equations) {
+  find_lost(equations);
+  is_pressed_.assign(equations->joints().coordinates().size(), 0);
+  do {
+    if (!decide_once(event, least_slip, y, pairs, solver, equations)) return false;
+  } while (find_pressed(*equations, coordinate_acceleration_, &is_pressed_));
+  choose_servos(equations);
+  return true;
+}
+
+bool ContactStates::decide_once(const ContactWatched& event, double least_slip, const double* y,
+                                const ContactPairs& pairs, CountedSolver* solver,
+                                ContactEquations* equations) {
   has_derivative_ = false;
   for (ContactEquations::Contact& contact : equations->contacts()) {
     contact.acts = Acts::kOpen;
     contact.normal_share = contact.tangent_share = 1.0;
   }
-  find_lost(equations);
-  if (!find_candidates(equations)) return false;
-  find_free_motion(y, pairs.tolerances(), equations);
+  equations->joints().look_ahead(kAhead * interval_);
+  const bool is_possible = find_candidates(equations);
+  if (is_possible) find_free_motion(y, pairs.tolerances(), equations);
+  equations->joints().look_ahead(0.0);
+  if (!is_possible) return false;
   ContactResponses& responses = problem_.responses;
   if (!responses.contacts().empty() || !candidates_.empty()) {
     for (const Candidate& row : candidates_) responses.add_coordinate(row.coordinate);
@@ -146,7 +129,6 @@ bool ContactStates::decide(const ContactWatched& event, double least_slip, const
       take_forces(equations);
     }
   }
-  choose_servos(equations);
   return true;
 }
 
@@ -184,6 +166,9 @@ void ContactStates::set_problem(double least_slip, const ContactEquations& equat
         touching.frame.transpose() *
         ContactEquations::slip_acceleration(now, equations.contacts()[touching.contact], rates_);
     b[0] += now.n_dot.dot(now.w);
+    // Joints alone move what they hold; rounding of that is not an approach.
+    if (problem_.responses.is_held(touching.column) && std::abs(b[0]) <= kAtRest * kLeastScale)
+      b[0] = 0.0;
     set_rate(touching, b, &problem_.cone.b);
     const Vector3d slip = now.slip();
     const double speed = slip.norm();
@@ -228,8 +213,8 @@ bool ContactStates::find_candidates(ContactEquations* equations) {
     const auto zeta = [&] { return joints.zeta(bodies, of); };
     OneSidedState state;
     const bool is_lost = of.law.goal && of.braking > 0.0;
-    const std::optional<Hold> hold =
-        find_hold(of.law, coordinates_before_[c], now, limit, zeta, is_lost, false, &state);
+    const std::optional<Hold> hold = find_hold(of.law, coordinates_before_[c], now, limit, zeta,
+                                               is_lost, is_pressed_[c] == 0, &state);
     if (hold) {
       const Prescribed at = rate_held_at(*hold, limit, zeta);
       candidates_.push_back(
@@ -366,6 +351,8 @@ void ContactStates::hold_coordinates(bool is_begin, ContactEquations* equations)
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
     of.held = joints.read(bodies, of, nullptr).q;
     of.held_at = bodies.clock();
+    if (of.law.goal && of.state.hold != Hold::kNone && of.state.hold != Hold::kDrive)
+      joints.end_course(of);
     if (of.law.goal && of.state.drive != 0 && of.braking == 0.0)
       of.braking = braking_of(c, *equations);
     if (of.state.hold == Hold::kBrake)

@@ -76,6 +76,8 @@ class ContactStates {
 
   bool decide(const ContactWatched& event, double least_slip, const double* y,
               const ContactPairs& pairs, CountedSolver* solver, ContactEquations* equations);
+  bool decide_once(const ContactWatched& event, double least_slip, const double* y,
+                   const ContactPairs& pairs, CountedSolver* solver, ContactEquations* equations);
   void find_free_motion(const double* y, const ContactTolerances& within,
                         ContactEquations* equations);
   bool find_candidates(ContactEquations* equations);
@@ -90,8 +92,10 @@ class ContactStates {
   List<Acts> acts_before_;                  // per contact
   List<std::uint32_t> features_before_;     // ids of features, per contact
   List<OneSidedState> coordinates_before_;  // per coordinate
+  double interval_ = 0.0;                   // length of the interval [s]
   AtBound at_cone_, at_zero_;  // contacts at the friction bound, and at zero normal force
   List<Candidate> candidates_;
+  List<char> is_pressed_;  // per coordinate, as of find_pressed()
   ContactProblem problem_;
   List<double> solved_;                   // accelerations, as problem_.cone.b
   List<double> gap_acceleration_;         // per contact

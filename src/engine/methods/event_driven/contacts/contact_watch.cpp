@@ -72,10 +72,11 @@ void watch_breaking(const ContactEquations& equations, std::size_t j, bool has_s
   const GroupBodies& bodies = equations.bodies();
   const GroupJoint& of = equations.joints()[j];
   const Joint& joint = of.joint;
-  if (of.is_broken || (joint.break_force == 0.0 && joint.break_torque == 0.0)) return;
+  if (!of.may_break()) return;
   // Force and torque; stages are evaluated at the current pose.
   const auto loads = [&](std::size_t stage) {
-    return load_of(joint, bodies.state(of.a), bodies.state(of.b), equations.joint_force(j, stage));
+    const GroupForces& forces = equations.joint_force(j, stage);
+    return load_of(joint, bodies.state(of.a), bodies.state(of.b), forces.rows, forces.coupling);
   };
   ContactWatched watched;
   watched.kind = Kind::kBreak;

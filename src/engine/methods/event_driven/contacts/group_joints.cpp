@@ -7,51 +7,53 @@
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
+namespace {
 
-void GroupJoints::add_coordinates(std::size_t j) {
-  GroupJoint& of = list_[j];
-  const Joint& joint = of.joint;
-  laws_.clear();
-  add_one_sided_laws(joint, j, &laws_);
-  const auto add = [&](const OneSidedLaw& law) -> GroupCoordinate& {
-    GroupCoordinate& coordinate = coordinates_.emplace_back();
-    coordinate.joint = j;
-    coordinate.law = law;
-    return coordinate;
-  };
-  if (has_length(joint.kind)) {
-    const SoftLaw spring = length_spring(joint);
-    of.has_rows = laws_.empty() && spring.is_none();
-    if (of.has_rows) return;
-    OneSidedLaw law;
-    if (!laws_.empty()) law = laws_.front();
-    law.is_distance = true;
-    law.form = ScalarForm(LengthForm{});
-    if (!law.has_servo()) law.soft = {spring.K, 0.0, spring.C, 0.0};
-    add(law).is_one_sided = !laws_.empty();
-    return;
-  }
-  const JointKindInfo& kind = info(joint.kind);
-  for (int i = 0; i < kind.coordinates; ++i) {
-    const CoordinateLaw& from = joint.coordinates[i];
-    const auto found = std::find_if(laws_.begin(), laws_.end(),
-                                    [&](const OneSidedLaw& law) { return law.coordinate == i; });
-    OneSidedLaw law;
-    if (found != laws_.end()) {
-      law = *found;
-    } else {
-      law.coordinate = i;
-      law.form = kind.coordinate[i];
-      law.zero = from.zero;
-      law.function = kind.rows + i;
-      law.soft = soft_law(from);
+/// Vectors of a joint of the group and their motion, with the frame on B that moves while the joint
+/// closes.
+struct PlacedJoint {
+  PlacedJoint(const GroupBodies& bodies, const GroupJoint& of)
+      : a(bodies.state(of.a)), b(bodies.state(of.b)) {
+    if (!of.course.moves_frame()) {
+      vectors = JointVectors(of.joint, a, b);
+      motion = JointMotion(vectors, a, b);
+      return;
     }
-    const bool acts = found != laws_.end() || is_held(from) || !law.soft.is_none();
-    if (!acts) continue;
-    GroupCoordinate& coordinate = add(law);
-    coordinate.is_prescribed = is_held(from);
-    coordinate.is_one_sided = found != laws_.end();
+    const MovingFrame frame = of.course.frame(
+        bodies.clock(), of.joint.anchor_b,
+        of.joint.frame_b.value_or(Eigen::Quaterniond::Identity()).toRotationMatrix());
+    vectors = JointVectors(of.joint, a, b, frame);
+    motion = JointMotion(vectors, a, b);
+    motion.add(frame, b.orientation.toRotationMatrix());
   }
+
+  const BodyState &a, &b;
+  JointVectors vectors;
+  JointMotion motion;
+};
+
+Prescribed operator-(const Prescribed& a, const Prescribed& b) {
+  return {a.value - b.value, a.rate - b.rate, a.acceleration - b.acceleration};
+}
+
+}  // namespace
+
+void GroupJoints::Reading::add(double weight, const Reading& other) {
+  q += weight * other.q;
+  rate += weight * other.rate;
+  acceleration += weight * other.acceleration;
+}
+
+bool GroupJoints::set_terms(std::size_t j, const CoupledTerms& terms) {
+  for (std::size_t k = 0; k < terms.size(); ++k) {
+    const auto found = std::find_if(list_.begin(), list_.end(), [&](const GroupJoint& joint) {
+      return to_index(joint.index) == terms[k].joint;
+    });
+    if (found == list_.end()) return false;
+    list_[j].terms[k] = terms[k];
+    list_[j].terms[k].joint = to_index(found - list_.begin());
+  }
+  return true;
 }
 
 // ---- an interval
@@ -59,11 +61,16 @@ void GroupJoints::add_coordinates(std::size_t j) {
 void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& step,
                                  const List<JointState>& states, bool is_first) {
   angles_.set_time(0.0);
+  has_custom_forces_ = std::any_of(list_.begin(), list_.end(), [](const GroupJoint& joint) {
+    return is_custom_force(joint.joint.kind);
+  });
   if (is_first) list_angles(states);
   const double t = bodies.clock();
   for (GroupJoint& joint : list_) {
     JointState state = states[static_cast<std::size_t>(joint.index)];
     joint.course.begin(joint.joint, step, state);
+    joint.to_close = joint.course.to_close();
+    joint.constant = state.coupling.constant;
     joint.is_at_end = state.saturated && has_length(joint.joint.kind);
   }
   for (GroupCoordinate& of : coordinates_) {
@@ -93,6 +100,10 @@ void GroupJoints::list_angles(const List<JointState>& states) {
       if (!kind.coordinate[static_cast<std::size_t>(i)].is_angle) continue;
       for (GroupCoordinate& of : coordinates_)
         if (of.joint == j && of.law.coordinate == i) of.angle = static_cast<int>(angles_.size());
+      for (GroupJoint& coupling : list_)
+        for (std::size_t k = 0; k < 2 && couples(coupling.joint.kind); ++k)
+          if (coupling.terms[k].joint == j && coupling.terms[k].coordinate == i)
+            coupling.term_angles[k] = static_cast<int>(angles_.size());
       angles_.add(j, joint.joint.kind, i, joint.a, joint.b);
     }
   }
@@ -105,8 +116,7 @@ void GroupJoints::integrate_angles(const GroupBodies& bodies) {
   angles_.integrate(
       bodies.time(), [&](std::size_t body) { return bodies.state(body).angular_velocity; },
       [&](const TurnedAngles::Angle& angle) -> Eigen::Vector3d {
-        const JointVectors vectors(list_[angle.joint].joint, bodies.state(angle.a),
-                                   bodies.state(angle.b));
+        const JointVectors vectors = PlacedJoint(bodies, list_[angle.joint]).vectors;
         return (angle.is_about_b ? vectors.axes_B : vectors.axes_A).col(2);
       });
 }
@@ -131,9 +141,10 @@ void GroupJoints::break_joint(std::size_t j) {
   }
 }
 
-bool GroupJoints::is_moved_by_motors() const {
-  return std::any_of(list_.begin(), list_.end(),
-                     [](const GroupJoint& joint) { return joint.course.is_driven(); }) ||
+bool GroupJoints::depends_on_time() const {
+  return has_custom_forces_ ||
+         std::any_of(list_.begin(), list_.end(),
+                     [](const GroupJoint& joint) { return !joint.course.is_constant(); }) ||
          std::any_of(coordinates_.begin(), coordinates_.end(),
                      [](const GroupCoordinate& of) { return of.motor.is_moving(); });
 }
@@ -142,40 +153,95 @@ bool GroupJoints::is_moved_by_motors() const {
 
 GroupJoints::Reading GroupJoints::read(const GroupBodies& bodies, const GroupCoordinate& of,
                                        const GroupMotions* rates) const {
-  const GroupJoint& joint = list_[of.joint];
-  const BodyState &a = bodies.state(joint.a), &b = bodies.state(joint.b);
-  const JointVectors vectors(joint.joint, a, b);
-  const JointMotion motion(vectors, a, b);
+  if (of.law.is_coupling) return read_coupling(bodies, of.joint, rates);
+  return read_form(bodies, of.joint, of.law.form, of.law.zero, of.angle, rates);
+}
+
+GroupJoints::Reading GroupJoints::read_form(const GroupBodies& bodies, std::size_t j,
+                                            const ScalarForm& form, double zero, int angle,
+                                            const GroupMotions* rates) const {
+  const GroupJoint& joint = list_[j];
+  const PlacedJoint at(bodies, joint);
   Reading now;
-  now.rate = rate(of.law.form, vectors, motion);
+  now.rate = rate(form, at.vectors, at.motion);
   const double turned =
-      of.angle < 0 ? 0.0
-                   : angles_.expected(static_cast<std::size_t>(of.angle), bodies.time(), now.rate);
-  now.q = reading(of.law.form, value(of.law.form, vectors), of.law.zero, turned);
-  now.J = jacobian(of.law.form, vectors);
-  now.acceleration = gamma(of.law.form, vectors, motion);
+      angle < 0 ? 0.0 : angles_.expected(to_index(angle), bodies.time(), now.rate);
+  now.q = reading(form, value(form, at.vectors), zero, turned);
+  now.J = jacobian(form, at.vectors);
+  now.acceleration = gamma(form, at.vectors, at.motion);
   if (rates != nullptr)
     now.acceleration += now.J.times(rates->linear[joint.a], rates->angular[joint.a],
                                     rates->linear[joint.b], rates->angular[joint.b]);
   return now;
 }
 
+GroupJoints::Reading GroupJoints::read_coupling(const GroupBodies& bodies, std::size_t j,
+                                                const GroupMotions* rates) const {
+  const GroupJoint& coupling = list_[j];
+  Reading sum;
+  for (std::size_t k = 0; k < coupling.terms.size(); ++k) {
+    const CoupledTerm& term = coupling.terms[k];
+    const Joint& joint = list_[term.joint].joint;
+    const auto i = to_index(term.coordinate);
+    const Reading now = read_form(bodies, term.joint, info(joint.kind).coordinate[i],
+                                  joint.coordinates[i].zero, coupling.term_angles[k], rates);
+    sum.add(term.ratio, now);
+    (k == 0 ? sum.J : sum.J_second) = combined(term.ratio, now.J, 0.0, now.J);
+  }
+  return sum;
+}
+
 Prescribed GroupJoints::limit(const GroupBodies& bodies, const GroupCoordinate& of,
                               bool upper_one) const {
-  if (!of.law.is_distance) return {of.law.limit(upper_one), 0.0, 0.0};
   const GroupJoint& joint = list_[of.joint];
-  Prescribed at_limit = joint.course.length(bodies.clock());
-  at_limit.value +=
-      of.law.limit(upper_one) - joint.joint.distance.length.value_or(0.0) + of.given_way;
+  if (of.law.is_coupling) {
+    Prescribed at_limit =
+        read_course(bodies, [&](double t) { return joint.course.closing(t).coupling(); });
+    at_limit.value += joint.constant;
+    return at_limit;
+  }
+  // A limit that is open moves to its place; the offset of a motor with a position is its motion.
+  const bool is_closing = joint.course.is_closing() && !of.law.goal;
+  const double offset = is_closing ? joint.to_close.offset[of.law.function] : 0.0;
+  const bool is_open = upper_one ? offset > 0.0 : offset < 0.0;
+  const Prescribed error = offset == 0.0 ? Prescribed{} : read_course(bodies, [&](double t) {
+    return joint.course.closing(joint.to_close, t).of(of.law.function);
+  });
+  Prescribed at_limit;
+  if (of.law.is_distance) {
+    at_limit = read_course(bodies, [&](double t) { return joint.course.length(t); });
+    if (!is_open) at_limit = at_limit - error;
+    at_limit.value += of.given_way - joint.joint.distance.length.value_or(0.0);
+  } else if (is_open) {
+    at_limit = error;
+  }
+  at_limit.value += of.law.limit(upper_one);
   return at_limit;
+}
+
+// Motion of a motor with a force limit to its position.
+Prescribed GroupJoints::course_of(const GroupBodies& bodies, const GroupCoordinate& of) const {
+  const GroupJoint& joint = list_[of.joint];
+  Prescribed course = read_course(bodies, [&](double t) {
+    return joint.course.closing(joint.to_close, t).of(of.law.function);
+  });
+  course.value += *of.law.goal;
+  return course;
+}
+
+void GroupJoints::end_course(const GroupCoordinate& of) {
+  ErrorsToClose& errors = list_[of.joint].to_close;
+  errors.offset[of.law.function] = 0.0;
+  errors.moving[to_index(of.law.coordinate)] = {};
 }
 
 Prescribed GroupJoints::zeta(const GroupBodies& bodies, const GroupCoordinate& of) const {
   const double t = bodies.clock();
-  if (of.law.is_distance) return list_[of.joint].course.length(t);
+  if (of.law.is_distance)
+    return read_course(bodies, [&](double at) { return list_[of.joint].course.length(at); });
   if (of.law.drive == 0.0) return {};
   if (!of.law.goal) return motor_course(of.motor, motor_phase(of.motor, t), 0.0);
-  if (of.braking == 0.0) return {*of.law.goal, 0.0, 0.0};
+  if (of.braking == 0.0) return course_of(bodies, of);
   const double q = read(bodies, of, nullptr).q;
   if (of.state.hold == Hold::kBrake)
     return rate_until(*of.law.goal, std::copysign(of.braking, q - *of.law.goal), of.until - t);
@@ -213,7 +279,8 @@ Prescribed GroupJoints::target(const GroupBodies& bodies, const GroupCoordinate&
   const GroupJoint& joint = list_[of.joint];
   const double t = bodies.clock();
   if (of.is_prescribed) {
-    Prescribed at = joint.course.target(of.law.function, t);
+    Prescribed at =
+        read_course(bodies, [&](double at) { return joint.course.target(of.law.function, at); });
     at.value += of.law.zero;
     return at;
   }
@@ -235,25 +302,53 @@ void GroupJoints::add_rows(const GroupBodies& bodies, ContactRows* rows) const {
   for (std::size_t j = 0; j < list_.size(); ++j) {
     const GroupJoint& joint = list_[j];
     if (!joint.has_rows) continue;
-    const BodyState &a = bodies.state(joint.a), &b = bodies.state(joint.b);
-    const JointVectors vectors(joint.joint, a, b);
-    const JointMotion motion(vectors, a, b);
+    const PlacedJoint at(bodies, joint);
     const JointKindInfo& kind = info(joint.joint.kind);
     const bool is_distance = has_length(joint.joint.kind);
     for (int k = 0; k < kind.rows; ++k) {
-      const ScalarForm form =
-          is_distance ? ScalarForm(LengthForm{}) : kind.function[static_cast<std::size_t>(k)];
-      const Prescribed target = is_distance ? joint.course.length(bodies.clock()) : Prescribed{};
-      ContactRow& row = rows->add(bodies, joint.a, joint.b, jacobian(form, vectors));
-      row.value = value(form, vectors) - target.value;
-      row.rate = rate(form, vectors, motion) - target.rate;
-      row.gamma = gamma(form, vectors, motion) - target.acceleration;
+      const ScalarForm form = is_distance ? ScalarForm(LengthForm{}) : kind.function[to_index(k)];
+      const Prescribed target = read_course(bodies, [&](double t) {
+        return is_distance ? joint.course.length(t) : joint.course.closing(t).of(k);
+      });
+      ContactRow& row = rows->add(bodies, joint.a, joint.b, jacobian(form, at.vectors));
+      row.value = value(form, at.vectors) - target.value;
+      row.rate = rate(form, at.vectors, at.motion) - target.rate;
+      row.gamma = gamma(form, at.vectors, at.motion) - target.acceleration;
       row.joint = static_cast<int>(j);
       row.function = k;
     }
+    if (couples(joint.joint.kind)) add_coupling_row(bodies, j, rows);
   }
   for (std::size_t c = 0; c < coordinates_.size(); ++c)
     if (coordinates_[c].is_prescribed) add_coordinate_row(bodies, c, rows);
+}
+
+ContactRow& GroupJoints::add_row(const GroupBodies& bodies, const GroupCoordinate& of,
+                                 const Reading& now, ContactRows* rows) const {
+  const GroupJoint& joint = list_[of.joint];
+  const GroupJoint& first = of.law.is_coupling ? list_[joint.terms[0].joint] : joint;
+  ContactRow& row = rows->add(bodies, first.a, first.b, now.J);
+  if (!of.law.is_coupling) return row;
+  const GroupJoint& second = list_[joint.terms[1].joint];
+  row.second = ContactRowPart{second.a, second.b, now.J_second,
+                              bodies.accelerations(second.a, second.b, now.J_second)};
+  return row;
+}
+
+void GroupJoints::add_coupling_row(const GroupBodies& bodies, std::size_t j,
+                                   ContactRows* rows) const {
+  GroupCoordinate of;
+  of.joint = j;
+  of.law.is_coupling = true;
+  const Reading now = read_coupling(bodies, j, nullptr);
+  const Prescribed target =
+      read_course(bodies, [&](double t) { return list_[j].course.closing(t).coupling(); });
+  ContactRow& row = add_row(bodies, of, now, rows);
+  row.value = now.q - list_[j].constant - target.value;
+  row.rate = now.rate - target.rate;
+  row.gamma = now.acceleration - target.acceleration;
+  row.joint = static_cast<int>(j);
+  row.function = kOfCoupling;
 }
 
 void GroupJoints::add_coordinate_row(const GroupBodies& bodies, std::size_t c,
@@ -261,12 +356,12 @@ void GroupJoints::add_coordinate_row(const GroupBodies& bodies, std::size_t c,
   const GroupCoordinate& of = coordinates_[c];
   const Prescribed at = target(bodies, of);
   const Reading now = read(bodies, of, nullptr);
-  ContactRow& row = rows->add(bodies, list_[of.joint].a, list_[of.joint].b, now.J);
+  ContactRow& row = add_row(bodies, of, now, rows);
   row.value = of.law.form.is_angle ? unwound(now.q - at.value, 0.0) : now.q - at.value;
   row.rate = now.rate - at.rate;
   row.gamma = now.acceleration - at.acceleration;
   row.joint = static_cast<int>(of.joint);
-  row.function = of.law.function;
+  row.function = function_of(of.law);
   row.coordinate = static_cast<int>(c);
   row.reference = of.reference;
 }

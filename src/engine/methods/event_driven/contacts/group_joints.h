@@ -1,58 +1,28 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 
 #include "constraint_sim/engine/joint.h"
 #include "engine/constraints/joint.h"
-#include "engine/constraints/one_sided_law.h"
 #include "engine/dynamics/turned_angles.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_rows.h"
 #include "engine/methods/event_driven/contacts/group_bodies.h"
+#include "engine/methods/event_driven/contacts/group_joint.h"
 
 namespace constraint_sim::engine {
-
-/// Joint of a contact group.
-struct GroupJoint {
-  int index;         ///< index in the world
-  std::size_t a, b;  ///< indices in GroupBodies
-  Joint joint;
-  bool has_rows = true;  ///< rows of the kind; else coordinates only
-  bool is_broken = false;
-  bool was_saturated = false;             ///< value reported by the last step
-  bool is_at_end = false;                 ///< a winch at the end of its travel, in this interval
-  PrescribedMotion course{};              ///< prescribed motion in this interval
-  RowVector impulse = RowVector::Zero();  ///< accumulated in the step, per row and coordinate
-  RowVector impact = RowVector::Zero();   ///< part of `impulse` by impacts at one moment
-};
-
-/// Coordinate of a joint of a contact group, or length of a distance joint, on which a law acts.
-struct GroupCoordinate {
-  std::size_t joint;           ///< index in GroupJoints
-  OneSidedLaw law;             ///< form, one-sided law and soft law of the coordinate
-  bool is_prescribed = false;  ///< held by a motor without force limit
-  bool is_one_sided = false;
-  OneSidedState state;
-  Motor motor{};   ///< demand in this interval; of laws with a drive
-  int angle = -1;  ///< index in the angles; -1: no angle
-  /// Position where friction or a drive began to hold the coordinate [m or rad].
-  double held = 0.0;
-  double held_at = 0.0;  ///< time when the hold began, simulated [s]
-  /// Displacement of a yielding limit of a length since the step began [m].
-  double given_way = 0.0;
-  double reference = 0.0;  ///< admissible force, as reference of λ [N or N m]
-  double braking = 0.0;    ///< deceleration, see CoordinateState
-  double until = 0.0;      ///< end of braking by the motor, simulated [s]
-};
 
 /// Keeps the joints of a contact group, and answers how their coordinates move at the pose of the
 /// bodies.
 class GroupJoints {
  public:
-  /// Position, rate and acceleration of a coordinate; `J`: its gradient.
+  /// Position, rate and acceleration of a coordinate or coupling; `J`: its gradient.
   struct Reading {
     double q = 0.0, rate = 0.0, acceleration = 0.0;
-    Jacobian J;
+    Jacobian J, J_second;  ///< `J_second`: of the second term of a coupling
+
+    void add(double weight, const Reading& other);
   };
 
   /// Joints and coordinates of the group; set before begin_interval().
@@ -61,8 +31,12 @@ class GroupJoints {
   const GroupJoint& operator[](std::size_t joint) const { return list_[joint]; }
   List<GroupCoordinate>& coordinates() { return coordinates_; }
   const List<GroupCoordinate>& coordinates() const { return coordinates_; }
+  /// Sets the joints of a coupling, by their indices in the world. False where one is missing.
+  bool set_terms(std::size_t joint, const CoupledTerms& terms);
   /// Adds the coordinates of a joint on which a law acts.
-  void add_coordinates(std::size_t joint);
+  void add_coordinates(std::size_t joint) {
+    engine::add_coordinates(joint, &list_[joint], &laws_, &coordinates_);
+  }
   /// All angles of joints, numbered by joints and bodies.
   const TurnedAngles& angles() const { return angles_; }
 
@@ -77,8 +51,14 @@ class GroupJoints {
   void move_yielding_limits(const GroupBodies& bodies);
   /// Removes all rows and laws of a joint.
   void break_joint(std::size_t joint);
+  /// Where a prescribed motion is about to start, its acceleration counts as slight, in the
+  /// direction of that after a time [s], so that contacts that it makes slip do so at once. 0: the
+  /// present acceleration.
+  void look_ahead(double time) { ahead_ = time; }
   /// Whether any force or constraint depends on the time.
-  bool is_moved_by_motors() const;
+  bool depends_on_time() const;
+  /// Whether forces act beside those of rows.
+  bool has_free_forces() const { return !coordinates_.empty() || has_custom_forces_; }
 
   // ---- coordinates
   /// Reads a coordinate, with the given accelerations of bodies or with zero accelerations.
@@ -96,14 +76,38 @@ class GroupJoints {
   double free_force(const GroupBodies& bodies, const GroupCoordinate& coordinate,
                     const Reading& now) const;
 
+  // ---- motors with a position
+  /// Prescribed motion of a motor with a force limit to its position.
+  Prescribed course_of(const GroupBodies& bodies, const GroupCoordinate& coordinate) const;
+  /// Ends the prescribed motion of a coordinate to its position.
+  void end_course(const GroupCoordinate& coordinate);
+
   // ---- rows
+  /// Adds a row with the gradient of a coordinate or coupling.
+  ContactRow& add_row(const GroupBodies& bodies, const GroupCoordinate& coordinate,
+                      const Reading& now, ContactRows* rows) const;
   /// Adds the rows of joints that hold both ways without force limit.
   void add_rows(const GroupBodies& bodies, ContactRows* rows) const;
   /// Adds the rows that hold coordinates one way or up to a force.
   void add_held_rows(const GroupBodies& bodies, ContactRows* rows) const;
 
  private:
+  static constexpr double kSlight = 1e-2;  // [m/s² or rad/s²]; a thousandth of g
+
   void list_angles(const List<JointState>& states);
+  Reading read_form(const GroupBodies& bodies, std::size_t joint, const ScalarForm& form,
+                    double zero, int angle, const GroupMotions* rates) const;
+  Reading read_coupling(const GroupBodies& bodies, std::size_t joint,
+                        const GroupMotions* rates) const;
+  void add_coupling_row(const GroupBodies& bodies, std::size_t joint, ContactRows* rows) const;
+  template <class Course>
+  Prescribed read_course(const GroupBodies& bodies, const Course& course) const {
+    Prescribed now = course(bodies.clock());
+    if (ahead_ > 0.0 && now.rate == 0.0 && now.acceleration == 0.0)
+      now.acceleration =
+          std::clamp(course(bodies.clock() + ahead_).acceleration, -kSlight, kSlight);
+    return now;
+  }
   Prescribed target(const GroupBodies& bodies, const GroupCoordinate& coordinate) const;
   void add_coordinate_row(const GroupBodies& bodies, std::size_t coordinate,
                           ContactRows* rows) const;
@@ -111,6 +115,8 @@ class GroupJoints {
   List<GroupJoint> list_;
   List<GroupCoordinate> coordinates_;
   TurnedAngles angles_;
+  bool has_custom_forces_ = false;
+  double ahead_ = 0.0;      // see look_ahead()
   List<OneSidedLaw> laws_;  // laws of the joint being added; scratch
 };
 

@@ -7,11 +7,7 @@
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
-namespace {
-
-constexpr std::uint32_t kMostEvents = 5000;  // per step
-
-}  // namespace
+namespace {}  // namespace
 
 /// State of EventDriven::advance().
 struct EventDriven::Span {
@@ -122,6 +118,9 @@ void EventDriven::watch(const Span& span, List<WatchedByJoints>* list) {
 
 // Makes the next substep, or the part of it before an event.
 bool EventDriven::advance_to_event(Span* span) {
+  if (span->progress.substeps + span->progress.rejected + static_cast<double>(stepper_.events()) >
+      span->accuracy.most_work)
+    return false;
   RungeKutta& motion = *span->motion;
   const SubstepSpan start = span->left;
   motion.keep_start();
@@ -144,8 +143,7 @@ bool EventDriven::advance_to_event(Span* span) {
   const auto change = [&](const WatchedByJoints& watched, bool* is_changed) {
     return change_states(span, watched, is_changed);
   };
-  return stepper_.end_substep(start, kMostEvents, repeat, list_watched, accept, change,
-                              &span->left);
+  return stepper_.end_substep(start, repeat, list_watched, accept, change, &span->left);
 }
 
 // ---- at events
@@ -181,8 +179,8 @@ void EventDriven::break_joint(Span* span, std::size_t joint) {
 bool EventDriven::settle(Span* span, const EventRelease& release, bool is_changed,
                          bool* had_impacts) {
   EventProblem problem(motions_.laws().size());
-  List<RowVector> before;
-  if (!motions_.joints().breaking().empty()) before = impulses_.sums().joint;
+  EventImpulses::Sums before;
+  if (!motions_.joints().breaking().empty()) before = impulses_.sums();
   bool any = false;
   if (!load(span, &problem) || !have_impacts(span, &problem, &any)) return false;
   *had_impacts = *had_impacts || any;
@@ -204,7 +202,7 @@ bool EventDriven::settle(Span* span, const EventRelease& release, bool is_change
 
 // Joints whose impulses since `before` are more than they bear.
 List<std::size_t> EventDriven::broken_by_impacts(const Span& span,
-                                                 const List<RowVector>& before) const {
+                                                 const EventImpulses::Sums& before) const {
   const EventJoints& joints = motions_.joints();
   List<std::size_t> broken;
   for (const EventJoints::Breaking& breaking : joints.breaking()) {
@@ -213,7 +211,8 @@ List<std::size_t> EventDriven::broken_by_impacts(const Span& span,
     const auto [a, b] = joints.ends(l);
     const JointLoad load =
         load_of(joints[l], span.bodies().at(a, span.t()), span.bodies().at(b, span.t()),
-                impulses_.sums().joint[l] - before[l]);
+                impulses_.sums().joint[l] - before.joint[l],
+                impulses_.sums().coupled[l] - before.coupled[l]);
     if (load.breaks(joints[l], 1.0 / kImpactDuration)) broken.push_back(l);
   }
   return broken;

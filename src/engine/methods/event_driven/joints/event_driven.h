@@ -139,7 +139,7 @@ class EventDriven {
   bool change_states(Span* span, const WatchedByJoints& watched, bool* is_changed);
   void break_joint(Span* span, std::size_t joint);
   bool settle(Span* span, const EventRelease& release, bool is_changed, bool* had_impacts);
-  List<std::size_t> broken_by_impacts(const Span& span, const List<RowVector>& before) const;
+  List<std::size_t> broken_by_impacts(const Span& span, const EventImpulses::Sums& before) const;
   void add_overloaded(List<std::size_t>* broken) const;
   bool load(Span* span, EventProblem* problem);
   bool have_impacts(Span* span, EventProblem* problem, bool* any);

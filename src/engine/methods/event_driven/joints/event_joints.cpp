@@ -27,7 +27,6 @@ void EventJoints::add_laws(const Joint& joint) {
   first_law_.push_back(laws_.size());
   add_one_sided_laws(joint, l, &laws_);
   if (joint.break_force == 0.0 && joint.break_torque == 0.0) return;
-  if (couples_joints(joint.kind)) return;
   const auto most = [](double force) { return force > 0.0 ? force : kInfinity; };
   breaking_.push_back({l, most(joint.break_force), most(joint.break_torque)});
 }

@@ -55,13 +55,14 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
     const auto found = std::find(equations.joints().begin(), equations.joints().end(),
                                  static_cast<int>(breaking.joint));
     if (found == equations.joints().end()) continue;
-    const RowVector force = equations.forces().force(
-        equations, static_cast<std::size_t>(found - equations.joints().begin()), 0);
+    const auto link = static_cast<std::size_t>(found - equations.joints().begin());
     const Joint& joint = joints[breaking.joint];
     WatchedByJoints watched;
     watched.breaks = static_cast<int>(breaking.joint);
     const auto [a, b] = joints.ends(breaking.joint);
-    const JointLoad load = load_of(joint, bodies.at(a, t), bodies.at(b, t), force);
+    const JointLoad load = load_of(joint, bodies.at(a, t), bodies.at(b, t),
+                                   equations.forces().force(equations, link, 0),
+                                   equations.forces().coupled_force(equations, link));
     for (const auto& [most, is] :
          {std::pair(breaking.force, load.force), std::pair(breaking.torque, load.torque)}) {
       if (!std::isfinite(most)) continue;

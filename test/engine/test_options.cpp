@@ -70,7 +70,7 @@ std::string scene_with(std::string name, const std::string& value) {
 TEST(Options, AreAllListed) {
   // does not compile if the struct has another number of members
   const WorldOptions defaults;
-  [[maybe_unused]] const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = defaults;
+  [[maybe_unused]] const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q] = defaults;
   std::set<const void*> members;
   std::set<std::string> names;
   visit_options(defaults, [&](const OptionInfo& info, const auto& value, auto) {

@@ -31,7 +31,7 @@ Joint coupling(JointKind kind, JointId first, JointId second, double ratio) {
   return joint;
 }
 
-Joint custom(const char* type, CustomParameters parameters, BodyId body) {
+Joint plugin_joint(const char* type, CustomParameters parameters, BodyId body) {
   Joint joint;
   joint.name = "custom";
   joint.kind = std::string(type) == "test/rod" ? JointKind::kCustom : JointKind::kCustomForce;
@@ -229,9 +229,10 @@ TEST_P(CoupledContactsAt, ARodOfAnotherPackageActsAsTheOwn) {
     world.add_body(plane("wall", {-0.1, 0, 0}, Vector3d::UnitX(), 0.0, 0.8));
     const BodyId bob =
         world.add_body(make_body("bob", Sphere{0.1}, 1.0, {std::sin(1.0), 0.0, -std::cos(1.0)}));
-    world.add_joint(form < 2 ? custom("test/rod", {{"length", 1.0}, {"squared", double(form)}}, bob)
-                             : make_joint("rod", kWorldBody, Vector3d::Zero(), bob,
-                                          Vector3d::Zero(), rod(1.0)));
+    world.add_joint(
+        form < 2
+            ? plugin_joint("test/rod", {{"length", 1.0}, {"squared", double(form)}}, bob)
+            : make_joint("rod", kWorldBody, Vector3d::Zero(), bob, Vector3d::Zero(), rod(1.0)));
     EXPECT_FALSE(of_kind(advance_to(&world, 1.5), EventKind::kContactBegan).empty());
     return Vector3d(world.state(bob).position);
   };
@@ -246,7 +247,7 @@ TEST_P(CoupledContactsAt, AForceOfAnotherPackagePushesAgainstAWall) {
   World world(by_events(GetParam(), 0.0));
   world.add_body(plane("wall", {gap + 0.1, 0, 0}, -Vector3d::UnitX(), 0.0, 0.0));
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, mass, Vector3d::Zero()));
-  world.add_joint(custom("test/drag", {{"c", c}, {"wind", wind}}, ball));
+  world.add_joint(plugin_joint("test/drag", {{"c", c}, {"wind", wind}}, ball));
   const std::vector<Event> hits = of_kind(advance_to(&world, 2.0), EventKind::kContactBegan);
   double t = 0.5;
   for (int i = 0; i < 50; ++i) {
@@ -267,7 +268,7 @@ TEST(CoupledContacts, AFaultOfAnotherPackageIsReported) {
   world.add_body(make_floor(0.0));
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0, 0, 0.1}));
   const JointId joint =
-      world.add_joint(custom("test/faulty", {{"from", 0.045}, {"throws", 1.0}}, ball));
+      world.add_joint(plugin_joint("test/faulty", {{"from", 0.045}, {"throws", 1.0}}, ball));
   run(world, 4);
   EXPECT_FALSE(is_by_impulses(world));
   const BodyState before = world.state(ball);

@@ -78,8 +78,8 @@ TEST(Options, AreAllListed) {
     names.insert(info.name);
     EXPECT_STRNE(info.meaning, "") << info.name;
   });
-  EXPECT_EQ(members.size(), 16u);
-  EXPECT_EQ(names.size(), 16u);
+  EXPECT_EQ(members.size(), 17u);
+  EXPECT_EQ(names.size(), 17u);
 }
 
 TEST(Options, AreSavedAndLoadedEach) {

@@ -110,7 +110,8 @@ TEST_F(Runner, TakesEachOptionOfAWorldButGravity) {
                                                   {"sleep_after", ".inf"},
                                                   {"sleep_speed", "1e-06"},
                                                   {"threads", "2"},
-                                                  {"contact_tolerance", "0.001"}};
+                                                  {"contact_tolerance", "0.001"},
+                                                  {"event_work", "500"}};
   ASSERT_EQ(run("--help"), 0);
   const std::string help = out();
   const WorldOptions defaults;

@@ -188,7 +188,7 @@ class Docs(unittest.TestCase):
                          lambda: abs(position("lift") - 0.25) + abs(position("turn") - 1.2) < 1e-4])
         expected = {"status": lambda shown: shown["status_list"][0]["status"] == GoalStatus.SUCCEEDED,
                     "joint_states": lambda shown: abs(shown["position"][shown["name"].index("lift")]) < 1e-4,
-                    "contact_forces": lambda shown: {c["body_a"] for c in shown["contacts"]} >= {"left/com", "right/com"},
+                    "contact_forces": lambda shown: {c["body_a"] for c in shown["contacts"]} >= {"left/com", "arm/com"},
                     "get_body_state": lambda shown: is_near(shown["state"]["pose"]["position"], 0.1631, 0.4194, 0.28),
                     "verify": lambda shown: shown["verdicts"][shown["bodies"].index("box")] == "holds",
                     "statistics": lambda shown: shown["max_constraint_error"] < 1e-3}

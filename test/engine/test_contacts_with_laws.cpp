@@ -408,12 +408,8 @@ TEST(ContactsWithLaws, AnEventCostsAtMostFiveSubsteps) {
   }
 }
 
-// A position motor whose coordinate a motor without force limit moves has no deceleration of its
-// own, also after a ball has hit the cart. The deceleration is the response of the coordinate to
-// the motor, which is zero but for rounding; a rounding would count as a motor that brakes, at some
-// masses but not at others.
-// A ball on a floor, or on a slider with a stop, bounces more than ten times in a tick. With a work
-// of 15 substeps it is given up, and said to be.
+// A ball on a floor, or on a slider with a stop, bounces more than ten times in a tick. An
+// island that may take 15 substeps and events is given up, with the reason.
 TEST(ContactsWithLaws, AStepTakesNoMoreThanItsWork) {
   for (const bool has_floor : {true, false}) {
     for (const double work : {15.0, WorldOptions{}.event_work, kInfinity}) {
@@ -444,6 +440,10 @@ TEST(ContactsWithLaws, AStepTakesNoMoreThanItsWork) {
   }
 }
 
+// A position motor whose coordinate a motor without force limit moves has no deceleration of its
+// own, also after a ball has hit the cart. The deceleration is the response of the coordinate to
+// the motor, which is zero but for rounding; a rounding would count as a motor that brakes, at some
+// masses but not at others.
 TEST(ContactsWithLaws, AMotorThatAnotherOneMovesHasNoDeceleration) {
   for (const double mass : {2.0, 3.3}) {
     World world(by_events(0.1));

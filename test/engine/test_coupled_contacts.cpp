@@ -53,6 +53,34 @@ std::vector<Event> advance_to(World* world, double time) {
   return all;
 }
 
+/// A load on a slider along x, as a rack, that drives a wheel by a gear.
+struct RackAndWheel {
+  struct Settings {
+    double mass, inertia, ratio, speed;
+    double stiffness = 0.0;    ///< spring of the slider [N/m]
+    double break_force = 0.0;  ///< break force of the gear [N]
+  };
+  RackAndWheel(World* world, const Settings& of) {
+    Body body = make_body("load", Sphere{0.1}, of.mass, Vector3d::Zero());
+    body.state.linear_velocity.x() = of.speed;
+    load = world->add_body(body);
+    body = make_body("wheel", Sphere{0.1}, 1.0, {0, 2, 5});
+    body.inertia = of.inertia * Vector3d::Ones();
+    body.state.angular_velocity.z() = -of.speed / of.ratio;
+    wheel = world->add_body(body);
+    Joint slider = joint_to(load, JointKind::kSlider, "slider", Vector3d::Zero());
+    slider.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitX());
+    slider.coordinates[0].stiffness = of.stiffness;
+    const JointId rack = world->add_joint(slider);
+    hinge = world->add_joint(joint_to(wheel, JointKind::kHinge, "hinge", {0, 2, 5}));
+    Joint joint = coupling(JointKind::kGear, rack, hinge, of.ratio);
+    joint.break_force = of.break_force;
+    gear = world->add_joint(joint);
+  }
+  BodyId load, wheel;
+  JointId hinge, gear;
+};
+
 class CoupledContactsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, CoupledContactsAt,
@@ -63,27 +91,16 @@ TEST_P(CoupledContactsAt, ARackHitsAWall) {
   const double mass = 2.0, inertia = 0.05, ratio = 0.2, speed = 3.0, e = 0.5, gap = 0.5;
   World world(by_events(GetParam(), 0.0));
   world.add_body(plane("wall", {gap + 0.1, 0, 0}, -Vector3d::UnitX(), 0.0, e));
-  Body ball = make_body("ball", Sphere{0.1}, mass, Vector3d::Zero());
-  ball.state.linear_velocity.x() = speed;
-  const BodyId on_rack = world.add_body(ball);
-  Body wheel = make_body("wheel", Sphere{0.1}, 1.0, {0, 2, 0});
-  wheel.inertia = inertia * Vector3d::Ones();
-  wheel.state.angular_velocity.z() = -speed / ratio;
-  const BodyId turned = world.add_body(wheel);
-  Joint slider = joint_to(on_rack, JointKind::kSlider, "slider", Vector3d::Zero());
-  slider.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitX());
-  const JointId rack = world.add_joint(slider);
-  const JointId hinge = world.add_joint(joint_to(turned, JointKind::kHinge, "hinge", {0, 2, 0}));
-  const JointId gear = world.add_joint(coupling(JointKind::kGear, rack, hinge, ratio));
+  const RackAndWheel on(&world, {mass, inertia, ratio, speed});
   const std::vector<Event> hits = of_kind(advance_to(&world, 0.5), EventKind::kContactBegan);
   ASSERT_EQ(hits.size(), 1u);
   EXPECT_NEAR(hits[0].time, gap / speed, 10.0 * kTime);
   EXPECT_NEAR(hits[0].impulse, (1.0 + e) * speed * (mass + inertia / (ratio * ratio)), 1e-10);
   const double x = gap - e * speed * (world.time() - gap / speed);
-  EXPECT_NEAR(world.state(on_rack).position.x(), x, 10.0 * kPlace);
+  EXPECT_NEAR(world.state(on.load).position.x(), x, 10.0 * kPlace);
   // 12 rad: whole turns are counted
-  EXPECT_NEAR(world.joint_state(hinge).coordinates[0].position, -x / ratio, 1e-10);
-  EXPECT_LT(std::abs(world.joint_state(gear).error), 1e-12);
+  EXPECT_NEAR(world.joint_state(on.hinge).coordinates[0].position, -x / ratio, 1e-10);
+  EXPECT_LT(std::abs(world.joint_state(on.gear).error), 1e-12);
 }
 
 // A nut that falls along its screw, and turns, bounces on the floor: it falls by g m/(m + I/lead²).
@@ -188,7 +205,7 @@ TEST_P(CoupledContactsAt, AGearBreaksWithItsJoint) {
 }
 
 // A gear between a load on a spring and a wheel breaks when its force I/ratio² A ω² sin ω t passes
-// what it bears, with a floor under the load and without, at every time step alike.
+// its break force, with a floor under the load and without, at every time step alike.
 TEST_P(CoupledContactsAt, AGearBreaksByItsForce) {
   const double mass = 2.0, inertia = 0.05, ratio = 0.2, stiffness = 50.0, speed = 0.4;
   const double wheel_mass = inertia / (ratio * ratio);
@@ -197,25 +214,12 @@ TEST_P(CoupledContactsAt, AGearBreaksByItsForce) {
   for (const bool has_floor : {false, true}) {
     World world(by_events(GetParam(), 0.0));
     if (has_floor) world.add_body(plane("floor", {0, 0, -0.1}, Vector3d::UnitZ(), 0.0, 0.0));
-    Body load = make_body("load", Sphere{0.1}, mass, Vector3d::Zero());
-    load.state.linear_velocity.x() = speed;
-    const BodyId on_spring = world.add_body(load);
-    Body wheel = make_body("wheel", Sphere{0.1}, 1.0, {0, 2, 5});
-    wheel.inertia = inertia * Vector3d::Ones();
-    wheel.state.angular_velocity.z() = -speed / ratio;
-    const BodyId turned = world.add_body(wheel);
-    Joint slider = joint_to(on_spring, JointKind::kSlider, "slider", Vector3d::Zero());
-    slider.frame_a = rotation_between(Vector3d::UnitZ(), Vector3d::UnitX());
-    slider.coordinates[0].stiffness = stiffness;
-    const JointId rack = world.add_joint(slider);
-    const JointId hinge = world.add_joint(joint_to(turned, JointKind::kHinge, "hinge", {0, 2, 5}));
-    Joint gear = coupling(JointKind::kGear, rack, hinge, ratio);
-    gear.break_force = 0.6 * most;
-    world.add_joint(gear);
+    const RackAndWheel on(&world, {mass, inertia, ratio, speed, stiffness, 0.6 * most});
     const std::vector<Event> breaks = of_kind(advance_to(&world, 0.6), EventKind::kBroken);
     ASSERT_EQ(breaks.size(), 1u) << has_floor;
     EXPECT_NEAR(breaks[0].time, std::asin(0.6) / omega, 1e-8) << has_floor;
-    EXPECT_NEAR(world.state(turned).angular_velocity.z(), -0.8 * speed / ratio, 1e-7) << has_floor;
+    EXPECT_NEAR(world.state(on.wheel).angular_velocity.z(), -0.8 * speed / ratio, 1e-7)
+        << has_floor;
   }
 }
 
@@ -341,8 +345,8 @@ Pushed pushed(const Carried& by, double friction, bool has_floor, double force, 
   return made;
 }
 
-// A motor brings a box over a rough floor to its position, by the same motion as in the air; one
-// that is too weak leaves it where it is, and says so.
+// A motor brings a box over a rough floor to its position, by the same motion as in the air; a
+// motor that is too weak leaves the box where it is, and is reported as saturated.
 TEST_P(CoupledContactsAt, AMotorMovesABoxOverAFloorToItsPosition) {
   for (const double force : {400.0, 5.0}) {
     Pushed in_air = pushed(GetParam(), 0.5, false, 400.0, 0.02);

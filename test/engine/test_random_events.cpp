@@ -98,7 +98,7 @@ TEST(RandomEvents, OfContactsWithPartsGainNoEnergy) {
   EXPECT_GT(found.events, 5 * kScenes / 2);
 }
 
-// Screws, gears, racks and pulleys beside contacts: 15 of 400 are given up, and 18 left.
+// Screws, gears, racks and pulleys beside contacts: 16 of 400 are given up, and 18 left.
 TEST(RandomEvents, OfContactsWithCouplingsGainNoEnergy) {
   const Found found = hold(Kind::kTouchingCoupled, kScenes / 2);
   EXPECT_LE(found.given_up, 1 + kScenes / 30);
@@ -106,7 +106,7 @@ TEST(RandomEvents, OfContactsWithCouplingsGainNoEnergy) {
   EXPECT_GT(found.events, 5 * kScenes / 2);
 }
 
-// Joints that are open, and motors to positions, beside contacts: 11 of 400 are given up, and 18
+// Joints that are open, and motors to positions, beside contacts: 12 of 400 are given up, and 18
 // left. The others meet, and move alike in finer steps up to the first hits.
 TEST(RandomEvents, OfOpenJointsBesideContactsClose) {
   Found found;

@@ -15,8 +15,8 @@ using Eigen::Vector3d;
 constexpr double kAtRest = 1e-8;      // share of the largest acceleration; less is zero
 constexpr double kLeastScale = 0.01;  // [m/s²] least largest acceleration, where nothing pulls
 constexpr double kSameTime = 1e-6;    // share of an interval
-// Share of an interval after which a motion that starts in it counts; courses that end with it have
-// no acceleration in the middle.
+// Share of an interval after which the direction of a motion that starts from rest is read. Half
+// would not do: a motion that ends with the interval has no acceleration in its middle.
 constexpr double kAhead = 0.25;
 
 }  // namespace

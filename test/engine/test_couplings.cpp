@@ -126,8 +126,6 @@ TEST(Gear, CountsWholeTurns) {
   }
 }
 
-// More than half a turn in one step of runge_kutta, as without a tolerance: the gear holds with all
-// turns counted, and the wheel follows its speed, up to the integration error of such steps.
 // A motor without force limit that is sent over more than half a turn has its angle on the way, not
 // a turn aside; a gear on it follows.
 TEST(Gear, FollowsAMotorOverMoreThanHalfATurn) {
@@ -148,6 +146,8 @@ TEST(Gear, FollowsAMotorOverMoreThanHalfATurn) {
   }
 }
 
+// More than half a turn in one step of runge_kutta, as without a tolerance: the gear holds with all
+// turns counted, and the wheel follows its speed, up to the integration error of such steps.
 TEST(Gear, CountsTurnsOfLongSteps) {
   Wheels wheels(2, Method::kRungeKutta, 1.0 / 60.0);
   WorldOptions chosen = wheels.world.options();

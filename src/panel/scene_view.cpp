@@ -42,6 +42,7 @@ SceneView::~SceneView() {
 }
 
 void SceneView::frame(const std::string& node, rviz::DisplayContext* context) {
+  if (context == nullptr) return;  // shown outside of rviz
   wanted_ = node;
   if (process_.state() == QProcess::NotRunning) start(context);
 }

@@ -33,6 +33,14 @@ class ClosingErrors {
   Prescribed coupling() const {
     return start_ == nullptr || start_->coupling == 0.0 ? Prescribed{} : part(start_->coupling);
   }
+  /// Returns what is left of an error of a limit, `beyond` at the start of the motion of its
+  /// coordinate [m or rad].
+  Prescribed of_limit(int function, double beyond) const {
+    if (start_ == nullptr || beyond == 0.0) return {};
+    const MovingStart& moving = start_->moving[to_index(function - rows_)];
+    if (!(moving.duration > 0.0)) return part(beyond);
+    return moving_course({moving.since, moving.duration, beyond, 0.0, 0.0}, t_ - moving.since);
+  }
   /// Remaining share of the shift and the turn of the frame on B.
   const Prescribed& share() const { return share_; }
 

@@ -83,6 +83,15 @@ double coordinate_error(const CoordinateLaw& law, const CoordinateState& state) 
   return beyond_limits(law, state.position);
 }
 
+// Whether a coordinate is beyond its limits where its motor holds it.
+bool is_beyond_limits(const Joint& joint, const JointState& state) {
+  for (std::size_t i = 0; i < to_index(info(joint.kind).coordinates); ++i)
+    if (has_course_to_lose(joint.coordinates[i]) &&
+        std::abs(beyond_limits(joint.coordinates[i], state.coordinates[i].position)) > kFits)
+      return true;
+  return false;
+}
+
 // Interval since a joint was last measured.
 struct Passed {
   double h = 0.0;                   // [s]
@@ -390,8 +399,8 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   state.to_close.since = t;
   state.to_close.coupling = coupling_error(joint, state);
   if (is_by_frame) state.to_close.offset.head(kind.rows).setZero();
-  state.closing =
-      is_measured && acts(joint, state) && is_rigid(joint) && std::abs(state.error) > kFits;
+  state.closing = is_measured && acts(joint, state) && is_rigid(joint) &&
+                  (std::abs(state.error) > kFits || is_beyond_limits(joint, state));
 }
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,

@@ -66,6 +66,15 @@ struct OneSidedLaw {
   int function = 0;            ///< index of the coordinate in JointKindInfo::function
 
   double limit(bool upper_one) const { return upper_one ? upper : lower; }
+  /// Distance by which a coordinate was beyond its limits when it began to close errors; of a
+  /// length or without a goal, the error itself. > 0: beyond the upper limit.
+  double beyond_at_start(const ErrorsToClose& errors) const {
+    const double offset = errors.offset[function];
+    if (!goal) return offset;
+    const MovingStart& moving = errors.moving[static_cast<std::size_t>(coordinate)];
+    const double start = *goal + (moving.duration > 0.0 ? moving.offset : offset);
+    return std::max(start - upper, 0.0) + std::min(start - lower, 0.0);
+  }
   bool has_servo() const { return servo_most > 0.0 || only_pulls; }
   /// Whether the law is a rope: the upper limit of a length or of the lengths of a pulley.
   bool is_rope() const { return is_distance || is_coupling; }

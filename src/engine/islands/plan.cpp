@@ -302,13 +302,15 @@ std::vector<std::string> open_parts(const World& world, const Joint& joint,
   for (std::size_t i = 0; i < static_cast<std::size_t>(kind.coordinates); ++i) {
     const CoordinateLaw& law = joint.coordinates[i];
     const CoordinateState& coordinate = state.coordinates[i];
+    const auto say = [&](double off, const char* how) {
+      if (std::abs(off) > kTold)
+        parts.push_back("coordinate " + std::to_string(i) + " " + shown_figure(std::abs(off)) +
+                        (kind.coordinate[i].is_angle ? " rad" : " m") + how);
+    };
     const bool is_held = law.motor && law.motor->is_rigid();
-    const double off =
-        is_held ? coordinate.position - coordinate.held : beyond_limits(law, coordinate.position);
-    if (std::abs(off) > kTold)
-      parts.push_back("coordinate " + std::to_string(i) + " " + shown_figure(std::abs(off)) +
-                      (kind.coordinate[i].is_angle ? " rad" : " m") +
-                      (is_held ? " from where its motor holds it" : " beyond its limit"));
+    if (is_held) say(coordinate.position - coordinate.held, " from where its motor holds it");
+    if (!is_held || has_course_to_lose(law))
+      say(beyond_limits(law, coordinate.position), " beyond its limit");
   }
   return parts;
 }

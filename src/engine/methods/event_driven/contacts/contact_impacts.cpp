@@ -184,10 +184,15 @@ bool ContactImpacts::have_impact(double faster, const ContactTolerances& within,
   }
   results_.indeterminate += sharing_.indeterminate_rate(problem, problem_.force);
   responses.apply(problem_.force.data(), equations, y);
+  double largest = 0.0;
+  for (const double impulse : problem_.force) largest = std::max(largest, std::abs(impulse));
+  const auto note = [&](double impulse, double* sum) {
+    if (std::abs(impulse) > kForceShare * largest) *sum += impulse;
+  };
   for (const TouchingContact& touching : responses.contacts())
-    results_.impulses.contacts[touching.contact] += problem_.force[touching.column];
+    note(problem_.force[touching.column], &results_.impulses.contacts[touching.contact]);
   for (std::size_t k = 0; k < hits.limits.size(); ++k)
-    results_.impulses.coordinates[hits.limits[k].coordinate] += problem_.force[first + k];
+    note(problem_.force[first + k], &results_.impulses.coordinates[hits.limits[k].coordinate]);
   return true;
 }
 

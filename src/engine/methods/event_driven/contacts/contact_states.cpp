@@ -15,9 +15,6 @@ using Eigen::Vector3d;
 constexpr double kAtRest = 1e-8;      // share of the largest acceleration; less is zero
 constexpr double kLeastScale = 0.01;  // [m/s²] least largest acceleration, where nothing pulls
 constexpr double kSameTime = 1e-6;    // share of an interval
-// Share of an interval after which the direction of a motion that starts from rest is read. Half
-// would not do: a motion that ends with the interval has no acceleration in its middle.
-constexpr double kAhead = 0.25;
 
 }  // namespace
 
@@ -96,7 +93,8 @@ bool ContactStates::decide(const ContactWatched& event, double least_slip, const
   is_pressed_.assign(equations->joints().coordinates().size(), 0);
   do {
     if (!decide_once(event, least_slip, y, pairs, solver, equations)) return false;
-  } while (find_pressed(*equations, coordinate_acceleration_, &is_pressed_));
+  } while (find_pressed(*equations, coordinate_acceleration_, &is_pressed_) ||
+           note_lost(equations));
   choose_servos(equations);
   return true;
 }
@@ -109,10 +107,10 @@ bool ContactStates::decide_once(const ContactWatched& event, double least_slip, 
     contact.acts = Acts::kOpen;
     contact.normal_share = contact.tangent_share = 1.0;
   }
-  equations->joints().look_ahead(kAhead * interval_);
+  equations->joints().look_ahead(interval_);
   const bool is_possible = find_candidates(equations);
   if (is_possible) find_free_motion(y, pairs.tolerances(), equations);
-  equations->joints().look_ahead(0.0);
+  equations->joints().look_now();
   if (!is_possible) return false;
   ContactResponses& responses = problem_.responses;
   if (!responses.contacts().empty() || !candidates_.empty()) {
@@ -351,10 +349,6 @@ void ContactStates::hold_coordinates(bool is_begin, ContactEquations* equations)
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
     of.held = joints.read(bodies, of, nullptr).q;
     of.held_at = bodies.clock();
-    if (of.law.goal && of.state.hold != Hold::kNone && of.state.hold != Hold::kDrive)
-      joints.end_course(of);
-    if (of.law.goal && of.state.drive != 0 && of.braking == 0.0)
-      of.braking = braking_of(c, *equations);
     if (of.state.hold == Hold::kBrake)
       of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
     if (before.yield != 0)

@@ -61,6 +61,7 @@ bool GroupJoints::set_terms(std::size_t j, const CoupledTerms& terms) {
 void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& step,
                                  const List<JointState>& states, bool is_first) {
   angles_.set_time(0.0);
+  closing_time_ = step.closing_time;
   has_custom_forces_ = std::any_of(list_.begin(), list_.end(), [](const GroupJoint& joint) {
     return is_custom_force(joint.joint.kind);
   });
@@ -200,12 +201,11 @@ Prescribed GroupJoints::limit(const GroupBodies& bodies, const GroupCoordinate& 
     at_limit.value += joint.constant;
     return at_limit;
   }
-  // A limit that is open moves to its place; the offset of a motor with a position is its motion.
-  const bool is_closing = joint.course.is_closing() && !of.law.goal;
-  const double offset = is_closing ? joint.to_close.offset[of.law.function] : 0.0;
+  // A limit that is open moves to its place.
+  const double offset = joint.course.is_closing() ? of.law.beyond_at_start(joint.to_close) : 0.0;
   const bool is_open = upper_one ? offset > 0.0 : offset < 0.0;
   const Prescribed error = offset == 0.0 ? Prescribed{} : read_course(bodies, [&](double t) {
-    return joint.course.closing(joint.to_close, t).of(of.law.function);
+    return error_of_limit(of.law, offset, joint.course.closing(joint.to_close, t));
   });
   Prescribed at_limit;
   if (of.law.is_distance) {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 
 #include "constraint_sim/engine/joint.h"
@@ -10,6 +9,7 @@
 #include "engine/methods/event_driven/contacts/contact_rows.h"
 #include "engine/methods/event_driven/contacts/group_bodies.h"
 #include "engine/methods/event_driven/contacts/group_joint.h"
+#include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
 
@@ -51,10 +51,9 @@ class GroupJoints {
   void move_yielding_limits(const GroupBodies& bodies);
   /// Removes all rows and laws of a joint.
   void break_joint(std::size_t joint);
-  /// Where a prescribed motion is about to start, its acceleration counts as slight, in the
-  /// direction of that after a time [s], so that contacts that it makes slip do so at once. 0: the
-  /// present acceleration.
-  void look_ahead(double time) { ahead_ = time; }
+  /// Reads prescribed motions that are about to start as in `interval` [s]; or as they are.
+  void look_ahead(double interval) { ahead_ = {interval, closing_time_}; }
+  void look_now() { ahead_ = {}; }
   /// Whether any force or constraint depends on the time.
   bool depends_on_time() const;
   /// Whether forces act beside those of rows.
@@ -92,8 +91,6 @@ class GroupJoints {
   void add_held_rows(const GroupBodies& bodies, ContactRows* rows) const;
 
  private:
-  static constexpr double kSlight = 1e-2;  // [m/s² or rad/s²]; a thousandth of g
-
   void list_angles(const List<JointState>& states);
   Reading read_form(const GroupBodies& bodies, std::size_t joint, const ScalarForm& form,
                     double zero, int angle, const GroupMotions* rates) const;
@@ -102,11 +99,7 @@ class GroupJoints {
   void add_coupling_row(const GroupBodies& bodies, std::size_t joint, ContactRows* rows) const;
   template <class Course>
   Prescribed read_course(const GroupBodies& bodies, const Course& course) const {
-    Prescribed now = course(bodies.clock());
-    if (ahead_ > 0.0 && now.rate == 0.0 && now.acceleration == 0.0)
-      now.acceleration =
-          std::clamp(course(bodies.clock() + ahead_).acceleration, -kSlight, kSlight);
-    return now;
+    return about_to_start(course, bodies.clock(), ahead_);
   }
   Prescribed target(const GroupBodies& bodies, const GroupCoordinate& coordinate) const;
   void add_coordinate_row(const GroupBodies& bodies, std::size_t coordinate,
@@ -116,7 +109,8 @@ class GroupJoints {
   List<GroupCoordinate> coordinates_;
   TurnedAngles angles_;
   bool has_custom_forces_ = false;
-  double ahead_ = 0.0;      // see look_ahead()
+  double closing_time_ = 0.0;  // [s]
+  StartAhead ahead_;
   List<OneSidedLaw> laws_;  // laws of the joint being added; scratch
 };
 

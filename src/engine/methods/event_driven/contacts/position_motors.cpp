@@ -1,13 +1,14 @@
 #include "engine/methods/event_driven/contacts/position_motors.h"
 
-#include <cmath>
-
 #include "engine/math/box_lcp.h"
 #include "engine/methods/event_driven/contacts/contact_responses.h"
-#include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/joints/position_motor.h"
 
 namespace constraint_sim::engine {
+namespace {
 
+// Deceleration of a coordinate by half of the force of its motor, while other motors hold; zero
+// where joints hold the coordinate.
 double braking_of(std::size_t c, const ContactEquations& equations) {
   const GroupJoints& joints = equations.joints();
   ContactResponses responses;
@@ -26,45 +27,45 @@ double braking_of(std::size_t c, const ContactEquations& equations) {
   return 0.5 * joints.coordinates()[c].law.drive * response_beside(A, others, 0);
 }
 
+}  // namespace
+
 void find_lost(ContactEquations* equations) {
   GroupJoints& joints = equations->joints();
   for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
     GroupCoordinate& of = joints.coordinates()[c];
     if (!of.law.goal) continue;
     const GroupJoints::Reading now = joints.read(equations->bodies(), of, nullptr);
-    const auto follows = [&](const Prescribed& course) {
-      return std::abs(now.q - course.value) <= kTouching &&
-             std::abs(now.rate - course.rate) <= kResting;
-    };
-    if (follows(joints.course_of(equations->bodies(), of))) {
-      of.braking = 0.0;
-    } else if (of.braking == 0.0) {
-      of.braking = braking_of(c, *equations);
-    } else if (follows(
-                   {*of.law.goal, 0.0, 0.0})) {  // it arrived before the motion that it had lost
-      of.braking = 0.0;
-      joints.end_course(of);
-    }
+    judge_course(
+        now, joints.course_of(equations->bodies(), of), *of.law.goal,
+        [&] { return braking_of(c, *equations); }, [&] { joints.end_course(of); }, &of.braking);
   }
 }
 
+bool note_lost(ContactEquations* equations) {
+  GroupJoints& joints = equations->joints();
+  bool any = false;
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
+    GroupCoordinate& of = joints.coordinates()[c];
+    if (!of.law.goal || of.state.drive == 0 || of.braking > 0.0) continue;
+    of.braking = braking_of(c, *equations);
+    any = any || of.braking > 0.0;
+  }
+  return any;
+}
+
 bool find_pressed(const ContactEquations& equations, const List<double>& accelerations,
-                  List<char>* is_pressed) {
+                  List<char>* presses) {
   const GroupBodies& bodies = equations.bodies();
   const GroupJoints& joints = equations.joints();
   bool any = false;
   for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
     const GroupCoordinate& of = joints.coordinates()[c];
-    if ((*is_pressed)[c] || !of.law.goal || of.state.drive == 0 || of.braking > 0.0) continue;
-    const double q = joints.read(bodies, of, nullptr).q;
-    for (const bool upper_one : {false, true}) {
-      if (!std::isfinite(of.law.limit(upper_one))) continue;
-      const double direction = upper_one ? -1.0 : 1.0;
-      const double gap = direction * (q - joints.limit(bodies, of, upper_one).value);
-      if (gap > kTouching || direction * accelerations[c] >= 0.0) continue;
-      (*is_pressed)[c] = 1;
-      any = true;
-    }
+    if ((*presses)[c] || !of.law.goal || of.state.drive == 0 || of.braking > 0.0 ||
+        !is_pressed(of.law, joints.read(bodies, of, nullptr).q, accelerations[c],
+                    [&](bool upper_one) { return joints.limit(bodies, of, upper_one); }))
+      continue;
+    (*presses)[c] = 1;
+    any = true;
   }
   return any;
 }

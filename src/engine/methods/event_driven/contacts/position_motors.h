@@ -10,16 +10,17 @@ namespace constraint_sim::engine {
 // Motors of a contact group that have a position and a force limit, and follow a prescribed motion
 // to the position until they lose it.
 
-/// Returns the deceleration of a coordinate by half of the force of its motor, while other motors
-/// hold; zero where joints hold the coordinate.
-double braking_of(std::size_t coordinate, const ContactEquations& equations);
-
-/// Finds the motors that have lost their prescribed motions, and their braking decelerations.
+/// Finds the motors that do not follow their prescribed motions, before states are decided, and
+/// their braking decelerations.
 void find_lost(ContactEquations* equations);
+
+/// Finds the motors that lose their prescribed motions in the decided states, as
+/// EventMotions::note_lost().
+bool note_lost(ContactEquations* equations);
 
 /// Marks the motors that are too weak to leave a limit in the decided states, with the decided
 /// accelerations of coordinates. Returns whether there are further ones.
 bool find_pressed(const ContactEquations& equations, const List<double>& accelerations,
-                  List<char>* is_pressed);
+                  List<char>* presses);
 
 }  // namespace constraint_sim::engine

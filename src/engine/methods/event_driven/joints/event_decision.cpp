@@ -7,6 +7,7 @@
 #include "engine/math/dense.h"
 #include "engine/methods/event_driven/joints/event_driven.h"
 #include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/joints/position_motor.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -51,6 +52,7 @@ bool find_candidates(const EventMotions& motions, const EventProblem& problem, d
                      EventDecision* next) {
   const List<OneSidedLaw>& laws = motions.laws();
   next->states.assign(laws.size(), {});
+  next->leaves.assign(laws.size(), 0);
   VectorXd force = VectorXd::Zero(eigen_index(laws.size()));
   for (std::size_t c = 0; c < laws.size(); ++c) {
     if (motions.is_broken(laws[c].joint)) continue;
@@ -141,6 +143,7 @@ bool decide_once(const EventMotions& motions, const EventProblem& all, double t,
     };
     if (sides[i] != 0) {
       leave(sides[i]);
+      next->leaves[row.law] = 1;
     } else if (!is_at_bound(row, lambda[i])) {
       state.hold = row.hold;
     } else if (pivot_beside(problem.A, held, i) > kDependent) {
@@ -156,20 +159,16 @@ bool decide_once(const EventMotions& motions, const EventProblem& all, double t,
 // Marks the motors that are too weak to leave a limit in the decided states. Returns whether there
 // are further ones.
 bool find_pressed(const EventMotions& motions, const EventProblem& problem, double t,
-                  const EventDecision& next, List<char>* is_pressed) {
+                  const EventDecision& next, List<char>* presses) {
   const List<OneSidedLaw>& laws = motions.laws();
   bool any = false;
   for (std::size_t c = 0; c < laws.size(); ++c) {
-    if ((*is_pressed)[c] || !laws[c].goal || next.states[c].drive == 0 || motions.braking(c) > 0.0)
+    if ((*presses)[c] || !laws[c].goal || next.states[c].drive == 0 || motions.braking(c) > 0.0 ||
+        !is_pressed(laws[c], problem.reading(c).q, next.acceleration[eigen_index(c)],
+                    [&](bool upper_one) { return motions.limit(c, upper_one, t); }))
       continue;
-    for (const bool upper_one : {false, true}) {
-      if (!std::isfinite(laws[c].limit(upper_one))) continue;
-      const double direction = upper_one ? -1.0 : 1.0;
-      const double gap = direction * (problem.reading(c).q - motions.limit(c, upper_one, t).value);
-      if (gap > kTouching || direction * next.acceleration[eigen_index(c)] >= 0.0) continue;
-      (*is_pressed)[c] = 1;
-      any = true;
-    }
+    (*presses)[c] = 1;
+    any = true;
   }
   return any;
 }

@@ -19,6 +19,7 @@ struct EventRelease {
 /// States of all laws from now on, and the accelerations of their coordinates.
 struct EventDecision {
   List<OneSidedState> states;
+  List<char> leaves;  ///< per law: its coordinate leaves the rate at which the law could hold it
   Eigen::VectorXd acceleration;
 };
 

@@ -184,20 +184,30 @@ bool EventDriven::settle(Span* span, const EventRelease& release, bool is_change
   bool any = false;
   if (!load(span, &problem) || !have_impacts(span, &problem, &any)) return false;
   *had_impacts = *had_impacts || any;
-  const std::optional<EventDecision> next =
-      decide(motions_, problem, span->t(), release, bare().largest_force());
+  const std::optional<EventDecision> next = decide_states(*span, problem, release);
   if (!next) return false;
   if (!is_changed && !any && next->states == motions_.states()) return true;
   List<std::size_t> broken;
   if (any) broken = broken_by_impacts(*span, before);
   report(*span, problem, next->states);
-  motions_.note_lost(problem, next->states);
   motions_.change_states(problem, next->states, span->t());
   if (!switch_to_states(span)) return false;
   if (broken.empty()) add_overloaded(&broken);
   if (broken.empty()) return true;
   for (const std::size_t joint : broken) break_joint(span, joint);
   return settle(span, {}, true, had_impacts);
+}
+
+// Decides how the laws act next. Motors that lose their prescribed motions take the direction to
+// their positions at once.
+std::optional<EventDecision> EventDriven::decide_states(const Span& span,
+                                                        const EventProblem& problem,
+                                                        const EventRelease& release) {
+  while (true) {
+    std::optional<EventDecision> next =
+        decide(motions_, problem, span.t(), release, bare().largest_force());
+    if (!next || !motions_.note_lost(problem, *next)) return next;
+  }
 }
 
 // Joints whose impulses since `before` are more than they bear.
@@ -278,11 +288,10 @@ bool EventDriven::have_impacts(Span* span, EventProblem* problem, bool* any) {
 
 // Finds the limits whose bounces are too low to be followed.
 bool EventDriven::let_rest(const Span& span, const List<char>& bounced, EventProblem* problem,
-                           List<char>* rests, bool* is_settled) const {
+                           List<char>* rests, bool* is_settled) {
   *is_settled = true;
   if (std::find(bounced.begin(), bounced.end(), 1) == bounced.end()) return true;
-  const std::optional<EventDecision> next =
-      decide(motions_, *problem, span.t(), {}, bare().largest_force());
+  const std::optional<EventDecision> next = decide_states(span, *problem, {});
   if (!next) return false;
   const List<OneSidedLaw>& laws = motions_.laws();
   for (std::size_t c = 0; c < laws.size(); ++c) {

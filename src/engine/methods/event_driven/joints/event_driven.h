@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/event.h"
@@ -144,7 +145,9 @@ class EventDriven {
   bool load(Span* span, EventProblem* problem);
   bool have_impacts(Span* span, EventProblem* problem, bool* any);
   bool let_rest(const Span& span, const List<char>& bounced, EventProblem* problem,
-                List<char>* rests, bool* is_settled) const;
+                List<char>* rests, bool* is_settled);
+  std::optional<EventDecision> decide_states(const Span& span, const EventProblem& problem,
+                                             const EventRelease& release);
   bool was_saturated(const Span& span, std::size_t law, const EventReading& now) const;
   void report(const Span& span, const EventProblem& problem, const List<OneSidedState>& next);
   bool switch_to_states(Span* span);

@@ -6,9 +6,11 @@
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/box_lcp.h"
+#include "engine/methods/event_driven/joints/event_decision.h"
 #include "engine/methods/event_driven/joints/event_problem.h"
 #include "engine/methods/event_driven/joints/event_reading.h"
 #include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/joints/position_motor.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -17,10 +19,11 @@ namespace {
 constexpr double kShortest = 1e-12;
 constexpr double kKeepsTravel = 1e-6;  // [m] a motor holds a length that is off by less
 
-/// Ends the motion of a coordinate to a position.
-void end_motion(const OneSidedLaw& law, ErrorsToClose* errors) {
-  errors->offset[law.function] = 0.0;
-  errors->moving[to_index(law.coordinate)] = {};
+/// Ends the motion of a coordinate to a position. `beyond`: error left of the limit that holds it.
+void end_motion(const OneSidedLaw& law, ErrorsToClose* errors, double beyond = 0.0) {
+  MovingStart& moving = errors->moving[to_index(law.coordinate)];
+  errors->offset[law.function] = beyond;
+  moving = {moving.since, beyond != 0.0 ? moving.duration : 0.0, beyond, 0.0, 0.0};
 }
 
 bool is_limit(Hold hold) { return hold == Hold::kUpper || hold == Hold::kLower; }
@@ -120,16 +123,16 @@ void EventMotions::begin_course(std::size_t l, double t) {
     if (law.is_rope()) continue;
     CoordinateState& coordinate = told.coordinates[law.coordinate];
     const Hold hold = states_[c].hold;
-    double& offset = told.to_close.offset[law.function];
-    const auto leave_motion = [&] { end_motion(law, &told.to_close); };
     if (is_limit(hold)) {
+      const double beyond = law.beyond_at_start(told.to_close);
+      const bool is_open = (hold == Hold::kUpper) == (beyond > 0.0);
       coordinate.held = law.limit(hold == Hold::kUpper);
-      if (law.goal || (hold == Hold::kUpper ? offset < 0.0 : offset > 0.0)) leave_motion();
+      end_motion(law, &told.to_close, is_open ? beyond : 0.0);
     } else if (hold == Hold::kBrake) {
-      leave_motion();
+      end_motion(law, &told.to_close);
     } else if (hold != Hold::kNone && !(law.goal && hold == Hold::kDrive)) {
       coordinate.held = held_[c];
-      leave_motion();
+      end_motion(law, &told.to_close);
     }
   }
   JointStep step = step_;
@@ -159,12 +162,10 @@ Prescribed EventMotions::limit(std::size_t c, bool upper_one, double t) const {
     at_limit.value += state.coupling.constant;
     return at_limit;
   }
-  // The offset of a motor with a goal belongs to its prescribed motion.
-  const bool has_offset = course.is_closing() && !law.goal;
-  const double offset = has_offset ? state.to_close.offset[law.function] : 0.0;
+  const double offset = course.is_closing() ? law.beyond_at_start(state.to_close) : 0.0;
   const bool is_open = (upper_one ? offset > 0.0 : offset < 0.0);
   const Prescribed error =
-      has_offset ? course.closing(state.to_close, t).of(law.function) : Prescribed{};
+      offset != 0.0 ? error_of_limit(law, offset, course.closing(state.to_close, t)) : Prescribed{};
   Prescribed at_limit;
   if (law.is_distance) {
     at_limit = course.length(t);
@@ -192,11 +193,13 @@ Prescribed EventMotions::rest(std::size_t c, double t) const {
   return rest_of(law, law.is_distance ? courses_[law.joint].length(t) : Prescribed{});
 }
 
-// Prescribed motion of a motor with a goal.
+// Prescribed motion of a motor with a goal, for decisions.
 Prescribed EventMotions::course_of(std::size_t c, double t) const {
   const OneSidedLaw& law = laws()[c];
   const ErrorsToClose& errors = joint_states_[law.joint].to_close;
-  Prescribed course = courses_[law.joint].closing(errors, t).of(law.function);
+  Prescribed course = about_to_start(
+      [&](double at) { return courses_[law.joint].closing(errors, at).of(law.function); }, t,
+      StartAhead(end_ - start_, step_.closing_time));
   course.value += *law.goal;
   return course;
 }
@@ -246,27 +249,22 @@ void EventMotions::note_positions(const EventBodies& bodies, double t,
 void EventMotions::find_lost(const EventProblem& problem, double t) {
   for (std::size_t c = 0; c < laws().size(); ++c) {
     if (!laws()[c].goal || !problem.is_free(c)) continue;
-    const EventReading& reading = problem.reading(c);
-    const auto follows = [&](const Prescribed& course) {
-      return std::abs(reading.q - course.value) <= kTouching &&
-             std::abs(reading.rate - course.rate) <= kResting;
-    };
-    if (follows(course_of(c, t))) {
-      braking_[c] = 0.0;
-    } else if (braking_[c] == 0.0) {
-      braking_[c] = braking_of(problem, c);
-    } else if (follows({*laws()[c].goal, 0.0, 0.0})) {
-      // The motor arrived before the motion that it had lost.
-      braking_[c] = 0.0;
-      end_motion(laws()[c], &joint_states_[laws()[c].joint].to_close);
-    }
+    judge_course(
+        problem.reading(c), course_of(c, t), *laws()[c].goal,
+        [&] { return braking_of(problem, c); },
+        [&] { end_motion(laws()[c], &joint_states_[laws()[c].joint].to_close); }, &braking_[c]);
   }
 }
 
-void EventMotions::note_lost(const EventProblem& problem, const List<OneSidedState>& next) {
-  for (std::size_t c = 0; c < laws().size(); ++c)
-    if (laws()[c].goal && next[c].drive != 0 && braking_[c] == 0.0)
-      braking_[c] = braking_of(problem, c);
+bool EventMotions::note_lost(const EventProblem& problem, const EventDecision& next) {
+  bool any = false;
+  for (std::size_t c = 0; c < laws().size(); ++c) {
+    if (!laws()[c].goal || next.states[c].drive == 0 || next.leaves[c] == 0 || braking_[c] > 0.0)
+      continue;
+    braking_[c] = braking_of(problem, c);
+    any = any || braking_[c] > 0.0;
+  }
+  return any;
 }
 
 double EventMotions::braking_of(const EventProblem& problem, std::size_t c) const {

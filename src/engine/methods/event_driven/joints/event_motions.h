@@ -13,6 +13,7 @@
 namespace constraint_sim::engine {
 
 struct EventBodies;
+struct EventDecision;
 struct EventReading;
 class EventProblem;
 
@@ -85,8 +86,9 @@ class EventMotions {
   /// motor that has just lost its motion brakes with the deceleration by half of its force, while
   /// other motors hold.
   void find_lost(const EventProblem& problem, double t);
-  /// Finds the motors that lose their prescribed motions in the decided states.
-  void note_lost(const EventProblem& problem, const List<OneSidedState>& next);
+  /// Finds the motors that lose their prescribed motions in the decided states. Returns whether
+  /// there are any: they take another direction, so that the states are to be decided again.
+  bool note_lost(const EventProblem& problem, const EventDecision& next);
   /// Takes over the states from time t on: sets where rows hold their coordinates, and restarts the
   /// prescribed motions of changed joints.
   void change_states(const EventProblem& problem, const List<OneSidedState>& next, double t);

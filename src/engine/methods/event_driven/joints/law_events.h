@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "constraint_sim/engine/event.h"
+#include "engine/constraints/closing_errors.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/math/integrate.h"
@@ -32,6 +33,33 @@ inline constexpr double kForceShare = 1e-9;
 inline constexpr int kMostImpacts = 2000;   ///< impacts at one time
 inline constexpr int kMostUnchanged = 100;  ///< events in a step that change no state
 
+/// How a decision of states sees prescribed motions that are about to start: by their direction
+/// after a time, with slight accelerations, which are the same share of all accelerations then.
+struct StartAhead {
+  double time = 0.0;  ///< [s]; 0: motions are seen as they are
+  double share = 0.0;
+
+  StartAhead() = default;
+  StartAhead(double interval, double closing_time) {
+    // Half would not do: a motion that ends with the interval has no acceleration in its middle.
+    constexpr double kShare = 0.25;
+    constexpr double kSlight = 0.2;  // acceleration per error [1/s²]
+    if (!(closing_time > 0.0)) return;
+    time = kShare * std::min(interval, closing_time);
+    share = kSlight / std::abs(closing_course(time, closing_time).acceleration);
+  }
+};
+
+/// Prescribed motion for a decision of states at time t, so that what a motion makes slip or
+/// saturate when it starts does so at once.
+template <class Course>
+Prescribed about_to_start(const Course& course, double t, const StartAhead& ahead) {
+  Prescribed now = course(t);
+  if (ahead.time > 0.0 && now.rate == 0.0 && now.acceleration == 0.0)
+    now.acceleration = ahead.share * course(t + ahead.time).acceleration;
+  return now;
+}
+
 inline signed char sign_of(double x) {
   return static_cast<signed char>(x > 0.0 ? 1 : (x < 0.0 ? -1 : 0));
 }
@@ -44,6 +72,12 @@ inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
   now.t = start.end - now.left;
   if (now.t + now.left == now.t) now.left = 0.0;
   return now;
+}
+
+/// Prescribed error of a limit that is open by `beyond` at the start.
+inline Prescribed error_of_limit(const OneSidedLaw& law, double beyond,
+                                 const ClosingErrors& closing) {
+  return law.goal ? closing.of_limit(law.function, beyond) : closing.of(law.function);
 }
 
 /// Whether the prescribed motion of a motor with a goal leads off a limit, or comes to rest at the

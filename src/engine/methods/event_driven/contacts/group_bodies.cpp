@@ -41,6 +41,7 @@ void GroupBodies::gather(const List<BodyState>& states, double since_tick) {
   since_tick_ = since_tick;
   movers_.clear();
   states_.resize(list_.size());
+  rotations_.resize(movable_);
   inverse_inertia_.assign(list_.size(), Matrix3d::Zero());
   y_.assign(size(), 0.0);
   scale_ = shapes_.farthest();
@@ -72,7 +73,7 @@ void GroupBodies::place(const double* numbers) {
     state.position = ConstVector(y);
     state.linear_velocity = ConstVector(y + kV);
     state.orientation.coeffs() = Eigen::Map<const Eigen::Vector4d>(y + kQ).normalized();
-    const Matrix3d R = rotation_matrix(y + kQ);
+    const Matrix3d& R = rotations_[i] = rotation_matrix(y + kQ);
     inverse_inertia_[i] = R * list_[i].mass.inverse_inertia.asDiagonal() * R.transpose();
     state.angular_velocity = inverse_inertia_[i] * ConstVector(y + kL);
   }
@@ -131,7 +132,7 @@ void GroupBodies::write_derivative(const double* y, const GroupMotions& free,
     Vector(to + kV) = free.linear[i] + pushed.linear[i];
     write_quaternion_rate(states_[i].angular_velocity, from + kQ, to + kQ);
     if (!list_[i].mass.can_turn()) continue;
-    const Matrix3d R = rotation_matrix(from + kQ);
+    const Matrix3d& R = rotations_[i];
     Vector(to + kL) =
         list_[i].torque + R * list_[i].mass.inertia.cwiseProduct(R.transpose() * pushed.angular[i]);
   }

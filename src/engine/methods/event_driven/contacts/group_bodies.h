@@ -25,8 +25,10 @@ struct GroupMotions {
   List<Eigen::Vector3d> linear, angular;
 
   void set_zero(std::size_t bodies) {
-    linear.assign(bodies, Eigen::Vector3d::Zero());
-    angular.assign(bodies, Eigen::Vector3d::Zero());
+    for (List<Eigen::Vector3d>* of : {&linear, &angular}) {
+      of->resize(bodies);
+      for (Eigen::Vector3d& motion : *of) motion.setZero();
+    }
   }
 };
 
@@ -86,8 +88,8 @@ class GroupBodies {
   // ---- dynamics
   /// Computes the accelerations of movable bodies by gravity, loads and gyroscopic torques.
   void find_free_accelerations(const double* y, GroupMotions* accelerations) const;
-  /// Writes the derivative of y; `free`: accelerations by find_free_accelerations(), `pushed`:
-  /// accelerations by all other forces.
+  /// Writes the derivative of the placed y; `free`: accelerations by find_free_accelerations(),
+  /// `pushed`: accelerations by all other forces.
   void write_derivative(const double* y, const GroupMotions& free, const GroupMotions& pushed,
                         double* dydt) const;
   /// Computes the accelerations by a derivative; zero for immovable bodies.
@@ -131,6 +133,7 @@ class GroupBodies {
   List<BodyState> states_;
   List<Mover> movers_;
   double since_tick_ = 0.0;                // time from the start of the tick to t_ = 0 [s]
+  List<Eigen::Matrix3d> rotations_;        // per movable body, into world axes
   List<Eigen::Matrix3d> inverse_inertia_;  // per body, world axes
   double scale_ = 0.0;
 };

@@ -16,10 +16,12 @@ std::size_t GroupShapes::add(const Body& body, std::size_t place, int part) {
   if (found != list_.end()) return to_index(found - list_.begin());
   const ShapePose* pose = pose_in_body(body, part);
   list_.push_back({place, part, pose == nullptr ? std::nullopt : std::optional(*pose)});
+  any_poses_ = any_poses_ || pose != nullptr;
   return list_.size() - 1;
 }
 
 void GroupShapes::place(const List<BodyState>& bodies) {
+  if (!any_poses_) return;
   states_.resize(list_.size());
   for (std::size_t k = 0; k < list_.size(); ++k)
     if (list_[k].pose) states_[k] = beside(bodies[list_[k].body], *list_[k].pose);
@@ -30,6 +32,7 @@ ContactMotion GroupShapes::motion(std::size_t shape_a, std::size_t shape_b,
                                   const ContactFeature& feature,
                                   const List<BodyState>& bodies) const {
   ContactMotion motion = motion_of(feature, state(shape_a, bodies), state(shape_b, bodies));
+  if (!any_poses_) return motion;
   const auto move = [&](std::size_t shape, double sign, Vector3d* arm, Vector3d* w_bias) {
     if (!list_[shape].pose) return;
     const BodyState& body = bodies[list_[shape].body];

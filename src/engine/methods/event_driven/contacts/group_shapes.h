@@ -19,7 +19,10 @@ struct GroupShape {
 /// Keeps the shapes of a contact group that may touch another, and places them by their bodies.
 class GroupShapes {
  public:
-  void clear() { list_.clear(); }
+  void clear() {
+    list_.clear();
+    any_poses_ = false;
+  }
   /// Returns the index of a part of a body, which is added where it is missing; `place`: index of
   /// the body in GroupBodies::list().
   std::size_t add(const Body& body, std::size_t place, int part);
@@ -43,6 +46,7 @@ class GroupShapes {
 
  private:
   List<GroupShape> list_;
+  bool any_poses_ = false;  // whether any shape has a pose
   List<BodyState> states_;  // per shape, set where the shape has a pose
 };
 

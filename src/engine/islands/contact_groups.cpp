@@ -268,9 +268,8 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
       if (count == joints.list().size()) joints.list().emplace_back();
       GroupJoint& joint = joints.list()[count];
       const auto [a, b] = step.topology.ends(index);
-      Joint storage = std::move(joint.joint);  // reused; everything else is made anew
-      joint = {index, add_body(model, static_cast<int>(a), &bodies),
-               add_body(model, static_cast<int>(b), &bodies), std::move(storage)};
+      static_cast<GroupJointState&>(joint) = {index, add_body(model, static_cast<int>(a), &bodies),
+                                              add_body(model, static_cast<int>(b), &bodies)};
       joint.joint = model.joints[index];
       joint.was_saturated = rollback.joint_states()[index].saturated;
       joints.add_coordinates(count);

@@ -29,11 +29,10 @@ struct GroupForces {
   }
 };
 
-/// Joint of a contact group.
-struct GroupJoint {
-  int index;         ///< index in the world
-  std::size_t a, b;  ///< indices in GroupBodies
-  Joint joint;
+/// State of a joint of a contact group in a step.
+struct GroupJointState {
+  int index;             ///< index in the world
+  std::size_t a, b;      ///< indices in GroupBodies
   bool has_rows = true;  ///< rows of the kind; else coordinates only
   bool is_broken = false;
   bool was_saturated = false;  ///< value reported by the last step
@@ -45,6 +44,11 @@ struct GroupJoint {
   double constant = 0.0;                   ///< value that a coupling keeps
   GroupForces impulse{};                   ///< accumulated in the step
   GroupForces impact{};                    ///< part of `impulse` by impacts at one moment
+};
+
+/// Joint of a contact group.
+struct GroupJoint : GroupJointState {
+  Joint joint;
 
   /// Whether a load may break the joint.
   bool may_break() const {

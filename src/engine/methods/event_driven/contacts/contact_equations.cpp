@@ -40,8 +40,8 @@ void ContactEquations::prepare_stages() {
     stage.normal.resize(contacts_.size());
     stage.coordinate.resize(joints_.coordinates().size());
     stage.joint.resize(joints_.list().size());
-    stage.clear();
   }
+  stages_[0].clear();  // derivative() clears the others
 }
 
 void ContactEquations::Stage::clear() {
@@ -122,22 +122,22 @@ void ContactEquations::derivative(std::size_t stage, double t, const double* y, 
   forces.clear();
   if (!rows_.list().empty()) rows_.factor(bodies_, stage == 0);
   pushed_.set_zero(bodies_.movable());
-  if (joints_.has_free_forces()) add_soft_forces(&forces);
-  if (!rows_.list().empty()) solve_forces(&forces);
+  const bool are_pushed = joints_.has_free_forces() && add_soft_forces(&forces);
+  if (!rows_.list().empty()) solve_forces(are_pushed, &forces);
   bodies_.write_derivative(y, free_, pushed_, dydt);
 }
 
-// Adds the forces of springs, dampers, laws at their bounds and other packages.
-void ContactEquations::add_soft_forces(Stage* forces) {
+// Adds the forces of springs, dampers, laws at their bounds and other packages. Returns whether
+// there are any.
+bool ContactEquations::add_soft_forces(Stage* forces) {
+  bool any = false;
   for (const GroupCoordinate& of : joints_.coordinates()) {
-    if (of.is_prescribed) continue;
+    if (of.is_prescribed || !of.has_free_force()) continue;
     const GroupJoints::Reading now = joints_.read(bodies_, of, nullptr);
     const double force = joints_.free_force(bodies_, of, now);
     if (force == 0.0) continue;
-    ContactRow row;
-    row.a = joints_[of.joint].a;
-    row.b = joints_[of.joint].b;
-    row.inv_M_F = bodies_.accelerations(row.a, row.b, now.J);
+    any = true;
+    const ContactRowPart row(bodies_, joints_[of.joint].a, joints_[of.joint].b, now.J);
     row.push(force, bodies_.movable(), &pushed_);
     if (bodies_.has_movers())
       forces->driven_power += force * bodies_.driven_power(row.a, row.b, now.J);
@@ -145,25 +145,23 @@ void ContactEquations::add_soft_forces(Stage* forces) {
   }
   for (const GroupJoint& joint : joints_.list()) {
     if (!is_custom_force(joint.joint.kind)) continue;
+    any = true;
     const Jacobian F =
         custom_wrench(joint.joint, bodies_.state(joint.a), bodies_.state(joint.b), bodies_.clock());
-    ContactRow row;
-    row.a = joint.a;
-    row.b = joint.b;
-    row.inv_M_F = bodies_.accelerations(row.a, row.b, F);
-    row.push(1.0, bodies_.movable(), &pushed_);
-    if (bodies_.has_movers()) forces->driven_power += bodies_.driven_power(row.a, row.b, F);
+    ContactRowPart(bodies_, joint.a, joint.b, F).push(1.0, bodies_.movable(), &pushed_);
+    if (bodies_.has_movers()) forces->driven_power += bodies_.driven_power(joint.a, joint.b, F);
   }
+  return any;
 }
 
-// Solves for the forces of the rows, and adds them.
-void ContactEquations::solve_forces(Stage* forces) {
+// Solves for the forces of the rows, and adds them. `are_pushed`: whether other forces act.
+void ContactEquations::solve_forces(bool are_pushed, Stage* forces) {
   const List<ContactRow>& rows = rows_.list();
   const std::size_t movable = bodies_.movable();
   lambda_.resize(rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     lambda_[i] = -rows[i].gamma - rows[i].times(free_, movable);
-    if (joints_.has_free_forces()) lambda_[i] -= rows[i].times(pushed_, movable);
+    if (are_pushed) lambda_[i] -= rows[i].times(pushed_, movable);
   }
   if (!rows_.solve(movable, &lambda_)) std::fill(lambda_.begin(), lambda_.end(), std::nan(""));
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -273,11 +271,11 @@ double ContactEquations::potential_energy() const {
 
 double ContactEquations::largest_force() const {
   constexpr double kLeast = 0.1;  // [m/s²] least acceleration that counts
+  const double acceleration = std::max(bodies_.gravity().norm(), kLeast);
   double largest = 0.0;
   for (std::size_t i = 0; i < bodies_.movable(); ++i)
-    largest = std::max(largest,
-                       std::max(bodies_.gravity().norm(), kLeast) / bodies_[i].mass.inverse_mass +
-                           bodies_[i].force.norm());
+    largest =
+        std::max(largest, acceleration / bodies_[i].mass.inverse_mass + bodies_[i].force.norm());
   for (const Vector3d& force : stages_[0].contact) largest = std::max(largest, force.norm());
   const List<GroupCoordinate>& coordinates = joints_.coordinates();
   for (std::size_t c = 0; c < coordinates.size(); ++c)

@@ -140,8 +140,8 @@ class ContactEquations {
 
   void set_rows(bool with_slip, bool with_tangents);
   void add_contact_rows(std::size_t contact, bool with_slip, bool with_tangents);
-  void add_soft_forces(Stage* forces);
-  void solve_forces(Stage* forces);
+  bool add_soft_forces(Stage* forces);
+  void solve_forces(bool are_pushed, Stage* forces);
   double driven_power(const ContactRow& row) const;
   void add_impulses(double weight, std::size_t stage);
 

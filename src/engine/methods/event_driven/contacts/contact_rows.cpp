@@ -65,35 +65,26 @@ double ContactRow::driven_power(const GroupBodies& bodies) const {
   return second ? first + bodies.driven_power(second->a, second->b, second->J) : first;
 }
 
-ContactRow& ContactRows::add(const GroupBodies& bodies, std::size_t a, std::size_t b,
-                             const Jacobian& J) {
-  ContactRow& row = rows_.emplace_back();
-  row.a = a;
-  row.b = b;
-  row.J = J;
-  row.inv_M_F = bodies.accelerations(a, b, J);
-  return row;
-}
-
 void ContactRows::factor(const GroupBodies& bodies, bool asks_rank) {
   const std::size_t m = rows_.size(), movable = bodies.movable();
   double* const A = factors_.resize(m);
   weight_.resize(m);
   for (std::size_t j = 0; j < m; ++j) {
-    for (std::size_t i = 0; i < m; ++i)
-      A[m * j + i] = i < j && rows_[i].is_symmetric && rows_[j].is_symmetric
+    const ContactRow& to = rows_[j];
+    for (std::size_t i = 0; i < m; ++i) {
+      const ContactRow& of = rows_[i];
+      A[m * j + i] = i < j && of.is_symmetric && to.is_symmetric
                          ? A[m * i + j]
-                         : response_of_rows(movable, rows_[i], rows_[j]);
-    double own = A[m * j + j];
-    if (!rows_[j].is_symmetric) {
-      ContactRow along_gradient = rows_[j];
-      along_gradient.inv_M_F = bodies.accelerations(rows_[j].a, rows_[j].b, rows_[j].J);
-      own = response_of_rows(movable, rows_[j], along_gradient);
+                         : response_of_rows(movable, of, to);
     }
-    weight_[j] = own > 0.0 ? rows_[j].share / std::sqrt(own) : 0.0;
+    double own = A[m * j + j];
+    if (!to.is_symmetric)  // a slipping contact, which has no second part
+      own = response(movable, to, ContactRowPart(bodies, to.a, to.b, to.J));
+    weight_[j] = own > 0.0 ? to.share / std::sqrt(own) : 0.0;
   }
+  const double* const weight = weight_.data();
   for (std::size_t j = 0; j < m; ++j)
-    for (std::size_t i = 0; i < m; ++i) A[m * j + i] *= weight_[i] * weight_[j];
+    for (std::size_t i = 0; i < m; ++i) A[m * j + i] *= weight[i] * weight[j];
   if (!asks_rank && are_independent_) {
     factors_.factor_regular();
     return;

@@ -16,12 +16,19 @@ struct ContactRowPart {
   std::size_t a, b;
   Jacobian J, inv_M_F;
 
+  /// Takes a force along the gradient.
+  ContactRowPart(const GroupBodies& bodies, std::size_t body_a, std::size_t body_b,
+                 const Jacobian& gradient)
+      : a(body_a), b(body_b), J(gradient), inv_M_F(bodies.accelerations(a, b, J)) {}
+
   double times(const GroupMotions& motions, std::size_t movable) const;
   void push(double amount, std::size_t movable, GroupMotions* motions) const;
 };
 
 /// Row of a contact group: a rate J v that a force F per unit of a multiplier changes.
 struct ContactRow : ContactRowPart {
+  using ContactRowPart::ContactRowPart;
+
   std::optional<ContactRowPart> second;  ///< second joint of a coupling
   bool is_symmetric = true;              ///< whether F equals J
   double gamma = 0.0, value = 0.0, rate = 0.0, reference = 0.0;
@@ -47,7 +54,9 @@ class ContactRows {
  public:
   void clear() { rows_.clear(); }
   /// Adds a row with forces along its gradient.
-  ContactRow& add(const GroupBodies& bodies, std::size_t a, std::size_t b, const Jacobian& J);
+  ContactRow& add(const GroupBodies& bodies, std::size_t a, std::size_t b, const Jacobian& J) {
+    return rows_.emplace_back(bodies, a, b, J);
+  }
   List<ContactRow>& list() { return rows_; }
   const List<ContactRow>& list() const { return rows_; }
 

@@ -74,6 +74,11 @@ struct GroupCoordinate {
   double reference = 0.0;  ///< admissible force, as reference of λ [N or N m]
   double braking = 0.0;    ///< deceleration, see CoordinateState
   double until = 0.0;      ///< end of braking by the motor, simulated [s]
+
+  /// Whether a spring, damper, servo or law at its bound may exert a force.
+  bool has_free_force() const {
+    return !law.soft.is_none() || law.has_servo() || constant_force(law, state) != 0.0;
+  }
 };
 
 /// Adds the coordinates of joint j on which a law acts, and says in the joint whether it has rows.

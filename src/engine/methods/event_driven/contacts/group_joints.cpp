@@ -9,16 +9,17 @@
 namespace constraint_sim::engine {
 namespace {
 
+constexpr ScalarForm kLength{LengthForm{}};
+
 /// Vectors of a joint of the group and their motion, with the frame on B that moves while the joint
 /// closes.
 struct PlacedJoint {
   PlacedJoint(const GroupBodies& bodies, const GroupJoint& of)
-      : a(bodies.state(of.a)), b(bodies.state(of.b)) {
-    if (!of.course.moves_frame()) {
-      vectors = JointVectors(of.joint, a, b);
-      motion = JointMotion(vectors, a, b);
-      return;
-    }
+      : a(bodies.state(of.a)),
+        b(bodies.state(of.b)),
+        vectors(of.joint, a, b),
+        motion(vectors, a, b) {
+    if (!of.course.moves_frame()) return;
     const MovingFrame frame = of.course.frame(
         bodies.clock(), of.joint.anchor_b,
         of.joint.frame_b.value_or(Eigen::Quaterniond::Identity()).toRotationMatrix());
@@ -306,7 +307,7 @@ void GroupJoints::add_rows(const GroupBodies& bodies, ContactRows* rows) const {
     const JointKindInfo& kind = info(joint.joint.kind);
     const bool is_distance = has_length(joint.joint.kind);
     for (int k = 0; k < kind.rows; ++k) {
-      const ScalarForm form = is_distance ? ScalarForm(LengthForm{}) : kind.function[to_index(k)];
+      const ScalarForm& form = is_distance ? kLength : kind.function[to_index(k)];
       const Prescribed target = read_course(bodies, [&](double t) {
         return is_distance ? joint.course.length(t) : joint.course.closing(t).of(k);
       });
@@ -330,8 +331,7 @@ ContactRow& GroupJoints::add_row(const GroupBodies& bodies, const GroupCoordinat
   ContactRow& row = rows->add(bodies, first.a, first.b, now.J);
   if (!of.law.is_coupling) return row;
   const GroupJoint& second = list_[joint.terms[1].joint];
-  row.second = ContactRowPart{second.a, second.b, now.J_second,
-                              bodies.accelerations(second.a, second.b, now.J_second)};
+  row.second.emplace(bodies, second.a, second.b, now.J_second);
   return row;
 }
 

@@ -60,13 +60,13 @@ void LeastNormSolver::factor_regular() {
 
 void LeastNormSolver::factor(double least_pivot) {
   is_lu_ = false;
-  for (List<double>* of : {&diagonal_, &beta_, &squares_}) of->resize(n_);
+  for (List<double>* of : {&diagonal_, &beta_, &squares_, &exact_}) of->resize(n_);
   order_.resize(n_);
   std::iota(order_.begin(), order_.end(), std::size_t{0});
   double sum = 0.0, least = 0.0;
-  for (std::size_t j = 0; j < n_; ++j) sum += squares_[j] = dot(column(j), column(j), n_);
+  for (std::size_t j = 0; j < n_; ++j)
+    sum += squares_[j] = exact_[j] = dot(column(j), column(j), n_);
   is_finite_ = std::isfinite(sum);
-  exact_ = squares_;
   for (rank_ = 0; rank_ < n_; ++rank_) {
     const double size = std::sqrt(squares_[swap_in_pivot(rank_)]);
     if (rank_ == 0) least = least_pivot * size;
@@ -107,15 +107,18 @@ void LeastNormSolver::reflect_columns(std::size_t k, double size) {
 void LeastNormSolver::reflect_rows() {
   const std::size_t left = n_ - rank_;
   if (left == 0) return;
-  head_.assign(rank_, 0.0);
-  tau_.assign(rank_, 0.0);
+  head_.resize(rank_);
+  tau_.resize(rank_);
   tail_.resize(rank_ * left);
   for (std::size_t k = 0; k < rank_; ++k)
     for (std::size_t j = 0; j < left; ++j) tail_[left * k + j] = column(rank_ + j)[k];
   for (std::size_t k = rank_; k-- > 0;) {
     const double* const tail = tail_.data() + left * k;
     const double square = dot(tail, tail, left), x = diagonal_[k];
-    if (square == 0.0) continue;
+    if (square == 0.0) {
+      head_[k] = tau_[k] = 0.0;
+      continue;
+    }
     const double size = std::sqrt(x * x + square);
     diagonal_[k] = x > 0.0 ? -size : size;
     head_[k] = x - diagonal_[k];

@@ -59,8 +59,8 @@ void ContactResponses::find(const ContactEquations& equations) {
   for (ContactRow& row : held_.list()) row.reference = 0.0;
   if (held > 0) held_.factor(bodies, true);
   is_free_.clear();
-  velocity_.assign(6 * movable * n, 0.0);
-  joints_.assign(held * n, 0.0);
+  velocity_.resize(6 * movable * n);
+  joints_.resize(held * n);
   A_.resize(n * n);
   for (std::size_t j = 0; j < n; ++j) {
     motions_.set_zero(movable);

@@ -42,6 +42,39 @@ Jacobian along(const JointVectors& vectors, const Eigen::Vector3d& n) {
   return {-n, -vectors.r_A.cross(n), n, vectors.r_B.cross(n)};
 }
 
+// Numbers c and s of an angle, and their rates.
+struct AngleMotion {
+  CosineAndSine<double> at, rates;
+
+  double value() const { return math::atan2(at.s, at.c); }
+  // Returns 0 where there is no angle, as of a universal joint with parallel z axes.
+  double rate() const {
+    const double square = at.c * at.c + at.s * at.s;
+    return square == 0.0 ? 0.0 : (at.c * rates.s - at.s * rates.c) / square;
+  }
+};
+
+// Returns the twist about z_A. Each rate of an axis serves two of its four products.
+AngleMotion twist(const JointVectors& vectors, const JointMotion& motion) {
+  using Eigen::Vector3d;
+  const Vector3d x_A = vectors.axes_A.col(0), y_A = vectors.axes_A.col(1);
+  const Vector3d x_B = vectors.axes_B.col(0), y_B = vectors.axes_B.col(1);
+  const Vector3d w_B = motion.w_B + motion.spin;
+  const Vector3d dx_A = motion.w_A.cross(x_A), dy_A = motion.w_A.cross(y_A);
+  const Vector3d dx_B = w_B.cross(x_B), dy_B = w_B.cross(y_B);
+  const double dxx = dx_A.dot(x_B) + x_A.dot(dx_B), dyy = dy_A.dot(y_B) + y_A.dot(dy_B);
+  const double dyx = dy_A.dot(x_B) + y_A.dot(dx_B), dxy = dx_A.dot(y_B) + x_A.dot(dy_B);
+  return {{0.5 * x_A.dot(x_B) + 0.5 * y_A.dot(y_B), 0.5 * y_A.dot(x_B) - 0.5 * x_A.dot(y_B)},
+          {0.5 * dxx + 0.5 * dyy, 0.5 * dyx - 0.5 * dxy}};
+}
+
+AngleMotion motion_of(const AngleForm& form, const JointVectors& vectors,
+                      const JointMotion& motion) {
+  if (form.is_twist) return twist(vectors, motion);
+  const auto evaluate = [&](RowForm row) { return product_rate(row, vectors, motion); };
+  return {values(form, vectors), {sum(form.c, evaluate), sum(form.s, evaluate)}};
+}
+
 Jacobian sum_of_jacobians(const std::array<AngleForm::Term, 2>& terms,
                           const JointVectors& vectors) {
   return combined(terms[0].weight, product_jacobian(terms[0].form, vectors), terms[1].weight,
@@ -90,11 +123,14 @@ double rate(const ScalarForm& form, const JointVectors& vectors, const JointMoti
   if (form.is_product) return product_rate(form.product, vectors, motion);
   if (form.is_length) return unit(vectors.d).dot(motion.d_dot);
   if (!form.is_angle) return vectors.custom->rate(vectors, motion);
-  const CosineAndSine<double> at = values(form.angle, vectors);
-  const double square = at.c * at.c + at.s * at.s;
-  if (square == 0.0) return 0.0;  // no angle, as of a universal joint with parallel z axes
-  const auto evaluate = [&](RowForm row) { return product_rate(row, vectors, motion); };
-  return (at.c * sum(form.angle.s, evaluate) - at.s * sum(form.angle.c, evaluate)) / square;
+  return motion_of(form.angle, vectors, motion).rate();
+}
+
+ValueAndRate value_and_rate(const ScalarForm& form, const JointVectors& vectors,
+                            const JointMotion& motion) {
+  if (!form.is_angle) return {value(form, vectors), rate(form, vectors, motion)};
+  const AngleMotion angle = motion_of(form.angle, vectors, motion);
+  return {angle.value(), angle.rate()};
 }
 
 // γ of an angle: (c γ_s − s γ_c − 2 φ̇ (c ċ + s ṡ))/(c² + s²); of a length ℓ: (‖ḋ‖² + d·β_d −

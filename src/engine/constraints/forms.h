@@ -11,13 +11,14 @@ namespace constraint_sim::engine {
 // row; an angle is φ = atan2(s, c) with c and s weighted sums of products; a length is ‖d‖.
 
 /// Angle φ by which the joint's frame on B is twisted about an axis. With c = ½(x_A·x_B + y_A·y_B)
-/// and s = ½(y_A·x_B − x_A·y_B) the angle is regular up to a swing of half a turn.
+/// and s = ½(y_A·x_B − x_A·y_B) the twist about z_A is regular up to a swing of half a turn.
 struct AngleForm {
   struct Term {
     RowForm form;
     double weight = 0.0;
   };
   std::array<Term, 2> c, s;
+  bool is_twist = false;  ///< whether c and s are those of the twist about z_A
 };
 
 /// The length ‖d‖.
@@ -58,6 +59,15 @@ double value(const ScalarForm& form, const JointVectors& vectors);
 Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors);
 
 double rate(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion);
+
+/// Value of a scalar function, and its rate.
+struct ValueAndRate {
+  double value = 0.0, rate = 0.0;
+};
+
+/// Returns value() and rate(), which share the numbers c and s of an angle.
+ValueAndRate value_and_rate(const ScalarForm& form, const JointVectors& vectors,
+                            const JointMotion& motion);
 
 /// Returns γ = q̈ − J V̇.
 double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion);

@@ -66,16 +66,26 @@ void measure_distance(const Joint& joint, const BodyState& a, const BodyState& b
   state.error_rate = is_slack ? 0.0 : state.reached_rate - zeta;
 }
 
-// Norm of up to three values, and its rate.
-struct NormAndRate {
-  Eigen::Vector3d values = Eigen::Vector3d::Zero(), rates = Eigen::Vector3d::Zero();
+// Returns the values of up to three rows from `first` on; rows along the axes of the world are d.
+Eigen::Vector3d row_values(const JointKindInfo& kind, int first, int count,
+                           const JointVectors& vectors) {
+  if (count > 0 && kind.row[first].v.kind == VectorKind::kWorldAxis) return vectors.d;
+  Eigen::Vector3d values = Eigen::Vector3d::Zero();
+  for (int i = 0; i < count; ++i) values[i] = value(kind.row[first + i], vectors);
+  return values;
+}
 
-  double norm() const { return values.norm(); }
-  double rate() const {
-    const double size = values.norm();
-    return size > 0.0 ? values.dot(rates) / size : rates.x();
-  }
-};
+// Returns the rate of the norm of these values of rows.
+double rate_of_norm(const Eigen::Vector3d& values, const JointKindInfo& kind, int first, int count,
+                    const JointVectors& vectors, const JointMotion& motion) {
+  Eigen::Vector3d rates = Eigen::Vector3d::Zero();
+  if (count > 0 && kind.row[first].v.kind == VectorKind::kWorldAxis)
+    rates = motion.d_dot;
+  else
+    for (int i = 0; i < count; ++i) rates[i] = rate(kind.row[first + i], vectors, motion);
+  const double norm = values.norm();
+  return norm > 0.0 ? values.dot(rates) / norm : rates.x();
+}
 
 // Returns the error of a coordinate against its rigid motor, or else against its limits.
 double coordinate_error(const CoordinateLaw& law, const CoordinateState& state) {
@@ -120,10 +130,10 @@ void measure_coordinates(const Joint& joint, const JointVectors& vectors, const 
     const ScalarForm& form = kind.coordinate[i];
     const CoordinateLaw& law = joint.coordinates[i];
     CoordinateState& coordinate = state.coordinates[i];
-    const double velocity = rate(form, vectors, motion);
-    coordinate.position = reading(form, value(form, vectors), law.zero,
-                                  expected(passed, law, coordinate, velocity, i, state.closing));
-    coordinate.velocity = velocity;
+    const ValueAndRate now = value_and_rate(form, vectors, motion);
+    coordinate.position = reading(form, now.value, law.zero,
+                                  expected(passed, law, coordinate, now.rate, i, state.closing));
+    coordinate.velocity = now.rate;
     if (law.is_none()) continue;
     const double metres = form.is_angle ? state.radius : 1.0;
     const double off = metres * coordinate_error(law, coordinate);
@@ -141,21 +151,18 @@ void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState&
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b);
   const JointMotion motion(vectors, a, b);
-  NormAndRate separation, angle;
-  for (int k = 0; k < kind.rows; ++k) {
-    const RowForm form = kind.row[k];
-    NormAndRate& part = k < kind.separation_rows ? separation : angle;
-    const int i = k < kind.separation_rows ? k : k - kind.separation_rows;
-    part.values[i] = value(form, vectors);
-    part.rates[i] = rate(form, vectors, motion);
-  }
+  const int turns = kind.rows - kind.separation_rows;
+  const Eigen::Vector3d separation = row_values(kind, 0, kind.separation_rows, vectors);
   state.error = separation.norm();
-  state.error_rate = state.reached_rate = separation.rate();
+  state.error_rate = state.reached_rate =
+      rate_of_norm(separation, kind, 0, kind.separation_rows, vectors, motion);
   if (kind.alignment != Alignment::kFree) {
     state.angle_error = misalignment(kind.alignment, vectors).norm();
     if (state.radius * state.angle_error > state.error) {
+      const Eigen::Vector3d angles = row_values(kind, kind.separation_rows, turns, vectors);
       state.error = state.radius * state.angle_error;
-      state.error_rate = state.radius * angle.rate();
+      state.error_rate =
+          state.radius * rate_of_norm(angles, kind, kind.separation_rows, turns, vectors, motion);
     }
   }
   if (kind.coordinates == 0) return;
@@ -416,11 +423,6 @@ double elastic_energy(const Joint& joint, const JointState& state) {
   for (std::size_t i = 0; i < to_index(info(joint.kind).coordinates); ++i)
     energy += elastic_energy(joint.coordinates[i], state.coordinates[i].position);
   return energy;
-}
-
-bool is_rigid(const Joint& joint) {
-  const auto* distance = if_distance(joint);
-  return distance == nullptr || !distance->is_soft();
 }
 
 bool is_always_rigid(const Joint& joint) {

@@ -103,7 +103,10 @@ JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b, co
 double elastic_energy(const Joint& joint, const JointState& state);
 
 /// Whether the joint is rigid, not a spring of kind kDistance.
-bool is_rigid(const Joint& joint);
+inline bool is_rigid(const Joint& joint) {
+  const DistanceJoint* const distance = if_distance(joint);
+  return distance == nullptr || !distance->is_soft();
+}
 
 /// Whether the joint is rigid, without springs, limits, friction and force limits.
 bool is_always_rigid(const Joint& joint);

@@ -23,11 +23,11 @@ constexpr VectorRef xW{VectorKind::kWorldAxis, 0}, yW{VectorKind::kWorldAxis, 1}
 constexpr VectorRef custom{VectorKind::kCustom, 0};
 constexpr ScalarForm along_x{RowForm{xA, d}}, along_y{RowForm{yA, d}}, along_z{RowForm{zA, d}};
 constexpr ScalarForm length{LengthForm{}};
-// Angles, as sine and cosine by products u·v: `angle` is the rotation of B about z_A. In a
+// Angles, as sine and cosine by products u·v: `angle` is the twist of B about z_A. In a
 // universal joint `angle_1` is the rotation of the cross about z_A, `angle_2` the rotation of B
 // about z_B.
 constexpr ScalarForm angle{
-    AngleForm{{{{{xA, xB}, 0.5}, {{yA, yB}, 0.5}}}, {{{{yA, xB}, 0.5}, {{xA, yB}, -0.5}}}}};
+    AngleForm{{{{{xA, xB}, 0.5}, {{yA, yB}, 0.5}}}, {{{{yA, xB}, 0.5}, {{xA, yB}, -0.5}}}, true}};
 constexpr ScalarForm angle_1{AngleForm{{{{{xA, zB}, 1.0}, {}}}, {{{{yA, zB}, 1.0}, {}}}}};
 constexpr ScalarForm angle_2{AngleForm{{{{{xB, zA}, 1.0}, {}}}, {{{{yB, zA}, -1.0}, {}}}}};
 

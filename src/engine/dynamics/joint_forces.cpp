@@ -73,20 +73,31 @@ RowVector JointForces::of_rows(const IslandModel& island, std::size_t l,
   return rows;
 }
 
-RowVector JointForces::by_function(const IslandModel& island, std::size_t l,
-                                   const RowVector& of_rows, const double* of_unknowns) const {
-  if (!island.is_general(l)) return of_rows;
+// Sorts forces of the rows of a general joint, `of_row(k)`, by function, and adds its springs.
+template <class OfRow>
+RowVector JointForces::sorted(const IslandModel& island, std::size_t l, const OfRow& of_row,
+                              const double* of_unknowns) const {
   RowVector sorted = RowVector::Zero();
   const IslandModel::Link& link = island.links()[l];
-  for (int k = 0; k < link.rows; ++k) sorted[link.function[to_index(k)]] = of_rows[k];
+  for (int k = 0; k < link.rows; ++k) sorted[link.function[to_index(k)]] = of_row(k);
   for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
     sorted[island.soft_coordinates()[s].function] += of_unknowns[of_soft(island, s)];
   return sorted;
 }
 
+RowVector JointForces::by_function(const IslandModel& island, std::size_t l,
+                                   const RowVector& of_rows, const double* of_unknowns) const {
+  if (!island.is_general(l)) return of_rows;
+  return sorted(
+      island, l, [&](int k) { return of_rows[k]; }, of_unknowns);
+}
+
 RowVector JointForces::by_joint(const IslandModel& island, std::size_t l,
                                 const double* of_unknowns) const {
-  return by_function(island, l, of_rows(island, l, of_unknowns), of_unknowns);
+  if (!island.is_general(l)) return of_rows(island, l, of_unknowns);
+  const std::size_t* const unknown = unknown_.data() + island.row_of(l);
+  return sorted(
+      island, l, [&](int k) { return of_unknowns[unknown[k]]; }, of_unknowns);
 }
 
 double JointForces::coupled(const IslandModel& island, std::size_t l,

@@ -100,6 +100,9 @@ class JointForces {
   RowVector by_function(const IslandModel& island, std::size_t l, const RowVector& of_rows,
                         const double* of_unknowns) const;
   RowVector by_joint(const IslandModel& island, std::size_t l, const double* of_unknowns) const;
+  template <class OfRow>
+  RowVector sorted(const IslandModel& island, std::size_t l, const OfRow& of_row,
+                   const double* of_unknowns) const;
 
   List<std::size_t> unknown_;  // per row
   List<double> stage_forces_;  // by stage, then by unknown

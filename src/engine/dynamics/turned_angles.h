@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <algorithm>
 #include <array>
 #include <cstddef>
 
@@ -30,13 +29,17 @@ class TurnedAngles {
   bool empty() const { return list_.empty(); }
   std::size_t size() const { return list_.size(); }
   const Angle& operator[](std::size_t i) const { return list_[i]; }
-  void clear() { list_.clear(); }
+  void clear() {
+    list_.clear();
+    first_.clear();
+  }
   /// Adds a coordinate that is an angle. Joints are added in ascending order.
   void add(std::size_t joint, JointKind kind, int coordinate, std::size_t a, std::size_t b) {
     const JointKindInfo& of = info(kind);
     bool is_about_b = false;
     for (int i = 0; i < coordinate; ++i)
       is_about_b = is_about_b || of.coordinate[static_cast<std::size_t>(i)].is_angle;
+    first_.resize(joint + 1, list_.size());
     list_.push_back({joint, coordinate, a, b, is_about_b, 0.0, 0.0, 0.0, 0.0});
   }
 
@@ -110,15 +113,14 @@ class TurnedAngles {
 
  private:
   List<Angle>::iterator first_of(std::size_t joint) {
-    return std::lower_bound(list_.begin(), list_.end(), joint,
-                            [](const Angle& angle, std::size_t of) { return angle.joint < of; });
+    return joint < first_.size() ? list_.begin() + first_[joint] : list_.end();
   }
   List<Angle>::const_iterator first_of(std::size_t joint) const {
-    return std::lower_bound(list_.begin(), list_.end(), joint,
-                            [](const Angle& angle, std::size_t of) { return angle.joint < of; });
+    return joint < first_.size() ? list_.begin() + first_[joint] : list_.end();
   }
 
-  List<Angle> list_;  // ordered by joint
+  List<Angle> list_;         // ordered by joint
+  List<std::size_t> first_;  // by joint: index of its first angle, or of the next joint's
   double time_ = 0.0, kept_time_ = 0.0;
 };
 

@@ -50,11 +50,13 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
     squares += joint.impulse.squaredNorm();
     save(joint.travel);
     save(joint.initial_error);
-    for (int k = 0; k < info(model.joints[j].kind).coordinates; ++k) {
-      const CoordinateState& coordinate = joint.coordinates[to_index(k)];
+    const JointKindInfo& kind = info(model.joints[j].kind);
+    for (std::size_t k = 0; k < to_index(kind.coordinates); ++k) {
+      const CoordinateState& coordinate = joint.coordinates[k];
       sum += coordinate.velocity + coordinate.effort + coordinate.bias;
-      for (const double number : {coordinate.position, coordinate.held, coordinate.braking})
-        save(number);
+      save(coordinate.position);
+      save(coordinate.held);
+      save(coordinate.braking);
     }
     if (joint.closing) {
       const ErrorsToClose& errors = joint.to_close;
@@ -65,7 +67,7 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
       save(joint.closing_share);
       save(errors.coupling);
     }
-    if (couples(model.joints[j].kind)) {
+    if (kind.couples != Couples::kNothing) {
       sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort;
       save(joint.coupling.impulse);
     }

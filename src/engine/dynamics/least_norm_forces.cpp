@@ -266,8 +266,11 @@ void LeastNormForces::factor() {
     std::array<std::array<double, 12>, 12> sum{};  // lower triangle of both ends
     for (std::size_t r = link.first_row; r < link.first_row + to_index(link.rows); ++r) {
       const double* const row = rows_[r].data();
-      for (std::size_t i = link.unknowns[0] == 0 ? 6 : 0; i < 12; ++i)
-        for (std::size_t k = 0; k <= i; ++k) sum[i][k] += inverse_weights_[r] * row[i] * row[k];
+      for (std::size_t i = 0; i < 12; ++i) {
+        const double weighted = inverse_weights_[r] * row[i];
+        if (weighted == 0.0) continue;  // half of the entries, and all of a fixed end
+        for (std::size_t k = 0; k <= i; ++k) sum[i][k] += weighted * row[k];
+      }
     }
     const SparseLdlt::Slot* slot = slots_.data() + link.first_slot;
     for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
@@ -324,9 +327,12 @@ double LeastNormForces::find_missing() {
   for (const Link& link : links_) {
     for (std::size_t r = link.first_row; r < link.first_row + to_index(link.rows); ++r) {
       const double impulse = impulses_[r] - shares_[r];
-      for (std::size_t e = 0; e < 2; ++e)
-        for (std::size_t k = 0; k < link.unknowns[e]; ++k)
-          missing_[to_index(link.unknown[e]) + k] += impulse * rows_[r][6 * e + k];
+      for (std::size_t e = 0; e < 2; ++e) {
+        const double* const row = rows_[r].data() + 6 * e;
+        for (std::size_t k = 0; k < link.unknowns[e]; k += 3)  // force, then torque
+          Eigen::Map<Vector3d>(&missing_[to_index(link.unknown[e]) + k]) +=
+              impulse * Eigen::Map<const Vector3d>(row + k);
+      }
     }
   }
   for (const CoupledRow& coupled : coupled_)

@@ -11,6 +11,7 @@ the files and functions of LEFT_OUT.
     leave_out.py build/engine/constraint_sim_run --update COUNTS     stores these counts
     leave_out.py build/engine/constraint_sim_run --profile           instructions by file
     leave_out.py build/engine/constraint_sim_run --against dfc5a42   growth since that commit's counts
+    leave_out.py build/engine/constraint_sim_run --around            the share outside of the substeps of runge_kutta
 
 With --against, a file of COUNTS may replace the program: nothing is run.
 
@@ -36,6 +37,8 @@ LEAST_SHARE = 0.05  # least share of a file in the profile
 STEPS = 20
 # a comparison or jump that the compiler placed beside a function may carry its line
 TOLERATED = 2  # [instructions a step]
+STEP = 'constraint_sim::engine::World::step()'
+SUBSTEP = '*take_substep*'  # a substep of runge_kutta: stages, error estimate and projections
 
 Scene = collections.namedtuple('Scene', 'name file first what options', defaults=((),))
 SCENES = (
@@ -259,8 +262,9 @@ def tick_of(scene):
     return float(found.group(1)) if found else 0.01
 
 
-def profile(program, scene, steps, folder):
-    """Returns the instructions of these steps by (file, line), and the parts left out by the plan afterwards."""
+def profile(program, scene, steps, folder, without=()):
+    """Returns the instructions of these steps by (file, line), without those of functions with the patterns
+    `without`, and the parts left out by the plan afterwards."""
     path = ROOT / 'config/scenes' / f'{scene.file}.yaml'
     if scene.file is None:
         path = folder / f'{scene.name}.yaml'
@@ -268,7 +272,7 @@ def profile(program, scene, steps, folder):
     out, report = folder / f'{scene.name}_{steps}.out', folder / f'{scene.name}_{steps}.json'
     subprocess.run(
         ['valgrind', '--tool=callgrind', f'--callgrind-out-file={out}', '--compress-strings=no',
-         '--compress-pos=no', '--toggle-collect=constraint_sim::engine::World::step()', program,
+         '--compress-pos=no', *(f'--toggle-collect={function}' for function in (STEP, *without)), program,
          path, '--duration', str(steps * tick_of(path)), '--report', report, *scene.options],
         check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return parse(out, os.path.basename(program)), json.loads(report.read_text())['left_out']
@@ -330,6 +334,27 @@ def count(program, scene, folder):
             'left_out': ' '.join(line.split(':')[0] for line in left_out)}, broken
 
 
+def count_around(program, scene, folder):
+    """Returns the instructions of a step of the scene, and of these the ones outside of substeps; None where
+    substeps of runge_kutta are not all of the mathematics."""
+    counts = []
+    for without in ((), (SUBSTEP,)):
+        until_first, _ = profile(program, scene, scene.first, folder, without)
+        until_last, left_out = profile(program, scene, scene.first + STEPS, folder, without)
+        counts.append(round((sum(until_last.values()) - sum(until_first.values())) / STEPS))
+        names = {line.split(':')[0] for line in left_out}
+        if 'runge_kutta' in names or not {'energy_momentum', 'event_driven', 'time_stepping'} <= names:
+            return None
+    return counts
+
+
+def print_around(program, folder, pool):
+    print('| scene | instructions a step | outside of substeps | share |\n| --- | ---: | ---: | ---: |')
+    for scene, counts in zip(SCENES, pool.map(lambda scene: count_around(program, scene, folder), SCENES)):
+        if counts:
+            print(f'| {scene.name} | {counts[0]} | {counts[1]} | {counts[1] / counts[0]:.0%} |')
+
+
 def compiler():
     return subprocess.run(['c++', '--version'], text=True, stdout=subprocess.PIPE,
                           check=True).stdout.splitlines()[0]
@@ -389,6 +414,7 @@ def main():
     parser.add_argument('--check', metavar='COUNTS', type=pathlib.Path)
     parser.add_argument('--update', metavar='COUNTS', type=pathlib.Path)
     parser.add_argument('--profile', action='store_true')
+    parser.add_argument('--around', action='store_true')
     parser.add_argument('--against', metavar='COUNTS or COMMIT')
     options = parser.parse_args()
 
@@ -400,6 +426,9 @@ def main():
 
     with tempfile.TemporaryDirectory() as folder, \
             concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        if options.around:
+            print_around(options.program, pathlib.Path(folder), pool)
+            return
         counted = list(pool.map(
             lambda scene: count(options.program, scene, pathlib.Path(folder)), SCENES))
     rows = [row for row, _ in counted]

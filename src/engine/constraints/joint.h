@@ -214,6 +214,7 @@ class PrescribedMotion {
   void hold(std::size_t i, double value, const Motor& motor);
   /// Returns the motion of the motor relative to `held.value`.
   Prescribed moved(const Held& held, double t) const {
+    if (!is_driven_) return {};
     if (held.braking != 0.0 && t < held.until) {
       const double left = held.until - t;
       return {0.5 * held.braking * left * left, -held.braking * left, held.braking};

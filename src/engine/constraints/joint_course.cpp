@@ -30,14 +30,16 @@ Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, J
 }
 
 Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* state) {
+  state->bias = 0.0;
+  if (law.motor->position) {
+    state->held = *law.motor->position;
+    return {};
+  }
   Motor motor = *law.motor;
+  if (!motor.is_moving()) return motor;
   if (motor.timeout > 0.0)
     motor.bias *= std::clamp((state->expires_at - step.t) / step.h, 0.0, 1.0);
-  if (law.motor->position) {
-    motor = Motor{};
-    state->held = *law.motor->position;
-  }
-  state->bias = motor.is_moving() ? motor_travel(motor, step.t, step.h) / step.h : 0.0;
+  if (motor.is_moving()) state->bias = motor_travel(motor, step.t, step.h) / step.h;
   return motor;
 }
 

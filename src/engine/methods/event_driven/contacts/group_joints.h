@@ -52,7 +52,9 @@ class GroupJoints {
   /// Removes all rows and laws of a joint.
   void break_joint(std::size_t joint);
   /// Reads prescribed motions that are about to start as in `interval` [s]; or as they are.
-  void look_ahead(double interval) { ahead_ = {interval, closing_time_}; }
+  void look_ahead(double interval) {
+    if (!list_.empty()) ahead_ = {interval, closing_time_};
+  }
   void look_now() { ahead_ = {}; }
   /// Whether any force or constraint depends on the time.
   bool depends_on_time() const;

@@ -78,7 +78,7 @@ TEST_P(LostCoursesAt, ALoadPullsAheadOfTheMotor) {
   }
 }
 
-/// Where a box is that starts outside of its limit, at times in the step.
+/// A box that starts beyond its limit, and where it is then.
 struct Outside {
   double goal, load, max_force;
   std::function<double(double)> position;  ///< by the share that is left of an error

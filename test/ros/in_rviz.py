@@ -17,6 +17,7 @@ from support import NODE
 
 PACKAGE = rospkg.RosPack().get_path("constraint_sim")
 WIDTH, HEIGHT = 1280, 800
+MOST_RESTARTS = 3
 START = 180.0  # time for rviz to start; it draws without a graphics card, beside other programs [s]
 
 
@@ -80,6 +81,7 @@ def virtual_display():
 class InRviz(unittest.TestCase):
     """Runs rviz with a configuration, on an own display."""
     configuration = None  # or each test shows one
+    restarts = 0
 
     @classmethod
     def setUpClass(cls):
@@ -96,19 +98,44 @@ class InRviz(unittest.TestCase):
     def show_configuration(cls, configuration):
         """Starts rviz with this configuration, or loads it in the running rviz, which is faster."""
         configuration = with_few_pictures(configuration)
-        config = os.path.join(cls.folder, "view.rviz")
-        with open(config, "w") as file:
+        with open(os.path.join(cls.folder, "view.rviz"), "w") as file:
             file.write(configuration)
         if cls.rviz is None:
-            cls.rviz = cls.stack.enter_context(support.running(
-                ["rviz", "-d", config, "__name:=rviz"], env=cls.environment,
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
-        else:
+            cls.start_rviz()
+        elif not cls.has_restarted():
             service = "/rviz/load_config_discarding_changes"
             rospy.wait_for_service(service, timeout=START)
-            assert rospy.ServiceProxy(service, SendFilePath)(String(config)).data, configuration
+            assert rospy.ServiceProxy(service, SendFilePath)(String(file.name)).data, configuration
+            cls.wait_for_displays()
+
+    @classmethod
+    def start_rviz(cls):
+        with open(os.path.join(cls.folder, "rviz.log"), "w") as log:
+            cls.rviz = cls.stack.enter_context(support.running(
+                ["rviz", "-d", os.path.join(cls.folder, "view.rviz"), "__name:=rviz"], env=cls.environment,
+                stdout=log, stderr=subprocess.STDOUT))
+        cls.wait_for_displays()
+
+    @classmethod
+    def wait_for_displays(cls):
         support.wait_until(
-            lambda: NODE + "/hands/update" in support.topics_between(NODE, "/rviz"), "rviz", START)
+            lambda: NODE + "/hands/update" in support.topics_between(NODE, "/rviz") or cls.has_restarted(),
+            "rviz", START)
+
+    @classmethod
+    def has_restarted(cls):
+        """Starts rviz again if it has ended by itself, says so, and returns whether it did. Only rviz's own displays
+        are shown here. More than MOST_RESTARTS ends of rviz in one test fail."""
+        if cls.rviz.poll() is None:
+            return False
+        with open(os.path.join(cls.folder, "rviz.log")) as log:
+            end = "rviz ended with code %d:\n%s" % (cls.rviz.returncode, log.read()[-2000:])
+        cls.restarts += 1
+        if cls.restarts > MOST_RESTARTS:
+            raise AssertionError(end)
+        rospy.logerr(end)
+        cls.start_rviz()
+        return True
 
     @classmethod
     def tearDownClass(cls):

@@ -52,6 +52,8 @@ class Pictures(InRviz):
                 labels.present(lambda m: set(texts) <= {x.text for x in m.markers}, "texts of now")
 
         def missing():
+            if self.has_restarted():
+                views.clear()
             if len(views) % 4 == 0 and (not views or BROKEN in signs):  # shown for two seconds
                 play()
             views.append(read_view(self.screenshot(name)))

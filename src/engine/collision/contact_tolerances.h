@@ -52,7 +52,15 @@ struct ContactTolerances {
                                               : 1.0;
     const double root = std::sqrt(share);
     for (double* length : {&touching, &border, &missed, &overlap}) *length *= share;
-    for (double* speed : {&resting, &slipping, &end_of_slip}) *speed *= root;
+    for (double* speed : {&resting, &slipping, &end_of_slip, &rattling}) *speed *= root;
+  }
+
+  /// Counts speeds up to `least` [m/s] as zero. Returns false, and changes nothing, where that is
+  /// beyond `rattling`.
+  bool coarsen(double least) {
+    if (!(least <= rattling)) return false;
+    for (double* speed : {&resting, &slipping, &end_of_slip}) *speed = std::max(*speed, least);
+    return true;
   }
 
   double touching = 1e-10;  ///< gap that counts as closed, and height of bounces not followed [m]
@@ -62,6 +70,7 @@ struct ContactTolerances {
   double resting = 1e-9;    ///< speed that counts as zero [m/s]
   double slipping = 1e-9;   ///< a slower slip has no direction of its own [m/s]
   double end_of_slip = 1e-7;  ///< speed below which a slip ends, an error by rounding [m/s]
+  double rattling = 1e-6;     ///< speed of events that need not be followed [m/s]
 };
 
 }  // namespace constraint_sim::engine

@@ -29,7 +29,7 @@ class EventStepper {
     events_ = 0;
     unchanged_ = 0;
   }
-  void begin_interval() { watched_.is_muted.clear(); }
+  void begin_interval() { watched_.unchanged.clear(); }
   /// Values at the start of the next substep.
   List<Watched>* before() { return &watched_.before; }
   const List<Watched>& before() const { return watched_.before; }
@@ -54,7 +54,7 @@ class EventStepper {
     if (!accept(h)) return go_to(0.0, true);
     std::swap(watched_.before, watched_.after);
     if (event) return change_at(event->which, change);
-    watched_.is_muted.clear();
+    watched_.forget_unchanged();
     return true;
   }
 
@@ -67,11 +67,11 @@ class EventStepper {
     bool is_changed = false;
     if (!change(event, &is_changed)) return false;
     if (is_changed) {
-      watched_.is_muted.clear();
+      watched_.unchanged.clear();
       return true;
     }
-    watched_.is_muted.resize(count, 0);
-    watched_.is_muted[which] = 1;
+    watched_.unchanged.resize(count, 0);
+    ++watched_.unchanged[which];
     return ++unchanged_ <= kMostUnchanged;
   }
 

@@ -56,26 +56,30 @@ inline constexpr double kLocatedForce = 1e-3;  // share of the tolerance of forc
 inline constexpr double kLocated = 1e-15;      // [s], and share of the time
 inline constexpr int kMostLocations = 120;     // repeated substeps per event
 inline constexpr int kMostNewton = 40;         // repetitions by interpolation; further ones bisect
-inline constexpr int kMostSmooth = 5;  // repetitions with the tolerance of values with a slope
+inline constexpr int kMostSmooth = 5;    // repetitions with the tolerance of values with a slope
+inline constexpr int kMostDoubled = 10;  // events without a change that widen a tolerance
 // Repetitions before crossings of interpolants alone do not count.
 inline constexpr int kMostUnpassed = 12;
 
 /// Level whose crossing is the event, from the start of the substep. The event of a force is just
 /// beyond its bound, so that a force that stays at the bound has none; a force that starts there
 /// may exceed the bound by its tolerance. A gap or rate that starts at zero and at rest may fall by
-/// `touching` or `resting` below its start, which rounding may have put below zero. So may a muted
-/// value, whose last event changed nothing. One that starts below zero and rises has its event
-/// where it is back at its start.
-inline double level_of(const WatchedValue& start, bool is_muted) {
+/// `touching` or `resting` below its start, which rounding may have put below zero. So may a value
+/// whose last event changed nothing; where that happens `unchanged` times in a row, the value is
+/// less certain than its tolerance, which counts twice as much each further time. One that starts
+/// below zero and rises has its event where it is back at its start.
+inline double level_of(const WatchedValue& start, int unchanged) {
   const double below = std::min(start.value, 0.0);
+  const bool is_muted = unchanged > 0;
+  const double factor = is_muted ? std::ldexp(1.0, std::min(unchanged, kMostDoubled) - 1) : 1.0;
   if (start.known == 0) {
-    if (is_muted) return below - start.tolerance;
+    if (is_muted) return below - factor * start.tolerance;
     return (start.value > start.tolerance ? -kLocatedForce : -1.0) * start.tolerance;
   }
   const double least = start.known == 1 ? start.resting : start.touching;
   if (!is_muted && start.value < 0.0 && start.rate > start.resting) return start.value;
   if (!is_muted && (start.value > least || std::abs(start.rate) > start.resting)) return 0.0;
-  return below - least;
+  return below - factor * least;
 }
 
 /// Tolerated distance of a value from its level at an event, where times are resolved to `least`
@@ -113,10 +117,17 @@ inline std::optional<double> first_crossing(const WatchedValue& from, const Watc
 template <class Watched>
 struct WatchedSubstep {
   List<Watched> before, after;  ///< values at both ends of the substep
-  List<char> is_muted;          ///< per value; may be shorter
+  List<int> unchanged;          ///< events in a row that changed nothing, per value; may be shorter
 
   double level(std::size_t k) const {
-    return event_watch::level_of(before[k], k < is_muted.size() && is_muted[k]);
+    return event_watch::level_of(before[k], k < unchanged.size() ? unchanged[k] : 0);
+  }
+
+  /// Forgets events that changed nothing, of all values but those that are still below zero.
+  void forget_unchanged() {
+    if (unchanged.size() > before.size()) unchanged.clear();
+    for (std::size_t k = 0; k < unchanged.size(); ++k)
+      if (before[k].value >= -before[k].tolerance) unchanged[k] = 0;
   }
 
   /// Earliest crossing of the interpolants between two places, h apart [s]. `is_all`: the places

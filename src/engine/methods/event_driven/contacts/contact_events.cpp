@@ -20,6 +20,7 @@ bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   done_ = {};
   solver_.begin_step();
   stepper_.begin_step();
+  rattling_.begin_step();
   reports_.clear();
   states_.begin_step();
   equations_.bodies().gather(states, 0.0);
@@ -228,11 +229,32 @@ bool ContactEvents::end_jam(Span* span) {
 bool ContactEvents::change_states(Span* span, const Watched& event, bool* is_changed) {
   solver_.add(1.0);
   equations_.joints().integrate_angles(equations_.bodies());
+  end_rattling(span, event);
   const std::uint32_t impacts = impacts_.count(), breaks = done_.breaks;
   if (event.kind == Watched::Kind::kBreak) break_joint(*span, event.joint);
   if (!settle(span, event, false)) return false;
   *is_changed = impacts != impacts_.count() || breaks != done_.breaks ||
-                event.kind == Watched::Kind::kSlip || states_.has_changed(equations_);
+                states_.has_changed(equations_) ||
+                (event.kind == Watched::Kind::kSlip && !Rattling::is_closed(pairs_.tolerances()));
+  return true;
+}
+
+// Looks whether events go on without end, at speeds that no longer matter.
+void ContactEvents::end_rattling(Span* span, const Watched& event) {
+  const bool is_gap = event.kind == Watched::Kind::kGap;
+  if (!is_gap && event.kind != Watched::Kind::kForce && event.kind != Watched::Kind::kCone &&
+      event.kind != Watched::Kind::kSlip)
+    return;
+  const ContactMotion now = equations_.motion(equations_.contacts()[event.contact]);
+  const double speed = is_gap ? std::abs(now.gap_rate()) : now.slip().norm();
+  coarsen(rattling_.zero_speed(span->all.t + span->left.t, speed, pairs_.tolerances()), span);
+}
+
+// Counts speeds up to `least` [m/s] as zero. Velocities are then off by as much. Returns false
+// where that is too much, or no more than before.
+bool ContactEvents::coarsen(double least, Span* span) {
+  if (least <= pairs_.tolerances().resting || !pairs_.coarsen(least)) return false;
+  span->progress.local_error += least * span->left.left;
   return true;
 }
 
@@ -259,8 +281,11 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   };
   const auto have_jam = [&] { return impacts_.have_jam(pairs_, &solver_, &equations_, y); };
   if (jams && !have_jam()) return false;
-  if (!impacts_.have_impacts(span->left.left, is_begin, pairs_, &states_, &solver_, &equations_, y))
-    return false;
+  const auto have_impacts = [&] {
+    return impacts_.have_impacts(span->left.left, is_begin, pairs_, &states_, &solver_, &equations_,
+                                 y);
+  };
+  if (!have_impacts() && !(coarsen(impacts_.approach(), span) && have_impacts())) return false;
   if (!decide(event) && !(have_jam() && decide({}))) return false;
   span->progress.local_error += impacts_.indeterminate() * span->all.h;
   span->progress.local_error += 0.5 * states_.indeterminate() * span->left.left * span->left.left;

@@ -15,6 +15,7 @@
 #include "engine/methods/event_driven/contacts/contact_watch.h"
 #include "engine/methods/event_driven/contacts/counted_solver.h"
 #include "engine/methods/event_driven/contacts/overlap_closing.h"
+#include "engine/methods/event_driven/contacts/rattling.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/event_stepper.h"
 #include "engine/methods/event_driven/event_watch.h"
@@ -82,6 +83,8 @@ class ContactEvents {
 
   // ---- at events
   bool change_states(Span* span, const Watched& event, bool* is_changed);
+  void end_rattling(Span* span, const Watched& event);
+  bool coarsen(double least, Span* span);
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
   void break_joint(const Span& span, std::size_t joint);
   bool break_hit(Span* span);
@@ -103,6 +106,7 @@ class ContactEvents {
   ContactImpacts impacts_;
   ContactStates states_;
   ContactReports reports_;
+  Rattling rattling_;
   UnchangedInterval unchanged_;
 
   List<double> before_projection_;

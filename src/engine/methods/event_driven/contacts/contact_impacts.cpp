@@ -46,8 +46,17 @@ bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& 
                                   ContactEquations* equations, double* y) {
   rests_.reset(*equations);
   find_hits(begins, pairs, *equations);
+  approach_ = hits_.approach;
   if (hits_.empty()) return true;
   keep(*equations, y);
+  if (solve_impacts(left, begins, pairs, states, solver, equations, y)) return true;
+  start_again(equations, y);
+  return false;
+}
+
+bool ContactImpacts::solve_impacts(double left, bool begins, const ContactPairs& pairs,
+                                   ContactStates* states, CountedSolver* solver,
+                                   ContactEquations* equations, double* y) {
   for (bool is_settled = false;;) {
     for (int count = 0; !hits_.empty(); ++count) {
       if (count == kMostImpacts || !have_impact(0.0, pairs.tolerances(), solver, equations, y))
@@ -57,11 +66,16 @@ bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& 
     ++count_;
     if (!let_rest(left, pairs, states, solver, equations, y, &is_settled)) return false;
     if (is_settled) return true;
-    restore(equations, y);
-    results_.impulses.reset(*equations);
-    results_.indeterminate = 0.0;
+    start_again(equations, y);
     find_hits(begins, pairs, *equations);
   }
+}
+
+// Returns to the state before the impacts.
+void ContactImpacts::start_again(ContactEquations* equations, double* y) {
+  restore(equations, y);
+  results_.impulses.reset(*equations);
+  results_.indeterminate = 0.0;
 }
 
 // Lists limits that are reached and not left: hit limits, and limits without restitution.
@@ -100,6 +114,7 @@ void ContactImpacts::find_hits(bool begins, const ContactPairs& pairs,
   bool any_hit = false, any_bounce = false;
   const auto consider = [&](double gap, double rate, bool bounces, std::size_t a, std::size_t b) {
     any_hit = any_hit || (rate < -within.resting && (!begins || gap <= 0.0));
+    hits.approach = std::max(hits.approach, -rate);
     if (!bounces || !(rate < fastest_rate)) return;
     any_bounce = true;
     fastest_rate = rate;

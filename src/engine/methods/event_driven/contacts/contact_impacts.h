@@ -27,14 +27,17 @@ class ContactImpacts {
   /// Solves impacts one after the other until nothing is hit. Contacts and limits whose bounces are
   /// too low to be followed within `left` [s] lose their restitution; then all impacts are
   /// repeated. `begins`: at the start of an interval an open gap is no hit, since early hits would
-  /// end bounces too early. Changes the velocities in `y`. Returns false where there is no
-  /// solution.
+  /// end bounces too early. Changes the velocities in `y`, unless there is no solution, and then
+  /// returns false.
   bool have_impacts(double left, bool begins, const ContactPairs& pairs, ContactStates* states,
                     CountedSolver* solver, ContactEquations* equations, double* y);
   /// Ends slips that friction drives into the other body (Painlevé), where no finite force
   /// suffices, by an impulse without restitution.
   bool have_jam(const ContactPairs& pairs, CountedSolver* solver, ContactEquations* equations,
                 double* y);
+
+  /// Fastest approach at the event [m/s].
+  double approach() const { return approach_; }
 
   /// Number of times at which there were impacts.
   std::uint32_t count() const { return count_; }
@@ -62,11 +65,13 @@ class ContactImpacts {
   struct Hits {
     List<ContactHit> contacts;
     List<LimitHit> limits;
+    double approach = 0.0;  // fastest
 
     bool empty() const { return contacts.empty() && limits.empty(); }
     void clear() {
       contacts.clear();
       limits.clear();
+      approach = 0.0;
     }
   };
   /// State before the impacts, to repeat them.
@@ -84,6 +89,9 @@ class ContactImpacts {
     double indeterminate = 0.0;
   };
 
+  bool solve_impacts(double left, bool begins, const ContactPairs& pairs, ContactStates* states,
+                     CountedSolver* solver, ContactEquations* equations, double* y);
+  void start_again(ContactEquations* equations, double* y);
   void keep(const ContactEquations& equations, const double* y);
   void restore(ContactEquations* equations, double* y) const;
   void find_hits(bool begins, const ContactPairs& pairs, const ContactEquations& equations);
@@ -101,6 +109,7 @@ class ContactImpacts {
   List<double> rate_;  // rates before, per column of problem_
   Before before_;
   Results results_;
+  double approach_ = 0.0;
   ImpulseSharing sharing_;
   std::uint32_t count_ = 0;
 };

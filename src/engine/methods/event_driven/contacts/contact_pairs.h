@@ -52,6 +52,8 @@ class ContactPairs {
 
   /// Tolerances of all contacts of the group: tolerances of its smallest shape.
   const ContactTolerances& tolerances() const { return tolerances_; }
+  /// Counts speeds up to `least` as zero, until begin(). Returns false where that is too much.
+  bool coarsen(double least) { return tolerances_.coarsen(least); }
 
   /// Sets the tolerances, adds the contacts of all pairs, open, and notes which pairs touched in
   /// the previous step. Returns false where two shapes overlap by more than

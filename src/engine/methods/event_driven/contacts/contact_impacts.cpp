@@ -160,7 +160,9 @@ bool ContactImpacts::have_impact(double faster, const ContactTolerances& within,
   const Hits& hits = hits_;
   ContactResponses& responses = problem_.responses;
   responses.clear();
-  for (const ContactHit& of : hits.contacts) responses.add(of.contact, of.motion);
+  for (const ContactHit& of : hits.contacts)
+    if (responses.find_twin(of.contact, of.motion, within.touching, *equations) < 0)
+      responses.add(of.contact, of.motion);
   for (const LimitHit& of : hits.limits) responses.add_coordinate(of.coordinate);
   responses.find(*equations);
   ConeProblem& problem = problem_.cone;

@@ -12,11 +12,27 @@ using Eigen::Vector3d;
 using Vector = Eigen::Map<Vector3d>;
 using ConstVector = Eigen::Map<const Vector3d>;
 
+constexpr double kSameNormal = 1e-10;  // [rad]
+
 }  // namespace
 
 void ContactResponses::clear() {
   contacts_.clear();
   coordinates_.clear();
+}
+
+std::ptrdiff_t ContactResponses::find_twin(std::size_t contact, const ContactMotion& motion,
+                                           double within, const ContactEquations& equations) const {
+  const ContactEquations::Contact& of = equations.contacts()[contact];
+  for (const TouchingContact& other : contacts_) {
+    const ContactEquations::Contact& there = equations.contacts()[other.contact];
+    if (of.a == there.a && of.b == there.b && of.shape_index_a == there.shape_index_a &&
+        of.shape_index_b == there.shape_index_b &&
+        (motion.p - other.motion.p).squaredNorm() <= within * within &&
+        (motion.n - other.motion.n).squaredNorm() <= kSameNormal * kSameNormal)
+      return static_cast<std::ptrdiff_t>(other.contact);
+  }
+  return -1;
 }
 
 // Numbers the columns, and adds a unit impulse for each column to directions_.

@@ -32,6 +32,10 @@ class ContactResponses {
   void add(std::size_t contact, const ContactMotion& motion) {
     contacts_.push_back({contact, motion, Eigen::Matrix3d::Zero()});
   }
+  /// Returns the contact that was added with the same bodies, place and normal, to `within` [m], as
+  /// where corners of two boxes meet: its impulses are those of both. -1: none.
+  std::ptrdiff_t find_twin(std::size_t contact, const ContactMotion& motion, double within,
+                           const ContactEquations& equations) const;
   void add_coordinate(std::size_t coordinate) { coordinates_.push_back(coordinate); }
   const List<TouchingContact>& contacts() const { return contacts_; }
   const List<std::size_t>& coordinates() const { return coordinates_; }

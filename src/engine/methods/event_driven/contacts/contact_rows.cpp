@@ -116,13 +116,16 @@ bool ContactRows::solve(std::size_t movable, List<double>* lambda) {
 
 bool ContactRows::find_change(const GroupBodies& bodies, double ContactRow::*by,
                               GroupMotions* change) {
+  const bool are_independent = are_independent_;  // acting rows, to the next derivative
   factor(bodies, true);
   lambda_.resize(rows_.size());
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     lambda_[i] = -(rows_[i].*by);
     rows_[i].reference = 0.0;
   }
-  if (!solve(bodies.movable(), &lambda_)) return false;
+  const bool is_solved = solve(bodies.movable(), &lambda_);
+  are_independent_ = are_independent;
+  if (!is_solved) return false;
   change->set_zero(bodies.movable());
   for (std::size_t i = 0; i < rows_.size(); ++i)
     rows_[i].push(lambda_[i], bodies.movable(), change);

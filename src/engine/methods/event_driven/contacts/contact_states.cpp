@@ -146,7 +146,10 @@ void ContactStates::find_free_motion(const double* y, const ContactTolerances& w
     const ContactMotion now = equations->motion(contact);
     gap_acceleration_[c] =
         now.n_dot.dot(now.w) + now.n.dot(ContactEquations::slip_acceleration(now, contact, rates_));
-    if (now.gap <= within.touching && std::abs(now.gap_rate()) <= within.resting)
+    if (now.gap > within.touching || std::abs(now.gap_rate()) > within.resting) continue;
+    const std::ptrdiff_t twin = problem_.responses.find_twin(c, now, within.touching, *equations);
+    if (twin < 0 ||
+        std::abs(gap_acceleration_[c] - gap_acceleration_[to_index(twin)]) > kAtRest * kLeastScale)
       problem_.responses.add(c, now);
   }
   coordinate_acceleration_.clear();

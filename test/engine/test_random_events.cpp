@@ -136,6 +136,15 @@ TEST(RandomEvents, WithServosGainWhatThesePush) {
   EXPECT_LE(hold(Kind::kTouchingWithServos, kScenes / 2).given_up, 1 + kScenes / 15);
 }
 
+// Seed of a motor to a position that becomes too weak while it holds the position: the direction of
+// its force must not be that of the rounding of the position.
+TEST(RandomEvents, OfAMotorThatBecomesTooWeakAtItsPositionIsTheSameElsewhere) {
+  const Scene scene = scene_of(Kind::kMechanismWithServos, 2148);
+  Verdict verdict;
+  EXPECT_TRUE(place_elsewhere(scene, &verdict));
+  expect_none(scene, verdict);
+}
+
 // Seeds where corners that share a load reach the cone shortly after each other and regain friction
 // in turn, where a slip with ever faster rotation ends, and where a corner 1e-11 m within another
 // box rises and falls back; none of these may exhaust the work of a step.

@@ -120,6 +120,7 @@ double constant_force(const OneSidedLaw& law, const OneSidedState& state) {
 
 Prescribed rate_to_goal(double goal, double braking, double q) {
   const double off = q - goal;
+  if (std::abs(off) <= kAtGoal) return {goal, 0.0, 0.0};  // the side is rounding
   const double side = sign(off);
   return {goal, -side * std::sqrt(2.0 * braking * std::abs(off)), side * braking};
 }

@@ -139,11 +139,13 @@ double clamped_servo_force(const OneSidedLaw& law, const Reading& now, const Pre
   return std::clamp(servo_force(law, now, rest), -law.servo_most, law.servo_most);
 }
 
+inline constexpr double kAtGoal = 1e-10;  ///< [m or rad]
 /// Returns the target rate of a position motor that lost its prescribed motion, which needed more
 /// than max_force: ζ = −sign(q − g) √(2 b |q − g|), with the acceleration at this rate. The motor
 /// pushes with max_force until q̇ = ζ, and then holds q = g ± ½ b (t₁ − t)², which rests at g at t₁
 /// without overshoot. b (`braking`) is the acceleration of q by half of max_force when the motion
 /// is lost, while other motors hold theirs.
+/// At the goal to kAtGoal it is rest.
 Prescribed rate_to_goal(double goal, double braking, double q);
 /// Returns the rate of a braking motor that rests at `goal` after `left` [s]; `braking` < 0 from
 /// below.

@@ -54,7 +54,7 @@ class EventStepper {
     if (!accept(h)) return go_to(0.0, true);
     std::swap(watched_.before, watched_.after);
     if (event) return change_at(event->which, change);
-    watched_.forget_unchanged();
+    watched_.unchanged.clear();
     return true;
   }
 

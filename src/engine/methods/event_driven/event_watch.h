@@ -123,13 +123,6 @@ struct WatchedSubstep {
     return event_watch::level_of(before[k], k < unchanged.size() ? unchanged[k] : 0);
   }
 
-  /// Forgets events that changed nothing, of all values but those that are still below zero.
-  void forget_unchanged() {
-    if (unchanged.size() > before.size()) unchanged.clear();
-    for (std::size_t k = 0; k < unchanged.size(); ++k)
-      if (before[k].value >= -before[k].tolerance) unchanged[k] = 0;
-  }
-
   /// Earliest crossing of the interpolants between two places, h apart [s]. `is_all`: the places
   /// are both ends of the substep.
   std::optional<Crossing> earliest(const List<Watched>& from, const List<Watched>& to, double h,

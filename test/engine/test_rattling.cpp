@@ -44,8 +44,8 @@ TEST(Rattling, ScalesWithTheShape) {
   EXPECT_NEAR(within.rattling, 1e-7, 1e-20);
 }
 
-// A force that starts at its bound may exceed it by its tolerance, and by twice as much each time
-// that its event changes nothing, up to 512 times.
+// A force that starts at its bound may exceed it by its tolerance. Each event without a change
+// doubles the tolerance, up to 512 times.
 TEST(EventLevel, WidensWhereEventsChangeNothing) {
   WatchedValue force;
   force.value = -1e-9;

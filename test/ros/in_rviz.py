@@ -17,7 +17,6 @@ from support import NODE
 
 PACKAGE = rospkg.RosPack().get_path("constraint_sim")
 WIDTH, HEIGHT = 1280, 800
-MOST_RESTARTS = 3
 START = 180.0  # time for rviz to start; it draws without a graphics card, beside other programs [s]
 
 
@@ -81,7 +80,7 @@ def virtual_display():
 class InRviz(unittest.TestCase):
     """Runs rviz with a configuration, on an own display."""
     configuration = None  # or each test shows one
-    restarts = 0
+    most_restarts, restarts = 3, 0  # of rviz, where it ends by itself
 
     @classmethod
     def setUpClass(cls):
@@ -124,14 +123,14 @@ class InRviz(unittest.TestCase):
 
     @classmethod
     def has_restarted(cls):
-        """Starts rviz again if it has ended by itself, says so, and returns whether it did. Only rviz's own displays
-        are shown here. More than MOST_RESTARTS ends of rviz in one test fail."""
+        """Starts rviz again if it has ended by itself, says so, and returns whether it did. More than
+        most_restarts ends in one test program fail."""
         if cls.rviz.poll() is None:
             return False
         with open(os.path.join(cls.folder, "rviz.log")) as log:
             end = "rviz ended with code %d:\n%s" % (cls.rviz.returncode, log.read()[-2000:])
         cls.restarts += 1
-        if cls.restarts > MOST_RESTARTS:
+        if cls.restarts > cls.most_restarts:
             raise AssertionError(end)
         rospy.logerr(end)
         cls.start_rviz()

@@ -64,10 +64,10 @@ inline constexpr int kMostUnpassed = 12;
 /// Level whose crossing is the event, from the start of the substep. The event of a force is just
 /// beyond its bound, so that a force that stays at the bound has none; a force that starts there
 /// may exceed the bound by its tolerance. A gap or rate that starts at zero and at rest may fall by
-/// `touching` or `resting` below its start, which rounding may have put below zero. So may a value
-/// whose last event changed nothing; where that happens `unchanged` times in a row, the value is
-/// less certain than its tolerance, which counts twice as much each further time. One that starts
-/// below zero and rises has its event where it is back at its start.
+/// `touching` or `resting` below its start, which rounding may have put below zero. The same holds
+/// after an event that changed nothing. `unchanged`: such events in a row; the value is then less
+/// certain than its tolerance, which counts twice as much after each further one. A value that
+/// starts below zero and rises has its event where it is back at its start.
 inline double level_of(const WatchedValue& start, int unchanged) {
   const double below = std::min(start.value, 0.0);
   const bool is_muted = unchanged > 0;

@@ -116,7 +116,8 @@ bool ContactRows::solve(std::size_t movable, List<double>* lambda) {
 
 bool ContactRows::find_change(const GroupBodies& bodies, double ContactRow::*by,
                               GroupMotions* change) {
-  const bool are_independent = are_independent_;  // acting rows, to the next derivative
+  // Later stages of a substep rely on the rank that its first stage found.
+  const bool are_independent = are_independent_;
   factor(bodies, true);
   lambda_.resize(rows_.size());
   for (std::size_t i = 0; i < rows_.size(); ++i) {

@@ -19,6 +19,8 @@ struct Verdict {
   bool is_given_up = false;   ///< the engine reported that it gave up, and used impulses for a time
   bool is_left = false;       ///< has elements that are not event-driven
   bool is_back = false;       ///< event-driven again after impulses
+  /// Substeps taken or tried in the dearest event-driven tick, over those of the median one.
+  double worst_tick = 0.0;
 
   void find(const char* what, double time, double figure) {
     char text[100];
@@ -79,13 +81,21 @@ inline double work_to_positions(const World& world, const std::vector<double>& b
   return work;
 }
 
+/// Returns the largest of these costs over the median; a median below 1 counts as 1.
+inline double worst_over_median(std::vector<unsigned> costs) {
+  if (costs.empty()) return 0.0;
+  std::sort(costs.begin(), costs.end());
+  return costs.back() / std::max(1.0, static_cast<double>(costs[costs.size() / 2]));
+}
+
 /// Checks 2 s: energy within tolerance and motors' work, joints and gaps within rounding, events in
 /// order. Steps by impulses are checked for energy less the reported work only, including steps in
 /// which contacts switch between events and impulses.
 inline void follow(const Scene& scene, Verdict* verdict) {
   World world = world_of(scene);
-  verdict->was_followed = !is_closing(world);
+  verdict->was_followed = scene.kind == Kind::kArm || !is_closing(world);
   if (!verdict->was_followed) return;
+  std::vector<unsigned> costs;  // of event-driven ticks
   // The bound covers 1e-8 m/s of tolerance over the exchanged energy, and rounding.
   const double allowed = 1e-7 * scene.largest;
   const double power = driven_power(scene);
@@ -117,6 +127,7 @@ inline void follow(const Scene& scene, Verdict* verdict) {
       continue;
     }
     verdict->is_back = verdict->is_back || was_by_impulses;
+    costs.push_back(report.substeps + report.rejected);
     verdict->events += report.events;
     for (const Event& event : world.events()) {
       if (event.time < latest || event.time < before - 1e-12 || event.time > now + 1e-12)
@@ -136,6 +147,7 @@ inline void follow(const Scene& scene, Verdict* verdict) {
     if (!was_by_impulses && power == 0.0 && work == 0.0 && report.energy_rise != 0.0)
       verdict->find("energy_rise", now, report.energy_rise);
   }
+  verdict->worst_tick = worst_over_median(std::move(costs));
 }
 
 /// Checks that a copy, a snapshot, and a world with threads continue with the same bits.

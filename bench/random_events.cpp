@@ -1,11 +1,12 @@
 // Judges random event-driven scenes (random_events.h), of all kinds in turn. Prints each finding
 // with the kind and seed of its scene, and a table.
 //
-//   PROGRAM [--scenes 2000] [--seed 0] [--kind 0...11] [--threads 2]
+//   PROGRAM [--scenes 2000] [--seed 0] [--kind 0...12] [--threads 2]
 //
 // --seed: of the first scene of each kind; --kind: judges this kind only. Exit status 1 for
 // findings, 2 for wrong arguments. Scenes that the engine gives up are counted, and no failure: it
-// reports them.
+// reports them. The last column is the dearest tick of a scene over its median tick, in substeps
+// taken or tried, the largest of all scenes.
 
 #include <atomic>
 #include <boost/program_options.hpp>
@@ -27,6 +28,7 @@ struct Options {
 
 struct Count {
   unsigned scenes = 0, followed = 0, events = 0, given_up = 0, left = 0, off = 0;
+  double worst_tick = 0.0;
 };
 
 constexpr int kKinds = static_cast<int>(events::kKindNames.size());
@@ -49,6 +51,7 @@ int run(const Options& options) {
       count.given_up += verdict.is_given_up;
       count.left += verdict.is_left;
       count.off += !verdict.findings.empty();
+      count.worst_tick = std::max(count.worst_tick, verdict.worst_tick);
       for (const std::string& finding : verdict.findings)
         std::printf("--kind %d --seed %u (%s): %s\n", static_cast<int>(k), seed,
                     events::kKindNames[k], finding.c_str());
@@ -59,13 +62,14 @@ int run(const Options& options) {
   for (unsigned i = 0; i < options.threads; ++i) threads.emplace_back(work);
   for (std::thread& thread : threads) thread.join();
 
-  std::printf("%-20s %8s %10s %8s %9s %16s %5s\n", "", "scenes", "followed", "events", "given up",
-              "left to impulses", "off");
+  std::printf("%-20s %8s %10s %8s %9s %16s %5s %12s\n", "", "scenes", "followed", "events",
+              "given up", "left to impulses", "off", "worst/median");
   unsigned off = 0;
   for (std::size_t k = 0; k < counts.size(); ++k) {
     const Count& count = counts[k];
-    std::printf("%-20s %8u %10u %8u %9u %16u %5u\n", events::kKindNames[k], count.scenes,
-                count.followed, count.events, count.given_up, count.left, count.off);
+    std::printf("%-20s %8u %10u %8u %9u %16u %5u %12.0f\n", events::kKindNames[k], count.scenes,
+                count.followed, count.events, count.given_up, count.left, count.off,
+                count.worst_tick);
     off += count.off;
   }
   return off == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
@@ -78,7 +82,7 @@ int main(int argc, char** argv) {
   po::options_description described;
   described.add_options()("scenes", po::value(&options.scenes)->default_value(2000))(
       "seed", po::value(&options.seed)->default_value(0), "of the first of each kind")(
-      "kind", po::value(&options.kind)->default_value(-1), "0 to 11, none other")(
+      "kind", po::value(&options.kind)->default_value(-1), "0 to 12, none other")(
       "threads", po::value(&options.threads)->default_value(2));
   try {
     po::variables_map values;

@@ -1,13 +1,15 @@
 #pragma once
 
 // Random event-driven scenes of few bodies, each made from its kind and seed alone, and their
-// judge. Mechanisms have ropes, struts, limits, friction, motors, servos and springs. Touching
-// bodies are spheres and boxes with friction and restitution, with joints and laws, some with shape
-// poses; some joints can break. Others have screws, gears, racks and pulleys, or joints that are
-// open and motors that move to a position. Aligned cubes, hit by a ball, have gaps and margins of
-// zero to rounding. Oracles: only motors raise energy; joints, limits and gaps hold to rounding;
-// events are ordered; a copy, a snapshot and threads give the same bits; the scene moved, turned
-// and added in another order moves alike.
+// judge. Arms are chains of 1 to 10 links with stops, friction, springs and weak motors, also to
+// positions, and with links whose masses differ by a factor of up to 100. Mechanisms have ropes,
+// struts, limits, friction, motors, servos and springs. Touching bodies are spheres and boxes with
+// friction and restitution, with joints and laws, some with shape poses; some joints can break.
+// Others have screws, gears, racks and pulleys, or joints that are open and motors that move to a
+// position. Aligned cubes, hit by a ball, have gaps and margins of zero to rounding. Oracles: only
+// motors raise energy; joints, limits and gaps hold to rounding; events are ordered; a copy, a
+// snapshot and threads give the same bits; the scene moved, turned and added in another order moves
+// alike.
 
 #include <array>
 #include <string>
@@ -31,12 +33,22 @@ enum class Kind {
   kTouchingWithPoses,
   kTouchingWithParts,
   kTouchingCoupled,
-  kTouchingOpen
+  kTouchingOpen,
+  kArm
 };
-inline constexpr std::array<const char*, 12> kKindNames{
-    "mechanism",        "mechanism, motors", "touching",          "touching, laws",
-    "touching, motors", "mechanism, servos", "touching, servos",  "aligned boxes",
-    "touching, poses",  "touching, parts",   "touching, coupled", "touching, open"};
+inline constexpr std::array<const char*, 13> kKindNames{"mechanism",
+                                                        "mechanism, motors",
+                                                        "touching",
+                                                        "touching, laws",
+                                                        "touching, motors",
+                                                        "mechanism, servos",
+                                                        "touching, servos",
+                                                        "aligned boxes",
+                                                        "touching, poses",
+                                                        "touching, parts",
+                                                        "touching, coupled",
+                                                        "touching, open",
+                                                        "arm"};
 
 inline bool has_motors(Kind kind) {
   return kind == Kind::kMechanismWithMotors || kind == Kind::kTouchingWithMotors;
@@ -45,7 +57,7 @@ inline bool has_servos(Kind kind) {
   return kind == Kind::kMechanismWithServos || kind == Kind::kTouchingWithServos;
 }
 inline bool touches(Kind kind) {
-  return kind >= Kind::kTouching && kind != Kind::kMechanismWithServos;
+  return kind >= Kind::kTouching && kind != Kind::kMechanismWithServos && kind != Kind::kArm;
 }
 
 struct Scene {
@@ -145,6 +157,60 @@ inline Parts mechanism(unsigned seed, bool with_motors) {
     parts.joints.push_back(make_joint("rope_" + std::to_string(i), kWorldBody, anchor_a, kWorldBody,
                                       anchor_b, between(least, apart + 0.5 + draw.share())));
     parts.ends.emplace_back(other, i);
+  }
+  return parts;
+}
+
+// ---- arms
+
+/// Motor that is too weak for many poses: with a constant rate or a sine, or to a position.
+inline CoordinateMotor motor_of_arm(Draw& draw, double weight) {
+  CoordinateMotor motor;
+  motor.max_force = 0.5 * weight * std::pow(10.0, 1.5 * draw());
+  const int course = draw.below(4);
+  if (course < 2) motor.bias = draw();
+  if (course == 1) {
+    motor.amplitude = draw.share();
+    motor.frequency = 3.0 * draw.share();
+  }
+  if (course >= 2) motor.position = course == 2 ? 0.0 : draw();
+  return motor;
+}
+
+inline Parts arm(unsigned seed) {
+  Draw draw(seed);
+  Parts parts;
+  const int count = 1 + draw.below(10);
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  for (int i = 0; i < count; ++i) {
+    const Eigen::Vector3d half = 0.3 * draw.vector();
+    const Shape shape = Box{0.1 * Eigen::Vector3d::Ones() + 0.3 * draw.vector().cwiseAbs()};
+    Body link = make_body("link_" + std::to_string(i), shape, std::pow(10.0, draw()), place + half);
+    link.no_collision = true;
+    const double weight = link.mass * kGravity;
+    parts.bodies.push_back(link);
+    Joint joint;
+    joint.name = "joint_" + std::to_string(i);
+    joint.kind = draw.below(4) == 0 ? JointKind::kSlider : JointKind::kHinge;
+    joint.anchor_a =
+        i == 0 ? place : place - parts.bodies[static_cast<std::size_t>(i - 1)].state.position;
+    joint.anchor_b = -half;
+    joint.frame_a = draw.turn();
+    CoordinateLaw& law = joint.coordinates[0];
+    if (draw.below(2) == 0) {
+      law.lower = -(0.1 + 0.5 * draw.share());
+      law.upper = 0.1 + 0.5 * draw.share();
+      if (draw.below(2) == 0) law.limit_restitution = draw.share();
+    }
+    if (draw.below(2) == 0) law.friction = 0.3 * weight * draw.share();
+    if (draw.below(4) == 0) {
+      law.stiffness = weight * std::pow(10.0, 2.0 * draw.share());
+      law.damping = 0.1 * weight * draw.share();
+    }
+    if (draw.below(2) == 0) law.motor = motor_of_arm(draw, weight);
+    parts.joints.push_back(joint);
+    parts.ends.emplace_back(i - 1, i);
+    place += 2.0 * half;
   }
   return parts;
 }
@@ -439,6 +505,10 @@ inline Scene scene_of(Kind kind, unsigned seed) {
   }
   if (kind == Kind::kAligned) {
     scene = aligned(seed);
+  } else if (kind == Kind::kArm) {
+    scene.parts = arm(seed);
+    scene.options.time_step = std::pow(10.0, -1.0 - 2.0 * Draw(seed + 1).share());
+    scene.options.method = Method::kAuto;
   } else if (kind == Kind::kTouchingWithPoses) {
     scene = touching(seed, Kind::kTouchingWithLaws);
     scene.kind = kind;

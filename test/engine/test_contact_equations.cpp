@@ -1,8 +1,11 @@
-// Equations of a group of touching bodies, without a world around them.
+// Equations and responses of a group of touching bodies, without a world around them.
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+
 #include "engine/methods/event_driven/contacts/contact_equations.h"
+#include "engine/methods/event_driven/contacts/contact_responses.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -41,6 +44,27 @@ TEST(ContactEquations, ASubstepThatIsTakenBackLeavesTheFeatureOfTheLastImpulse) 
   ASSERT_EQ(contact.touched.id, 2u);
   equations.restore();
   EXPECT_EQ(contact.touched.id, 1u);
+}
+
+// Where corners of two boxes meet, each box has a contact at the same place and along the same
+// normal, of which the impulses of one are those of both.
+TEST(ContactResponses, FindContactsAtTheSamePlace) {
+  ContactEquations equations = ball_on_ground();
+  equations.contacts().push_back(equations.contacts()[0]);
+  const ContactMotion motion = equations.motion(equations.contacts()[0]);
+  ContactResponses responses;
+  responses.add(0, motion);
+  ContactMotion other = motion;
+  EXPECT_EQ(responses.find_twin(1, other, 1e-10, equations), 0);
+  other.p.x() += 0.5e-10;
+  EXPECT_EQ(responses.find_twin(1, other, 1e-10, equations), 0);
+  other.p.x() += 1e-10;
+  EXPECT_EQ(responses.find_twin(1, other, 1e-10, equations), -1) << "another place";
+  other = motion;
+  other.n = Eigen::AngleAxisd(1e-6, Eigen::Vector3d::UnitX()) * motion.n;
+  EXPECT_EQ(responses.find_twin(1, other, 1e-10, equations), -1) << "another normal";
+  equations.contacts()[1].shape_index_b = 0;
+  EXPECT_EQ(responses.find_twin(1, motion, 1e-10, equations), -1) << "other shapes";
 }
 
 }  // namespace

@@ -2,8 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "engine/methods/event_driven/contacts/rattling.h"
+#include "engine/collision/contact_tolerances.h"
 #include "engine/methods/event_driven/event_watch.h"
+#include "engine/methods/event_driven/rattling.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -12,7 +13,8 @@ namespace {
 double zero_speed_after(int count, double apart, double speed) {
   ContactTolerances within;
   Rattling rattling;
-  for (int i = 0; i < count; ++i) within.coarsen(rattling.zero_speed(i * apart, speed, within));
+  for (int i = 0; i < count; ++i)
+    within.coarsen(rattling.zero_speed(i * apart, speed, within.resting, within.rattling));
   return within.resting;
 }
 

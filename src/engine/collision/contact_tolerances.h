@@ -63,6 +63,9 @@ struct ContactTolerances {
     return true;
   }
 
+  /// Whether speeds that count as zero cannot grow any more.
+  bool is_coarsest() const { return resting >= rattling; }
+
   double touching = 1e-10;  ///< gap that counts as closed, and height of bounces not followed [m]
   double border = 1e-10;    ///< distance to a border of a feature that counts as zero [m]
   double missed = 1e-9;     ///< overlap that was missed [m]

@@ -132,7 +132,7 @@ class PrescribedMotion {
   /// Begins the next interval. Sets bias (mean over the interval) and saturated of `state`.
   void begin(const Joint& joint, const JointStep& span, JointState& state);
   /// Makes a coordinate brake with `braking` [m/s² or rad/s²], < 0 from below, to rest at its held
-  /// position at time `until` [s].
+  /// position at time `until` [s]. The caller ends this motion there, without which it turns back.
   void brake(int coordinate, double until, double braking) {
     Held& held = held_[static_cast<std::size_t>(coordinate)];
     held.until = until;
@@ -215,7 +215,7 @@ class PrescribedMotion {
   /// Returns the motion of the motor relative to `held.value`.
   Prescribed moved(const Held& held, double t) const {
     if (!is_driven_) return {};
-    if (held.braking != 0.0 && t < held.until) {
+    if (held.braking != 0.0) {
       const double left = held.until - t;
       return {0.5 * held.braking * left * left, -held.braking * left, held.braking};
     }

@@ -120,21 +120,27 @@ double constant_force(const OneSidedLaw& law, const OneSidedState& state) {
 
 Prescribed rate_to_goal(double goal, double braking, double q) {
   const double off = q - goal;
-  if (std::abs(off) <= kAtGoal) return {goal, 0.0, 0.0};  // the side is rounding
+  if (std::abs(off) <= kTouching) return {goal, 0.0, 0.0};  // the side is rounding
   const double side = sign(off);
   return {goal, -side * std::sqrt(2.0 * braking * std::abs(off)), side * braking};
 }
 
-ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, double rate, double zeta) {
+ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, const Prescribed& at,
+                         const Prescribed& zeta) {
   ForceBounds bounds;
-  const auto add = [&](double force, double at) {
-    const double above = sign(rate - at);  // side of the jump on which the rate is
+  const auto add = [&](double force, double above) {  // above: side of the jump of the force
     bounds.least -= above < 0.0 ? -force : force;
     bounds.most += above > 0.0 ? -force : force;
   };
-  if (law.friction > 0.0) add(law.friction, hold == Hold::kStill ? rate : 0.0);
+  const auto side_of = [](double rate) { return std::abs(rate) > kResting ? sign(rate) : 0.0; };
+  if (law.friction > 0.0) {
+    if (hold == Hold::kBrake)
+      add(law.friction, sign(-at.acceleration));
+    else
+      add(law.friction, at.rate == 0.0 ? sign(at.acceleration) : side_of(at.rate));
+  }
   const bool is_driven = hold == Hold::kDrive || hold == Hold::kBrake;
-  if (law.drive > 0.0) add(law.drive, is_driven ? rate : zeta);
+  if (law.drive > 0.0) add(law.drive, is_driven ? 0.0 : side_of(at.rate - zeta.rate));
   const bool is_at_limit = hold == Hold::kUpper || hold == Hold::kLower;
   const bool is_at_both = is_at_limit && law.lower == law.upper;
   if (hold == Hold::kUpper || is_at_both) bounds.least -= law.limit_force;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 
@@ -20,6 +21,9 @@ namespace constraint_sim::engine {
 //   motor       ±max_force  at q̇ = ζ
 //   limits      0 … ∞ at the lower, −∞ … 0 at the upper, at the rate of the limit
 // A coordinate is held at such a rate by a bounded rigid row, or has a constant force.
+
+inline constexpr double kTouching = 1e-10;  ///< [m or rad] a distance up to this counts as zero
+inline constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate up to this counts as zero
 
 /// Rate at which a coordinate is held, if any.
 enum class Hold : char {
@@ -139,13 +143,17 @@ double clamped_servo_force(const OneSidedLaw& law, const Reading& now, const Pre
   return std::clamp(servo_force(law, now, rest), -law.servo_most, law.servo_most);
 }
 
-inline constexpr double kAtGoal = 1e-10;  ///< [m or rad]
+/// Whether a coordinate at distance `off` from a goal, with this rate, comes to rest at the goal by
+/// the deceleration `braking`, to kTouching.
+inline bool brakes_to_goal(double off, double rate, double braking) {
+  return std::abs(off + 0.5 * rate * std::abs(rate) / braking) <= kTouching;
+}
 /// Returns the target rate of a position motor that lost its prescribed motion, which needed more
 /// than max_force: ζ = −sign(q − g) √(2 b |q − g|), with the acceleration at this rate. The motor
 /// pushes with max_force until q̇ = ζ, and then holds q = g ± ½ b (t₁ − t)², which rests at g at t₁
 /// without overshoot. b (`braking`) is the acceleration of q by half of max_force when the motion
 /// is lost, while other motors hold theirs.
-/// At the goal to kAtGoal it is rest.
+/// At the goal to kTouching it is rest.
 Prescribed rate_to_goal(double goal, double braking, double q);
 /// Returns the rate of a braking motor that rests at `goal` after `left` [s]; `braking` < 0 from
 /// below.
@@ -153,12 +161,20 @@ inline Prescribed rate_until(double goal, double braking, double left) {
   return {goal, -braking * left, braking};
 }
 
-/// Bounds of the force on a held coordinate, without soft laws. `zeta` is the rate of the motor,
-/// `rate` the rate at which the coordinate is held [m/s or rad/s].
+/// Returns the motion of a braking motor from `rate` on; at rest it stays at the goal.
+inline Prescribed braking_from(double goal, double rate, double braking) {
+  if (std::abs(rate) <= kResting) return {goal, 0.0, 0.0};
+  return rate_until(goal, std::copysign(braking, -rate), std::abs(rate) / braking);
+}
+
+/// Bounds of the force on a held coordinate, without soft laws. `at`: motion in which the
+/// coordinate is held; `zeta`: motion that the motor demands. Of equal rates the accelerations tell
+/// on which side of each other they will be.
 struct ForceBounds {
   double least = 0.0, most = 0.0;
 };
-ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, double rate, double zeta);
+ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, const Prescribed& at,
+                         const Prescribed& zeta);
 
 /// Replaces the `count` laws of the joint by the rigid rows and constant forces of their states.
 /// Targets of rows are taken from JointState. Returns false where the joint does not act.

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "engine/constraints/one_sided_law.h"
 #include "engine/math/first_root.h"
 #include "engine/math/list.h"
 
@@ -12,9 +13,6 @@ namespace constraint_sim::engine {
 
 // Location of the first event in a substep, where a watched value falls below zero. Shared by all
 // methods that advance from event to event.
-
-inline constexpr double kTouching = 1e-10;  ///< [m or rad] a gap up to this counts as closed
-inline constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate up to this counts as zero
 
 /// Duration [s] of impacts, in which their force is impulse / duration. Rigid bodies have none;
 /// bodies of steel that touch are in contact for longer.

@@ -235,19 +235,36 @@ bool ContactEvents::change_states(Span* span, const Watched& event, bool* is_cha
   if (!settle(span, event, false)) return false;
   *is_changed = impacts != impacts_.count() || breaks != done_.breaks ||
                 states_.has_changed(equations_) ||
-                (event.kind == Watched::Kind::kSlip && !Rattling::is_closed(pairs_.tolerances()));
+                (event.kind == Watched::Kind::kSlip && !pairs_.tolerances().is_coarsest());
   return true;
 }
 
 // Looks whether events go on without end, at speeds that no longer matter.
 void ContactEvents::end_rattling(Span* span, const Watched& event) {
-  const bool is_gap = event.kind == Watched::Kind::kGap;
-  if (!is_gap && event.kind != Watched::Kind::kForce && event.kind != Watched::Kind::kCone &&
-      event.kind != Watched::Kind::kSlip)
-    return;
-  const ContactMotion now = equations_.motion(equations_.contacts()[event.contact]);
-  const double speed = is_gap ? std::abs(now.gap_rate()) : now.slip().norm();
-  coarsen(rattling_.zero_speed(span->all.t + span->left.t, speed, pairs_.tolerances()), span);
+  double speed = 0.0;
+  switch (event.kind) {
+    case Watched::Kind::kLimit:
+      speed = std::abs(event.rate);
+      break;
+    case Watched::Kind::kGap:
+    case Watched::Kind::kForce:
+    case Watched::Kind::kCone:
+    case Watched::Kind::kSlip: {
+      const ContactMotion now = equations_.motion(equations_.contacts()[event.contact]);
+      speed = event.kind == Watched::Kind::kGap ? std::abs(now.gap_rate()) : now.slip().norm();
+      break;
+    }
+    case Watched::Kind::kHeld:
+    case Watched::Kind::kRate:
+      break;
+    case Watched::Kind::kNothing:
+    case Watched::Kind::kMargin:
+    case Watched::Kind::kBreak:
+      return;
+  }
+  const ContactTolerances& within = pairs_.tolerances();
+  coarsen(rattling_.zero_speed(span->all.t + span->left.t, speed, within.resting, within.rattling),
+          span);
 }
 
 // Counts speeds up to `least` [m/s] as zero. Velocities are then off by as much. Returns false

@@ -15,10 +15,10 @@
 #include "engine/methods/event_driven/contacts/contact_watch.h"
 #include "engine/methods/event_driven/contacts/counted_solver.h"
 #include "engine/methods/event_driven/contacts/overlap_closing.h"
-#include "engine/methods/event_driven/contacts/rattling.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/event_stepper.h"
 #include "engine/methods/event_driven/event_watch.h"
+#include "engine/methods/event_driven/rattling.h"
 
 namespace constraint_sim::engine {
 

@@ -80,7 +80,9 @@ void ContactImpacts::start_again(ContactEquations* equations, double* y) {
 
 // Lists limits that are reached and not left: hit limits, and limits without restitution.
 // `only_slow`: no hit limits.
-void ContactImpacts::add_touching_limits(bool only_slow, const ContactEquations& equations) {
+void ContactImpacts::add_touching_limits(bool only_slow, const ContactTolerances& within,
+                                         const ContactEquations& equations) {
+  const double resting = std::max(kResting, within.resting);
   const GroupBodies& bodies = equations.bodies();
   const GroupJoints& joints = equations.joints();
   for (std::size_t c = 0; c < joints.coordinates().size(); ++c) {
@@ -94,9 +96,9 @@ void ContactImpacts::add_touching_limits(bool only_slow, const ContactEquations&
       const double gap = direction * (now.q - at_limit.value);
       if (gap > kTouching) continue;
       const double rate = direction * (now.rate - at_limit.rate);
-      const bool is_hit = rate < -kResting;
+      const bool is_hit = rate < -resting;
       const double restitution = rests_.coordinates[c] ? 0.0 : of.law.restitution;
-      if (only_slow ? rate > kResting : !is_hit && restitution > 0.0) continue;
+      if (only_slow ? rate > resting : !is_hit && restitution > 0.0) continue;
       hits_.limits.push_back({c, direction, gap, rate, is_hit ? restitution : 0.0});
     }
   }
@@ -128,7 +130,7 @@ void ContactImpacts::find_hits(bool begins, const ContactPairs& pairs,
     consider(now.gap, now.gap_rate(), contact.restitution > 0.0 && !rests_.contacts[c], contact.a,
              contact.b);
   }
-  add_touching_limits(false, equations);
+  add_touching_limits(false, within, equations);
   for (const LimitHit& hit : hits.limits) {
     const auto [a, b] = bodies_of(equations, hit.coordinate);
     consider(hit.gap, hit.rate, hit.restitution > 0.0, a, b);
@@ -175,7 +177,7 @@ bool ContactImpacts::have_impact(double faster, const ContactTolerances& within,
     const LimitHit& of = hits.limits[k];
     rate_[first + k] = of.direction * of.rate;
     // Joints drive the coordinate into its limit.
-    if (!responses.is_free(k) && of.rate < -kResting) return false;
+    if (!responses.is_free(k) && of.rate < -std::max(kResting, within.resting)) return false;
     problem.rows.push_back(
         {of.direction > 0.0 ? 0.0 : -kInfinity, of.direction > 0.0 ? kInfinity : 0.0});
     if (!responses.is_free(k)) problem.rows.back() = {};
@@ -240,7 +242,7 @@ bool ContactImpacts::have_jam(const ContactPairs& pairs, CountedSolver* solver,
   if (hits_.contacts.empty()) return false;
   ++count_;
   rests_.reset(*equations, 1);
-  add_touching_limits(true, *equations);
+  add_touching_limits(true, within, *equations);
   return have_impact(within.resting, within, solver, equations, y);
 }
 

@@ -95,7 +95,8 @@ class ContactImpacts {
   void keep(const ContactEquations& equations, const double* y);
   void restore(ContactEquations* equations, double* y) const;
   void find_hits(bool begins, const ContactPairs& pairs, const ContactEquations& equations);
-  void add_touching_limits(bool only_slow, const ContactEquations& equations);
+  void add_touching_limits(bool only_slow, const ContactTolerances& within,
+                           const ContactEquations& equations);
   bool have_impact(double faster, const ContactTolerances& within, CountedSolver* solver,
                    ContactEquations* equations, double* y);
   bool does_work() const;

@@ -108,7 +108,8 @@ bool ContactStates::decide_once(const ContactWatched& event, double least_slip, 
     contact.normal_share = contact.tangent_share = 1.0;
   }
   equations->joints().look_ahead(interval_);
-  const bool is_possible = find_candidates(equations);
+  const bool is_possible =
+      find_candidates(std::max(kResting, pairs.tolerances().resting), equations);
   if (is_possible) find_free_motion(y, pairs.tolerances(), equations);
   equations->joints().look_now();
   if (!is_possible) return false;
@@ -198,9 +199,10 @@ void ContactStates::choose_servos(ContactEquations* equations) const {
   }
 }
 
-// Lists the coordinates that move at the rate of a law that may hold them, and sets the acting
-// forces of the others. Returns false where a coordinate passes a limit without force limit.
-bool ContactStates::find_candidates(ContactEquations* equations) {
+// Lists the coordinates that move at the rate of a law that may hold them, to `resting`, and sets
+// the acting forces of the others. Returns false where a coordinate passes a limit without force
+// limit.
+bool ContactStates::find_candidates(double resting, ContactEquations* equations) {
   const GroupBodies& bodies = equations->bodies();
   GroupJoints& joints = equations->joints();
   candidates_.clear();
@@ -213,13 +215,14 @@ bool ContactStates::find_candidates(ContactEquations* equations) {
     const auto limit = [&](bool upper_one) { return joints.limit(bodies, of, upper_one); };
     const auto zeta = [&] { return joints.zeta(bodies, of); };
     OneSidedState state;
-    const bool is_lost = of.law.goal && of.braking > 0.0;
-    const std::optional<Hold> hold = find_hold(of.law, coordinates_before_[c], now, limit, zeta,
-                                               is_lost, is_pressed_[c] == 0, &state);
+    const HoldRules rules{resting, of.law.goal ? of.braking : 0.0, is_pressed_[c] == 0};
+    const std::optional<Hold> hold =
+        find_hold(of.law, coordinates_before_[c], now, limit, zeta, rules, &state);
     if (hold) {
-      const Prescribed at = rate_held_at(*hold, limit, zeta);
+      const Prescribed at = *hold == Hold::kBrake ? braking_from(*of.law.goal, now.rate, of.braking)
+                                                  : rate_held_at(*hold, limit, zeta);
       candidates_.push_back(
-          {c, *hold, at.rate, at.acceleration, force_bounds(of.law, *hold, at.rate, zeta().rate)});
+          {c, *hold, at.rate, at.acceleration, force_bounds(of.law, *hold, at, zeta())});
       continue;
     }
     if (state.yield != 0 && !std::isfinite(of.law.limit_force)) return false;
@@ -350,10 +353,13 @@ void ContactStates::hold_coordinates(bool is_begin, ContactEquations* equations)
     GroupCoordinate& of = joints.coordinates()[c];
     const OneSidedState& before = coordinates_before_[c];
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
-    of.held = joints.read(bodies, of, nullptr).q;
+    const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
+    of.held = now.q;
     of.held_at = bodies.clock();
-    if (of.state.hold == Hold::kBrake)
-      of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
+    if (of.state.hold == Hold::kBrake) {
+      of.held = *of.law.goal - 0.5 * now.rate * std::abs(now.rate) / of.braking;
+      of.until = of.held_at + std::abs(now.rate) / of.braking;
+    }
     if (before.yield != 0)
       of.given_way += of.held - joints.limit(bodies, of, before.yield > 0).value;
   }

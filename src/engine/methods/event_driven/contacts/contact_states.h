@@ -80,7 +80,7 @@ class ContactStates {
                    const ContactPairs& pairs, CountedSolver* solver, ContactEquations* equations);
   void find_free_motion(const double* y, const ContactTolerances& within,
                         ContactEquations* equations);
-  bool find_candidates(ContactEquations* equations);
+  bool find_candidates(double resting, ContactEquations* equations);
   void set_problem(double least_slip, const ContactEquations& equations);
   void find_solved_accelerations();
   void choose_acts(ContactEquations* equations);

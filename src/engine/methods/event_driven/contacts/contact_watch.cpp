@@ -51,8 +51,8 @@ void watch_held(const ContactEquations& equations, std::size_t c, bool has_stage
   const GroupCoordinate& of = joints.coordinates()[c];
   const auto limit = [&](bool upper_one) { return joints.limit(bodies, of, upper_one); };
   const auto zeta = [&] { return joints.zeta(bodies, of); };
-  const double rate = rate_held_at(of.state.hold, limit, zeta).rate;
-  const ForceBounds bounds = force_bounds(of.law, of.state.hold, rate, zeta().rate);
+  const Prescribed at = rate_held_at(of.state.hold, limit, zeta);
+  const ForceBounds bounds = force_bounds(of.law, of.state.hold, at, zeta());
   ContactWatched watched;
   watched.kind = Kind::kHeld;
   watched.coordinate = c;

@@ -66,7 +66,8 @@ struct GroupCoordinate {
   OneSidedState state;
   Motor motor{};   ///< demand in this interval; of laws with a drive
   int angle = -1;  ///< index in the angles; -1: no angle
-  /// Position where friction or a drive began to hold the coordinate [m or rad].
+  /// Position where friction or a drive began to hold the coordinate, or from which a motor brakes
+  /// [m or rad].
   double held = 0.0;
   double held_at = 0.0;  ///< time when the hold began, simulated [s]
   /// Displacement of a yielding limit of a length since the step began [m].

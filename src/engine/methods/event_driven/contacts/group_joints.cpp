@@ -243,10 +243,10 @@ Prescribed GroupJoints::zeta(const GroupBodies& bodies, const GroupCoordinate& o
   if (of.law.drive == 0.0) return {};
   if (!of.law.goal) return motor_course(of.motor, motor_phase(of.motor, t), 0.0);
   if (of.braking == 0.0) return course_of(bodies, of);
-  const double q = read(bodies, of, nullptr).q;
   if (of.state.hold == Hold::kBrake)
-    return rate_until(*of.law.goal, std::copysign(of.braking, q - *of.law.goal), of.until - t);
-  return rate_to_goal(*of.law.goal, of.braking, q);
+    return rate_until(*of.law.goal, std::copysign(of.braking, of.held - *of.law.goal),
+                      of.until - t);
+  return rate_to_goal(*of.law.goal, of.braking, read(bodies, of, nullptr).q);
 }
 
 Prescribed GroupJoints::rest(const GroupBodies& bodies, const GroupCoordinate& of) const {

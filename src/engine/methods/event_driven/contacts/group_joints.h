@@ -33,7 +33,7 @@ class GroupJoints {
   const List<GroupCoordinate>& coordinates() const { return coordinates_; }
   /// Sets the joints of a coupling, by their indices in the world. False where one is missing.
   bool set_terms(std::size_t joint, const CoupledTerms& terms);
-  /// Adds the coordinates of a joint on which a law acts.
+  /// Adds those coordinates of a joint that have a law.
   void add_coordinates(std::size_t joint) {
     engine::add_coordinates(joint, &list_[joint], &laws_, &coordinates_);
   }

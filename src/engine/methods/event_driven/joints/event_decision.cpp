@@ -30,19 +30,22 @@ struct HoldCandidate {
 // Returns the law that may hold a coordinate, with its rate. Sets the other acting forces in
 // `state`. `is_pressed`: the motor is too weak to leave a limit.
 std::optional<HoldCandidate> candidate(const EventMotions& motions, std::size_t c,
-                                       const EventReading& reading, double t, bool is_pressed,
+                                       const EventProblem& problem, double t, bool is_pressed,
                                        OneSidedState* state) {
   const OneSidedLaw& law = motions.laws()[c];
+  const EventReading& reading = problem.reading(c);
   const auto limit_of = [&](bool upper_one) { return motions.limit(c, upper_one, t); };
   const auto zeta_of = [&] { return motions.zeta(c, t, reading.q); };
-  const bool is_lost = law.goal && motions.braking(c) > 0.0;
+  const HoldRules rules{problem.resting(), law.goal ? motions.braking(c) : 0.0, !is_pressed};
   const std::optional<Hold> hold =
-      find_hold(law, motions.states()[c], reading, limit_of, zeta_of, is_lost, !is_pressed, state);
+      find_hold(law, motions.states()[c], reading, limit_of, zeta_of, rules, state);
   if (!hold) return std::nullopt;
-  const Prescribed at = rate_held_at(*hold, limit_of, zeta_of);
-  const double zeta_rate = zeta_of().rate;
+  const Prescribed at = *hold == Hold::kBrake
+                            ? braking_from(*law.goal, reading.rate, motions.braking(c))
+                            : rate_held_at(*hold, limit_of, zeta_of);
+  const Prescribed zeta = zeta_of();
   return HoldCandidate{
-      c, *hold, at.rate, at.acceleration, zeta_rate, force_bounds(law, *hold, at.rate, zeta_rate)};
+      c, *hold, at.rate, at.acceleration, zeta.rate, force_bounds(law, *hold, at, zeta)};
 }
 
 // Finds the coordinates that may be held, and the accelerations without forces that hold them.
@@ -60,7 +63,7 @@ bool find_candidates(const EventMotions& motions, const EventProblem& problem, d
     if (laws[c].has_servo())
       force[eigen_index(c)] = clamped_servo_force(laws[c], problem.reading(c), motions.rest(c, t));
     if (!problem.is_free(c)) continue;
-    const auto found = candidate(motions, c, problem.reading(c), t, is_pressed[c] != 0, &state);
+    const auto found = candidate(motions, c, problem, t, is_pressed[c] != 0, &state);
     if (state.yield != 0 && !std::isfinite(laws[c].limit_force)) return false;
     if (found)
       candidates->push_back(*found);

@@ -48,6 +48,8 @@ void EventDriven::begin_step(const List<JointState>& joint_states, RungeKutta* m
   motions_.begin_step(joint_states);
   impulses_.begin_step(joints().size());
   stepper_.begin_step();
+  rattling_.begin_step();
+  resting_ = kResting;
   told_.clear();
   motion->begin_step(motions_.joint_states());
 }
@@ -150,6 +152,7 @@ bool EventDriven::advance_to_event(Span* span) {
 
 bool EventDriven::change_states(Span* span, const WatchedByJoints& watched, bool* is_changed) {
   const bool breaks = watched.breaks >= 0;
+  end_rattling(span, watched);
   if (breaks) break_joint(span, static_cast<std::size_t>(watched.breaks));
   const EventRelease release{watched.known == 0 && watched.law >= 0 ? watched.law : -1,
                              watched.side};
@@ -158,6 +161,17 @@ bool EventDriven::change_states(Span* span, const WatchedByJoints& watched, bool
   if (!settle(span, release, breaks, &had_impacts)) return false;
   *is_changed = had_impacts || breaks || !(states == motions_.states());
   return true;
+}
+
+// Looks whether events go on without end, at speeds that no longer matter. Velocities are then off
+// by the speed that counts as zero.
+void EventDriven::end_rattling(Span* span, const WatchedByJoints& watched) {
+  const double speed =
+      watched.known == 2 ? std::abs(watched.rate) : 0.0;  // only gaps close at a speed
+  const double least = rattling_.zero_speed(span->t(), speed, resting_, Rattling::kMostOfLaws);
+  if (least <= resting_) return;
+  resting_ = least;
+  span->progress.local_error += least * span->left.left;
 }
 
 void EventDriven::break_joint(Span* span, std::size_t joint) {
@@ -178,7 +192,7 @@ void EventDriven::break_joint(Span* span, std::size_t joint) {
 // Decides how the laws act from now on, after the impacts of limits that are hit.
 bool EventDriven::settle(Span* span, const EventRelease& release, bool is_changed,
                          bool* had_impacts) {
-  EventProblem problem(motions_.laws().size());
+  EventProblem problem(motions_.laws().size(), resting_);
   EventImpulses::Sums before;
   if (!motions_.joints().breaking().empty()) before = impulses_.sums();
   bool any = false;

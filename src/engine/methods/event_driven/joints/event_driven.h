@@ -19,6 +19,7 @@
 #include "engine/methods/event_driven/joints/event_problem.h"
 #include "engine/methods/event_driven/joints/event_variants.h"
 #include "engine/methods/event_driven/joints/event_watching.h"
+#include "engine/methods/event_driven/rattling.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
 
 namespace constraint_sim::engine {
@@ -137,6 +138,7 @@ class EventDriven {
   Interval rest_of(const Span& span) const;
 
   // ---- at events
+  void end_rattling(Span* span, const WatchedByJoints& watched);
   bool change_states(Span* span, const WatchedByJoints& watched, bool* is_changed);
   void break_joint(Span* span, std::size_t joint);
   bool settle(Span* span, const EventRelease& release, bool is_changed, bool* had_impacts);
@@ -157,6 +159,8 @@ class EventDriven {
   // ---- values of the current step
   EventImpulses impulses_;
   EventStepper<WatchedByJoints> stepper_;
+  Rattling rattling_;
+  double resting_ = kResting;  // rate that counts as zero [m/s or rad/s]
   List<Told> told_;
   Motions rates_;  // accelerations of the bodies when values were last watched
 };

@@ -31,7 +31,7 @@ List<EventHit> find_hits(const EventMotions& motions, const EventProblem& proble
       const double direction = upper_one ? -1.0 : 1.0;
       if (direction * (problem.reading(c).q - at_limit.value) > kTouching) continue;
       const double rate = direction * (problem.reading(c).rate - at_limit.rate);
-      const bool is_hit = rate < -kResting;
+      const bool is_hit = rate < -problem.resting();
       any_hit = any_hit || is_hit;
       const double restitution = rests[c] ? 0.0 : law.restitution;
       if (is_hit || (restitution == 0.0 && problem.is_free(c)))

@@ -34,7 +34,7 @@ EventMotions::EventMotions(EventJoints joints)
     : joints_(std::move(joints)),
       states_(laws().size()),
       held_(laws().size(), 0.0),
-      braking_(held_),
+      braking_(laws().size()),
       is_broken_(joints_.size(), 0),
       joint_states_(joints_.size()),
       courses_(joints_.size()),
@@ -51,7 +51,7 @@ EventMotions::EventMotions(EventJoints joints)
 void EventMotions::begin_step(const List<JointState>& world) {
   for (std::size_t l = 0; l < joints_.size(); ++l) joint_states_[l] = world[joints_.members()[l]];
   for (std::size_t c = 0; c < laws().size(); ++c)
-    braking_[c] = joint_states_[laws()[c].joint].coordinates[laws()[c].coordinate].braking;
+    braking_[c].most = joint_states_[laws()[c].joint].coordinates[laws()[c].coordinate].braking;
 }
 
 bool EventMotions::mend_rejected() {
@@ -141,9 +141,7 @@ void EventMotions::begin_course(std::size_t l, double t) {
   courses_[l].begin(switched_joints_[l], step, told);
   for (std::size_t c = first; c < last; ++c)
     if (states_[c].hold == Hold::kBrake && laws()[c].goal)
-      courses_[l].brake(laws()[c].coordinate, held_[c],
-                        std::copysign(braking_[c], told.coordinates[laws()[c].coordinate].position -
-                                                       *laws()[c].goal));
+      courses_[l].brake(laws()[c].coordinate, held_[c], braking_[c].along);
 }
 
 // ---- demands
@@ -208,10 +206,10 @@ Prescribed EventMotions::zeta(std::size_t c, double t, double q) const {
   const OneSidedLaw& law = laws()[c];
   if (law.is_distance) return courses_[law.joint].length(t);
   if (law.drive == 0.0) return {};
+  if (law.goal && braking_[c].most == 0.0) return course_of(c, t);
   if (law.goal && states_[c].hold == Hold::kBrake)
-    return rate_until(*law.goal, std::copysign(braking_[c], q - *law.goal), held_[c] - t);
-  if (law.goal && braking_[c] > 0.0) return rate_to_goal(*law.goal, braking_[c], q);
-  if (law.goal) return course_of(c, t);
+    return rate_until(*law.goal, braking_[c].along, held_[c] - t);
+  if (law.goal) return rate_to_goal(*law.goal, braking_[c].most, q);
   Motor motor = *joints_[law.joint].coordinates[law.coordinate].motor;
   const JointState& state = joint_states_[law.joint];
   if (motor.timeout > 0.0 && state.coordinates[law.coordinate].expires_at <= start_)
@@ -252,17 +250,19 @@ void EventMotions::find_lost(const EventProblem& problem, double t) {
     judge_course(
         problem.reading(c), course_of(c, t), *laws()[c].goal,
         [&] { return braking_of(problem, c); },
-        [&] { end_motion(laws()[c], &joint_states_[laws()[c].joint].to_close); }, &braking_[c]);
+        [&] { end_motion(laws()[c], &joint_states_[laws()[c].joint].to_close); },
+        &braking_[c].most);
   }
 }
 
 bool EventMotions::note_lost(const EventProblem& problem, const EventDecision& next) {
   bool any = false;
   for (std::size_t c = 0; c < laws().size(); ++c) {
-    if (!laws()[c].goal || next.states[c].drive == 0 || next.leaves[c] == 0 || braking_[c] > 0.0)
+    if (!laws()[c].goal || next.states[c].drive == 0 || next.leaves[c] == 0 ||
+        braking_[c].most > 0.0)
       continue;
-    braking_[c] = braking_of(problem, c);
-    any = any || braking_[c] > 0.0;
+    braking_[c].most = braking_of(problem, c);
+    any = any || braking_[c].most > 0.0;
   }
   return any;
 }
@@ -289,8 +289,11 @@ void EventMotions::change_states(const EventProblem& problem, const List<OneSide
       hold_length(c, q, next[c], t);
     } else {
       held_[c] = q;
-      if (next[c].hold == Hold::kBrake)
-        held_[c] = t + std::sqrt(2.0 * std::abs(q - *law.goal) / braking_[c]);
+      if (next[c].hold == Hold::kBrake) {
+        const double rate = problem.reading(c).rate;
+        held_[c] = t + std::abs(rate) / braking_[c].most;
+        braking_[c].along = std::copysign(braking_[c].most, -rate);
+      }
     }
   }
   for (std::size_t l = 0; l < joints_.size(); ++l)
@@ -382,11 +385,11 @@ void EventMotions::write(std::size_t l, JointState* state,
     CoordinateState& coordinate = state->coordinates[law.coordinate];
     coordinate.held = position(l, law.coordinate);
     if (law.goal) {
-      coordinate.braking = braking_[c];
+      coordinate.braking = braking_[c].most;
       const ErrorsToClose& errors = joint_states_[l].to_close;
       state->to_close.offset[law.function] = errors.offset[law.function];
       state->to_close.moving[to_index(law.coordinate)] = errors.moving[to_index(law.coordinate)];
-      if (!(braking_[c] > 0.0)) coordinate.held = *law.goal;
+      if (!(braking_[c].most > 0.0)) coordinate.held = *law.goal;
     } else if (states_[c].hold == Hold::kDrive) {
       coordinate.held = held_[c];
     }

@@ -57,7 +57,7 @@ class EventMotions {
     return joint_states_[joint].coordinates[to_index(coordinate)].position;
   }
   /// Deceleration of a motor that has lost its prescribed motion; 0: it follows the motion.
-  double braking(std::size_t law) const { return braking_[law]; }
+  double braking(std::size_t law) const { return braking_[law].most; }
   /// Held position q, travel of a held length, or end of braking [s].
   double held(std::size_t law) const { return held_[law]; }
   /// Prescribed motions of the rows that act, and of joints without one-sided rows.
@@ -118,12 +118,19 @@ class EventMotions {
       for (auto* sign : {&state.slip, &state.drive, &state.yield}) visit(*sign);
       if (self.laws()[c].has_servo()) visit(state.servo);
       visit(self.held_[c]);
+      if (state.hold == Hold::kBrake) visit(self.braking_[c].along);
     }
     if constexpr (Visit::kReads)
       for (std::size_t l = 0; l < self.joints_.size(); ++l) self.set_rows(l);
   }
 
  private:
+  /// Deceleration of a motor that has lost its prescribed motion, and its value while the motor
+  /// comes to rest, < 0 from below [m/s² or rad/s²].
+  struct Braking {
+    double most = 0.0, along = 0.0;
+  };
+
   Prescribed course_of(std::size_t law, double t) const;
   double travel(std::size_t joint, double t) const;
   double braking_of(const EventProblem& problem, std::size_t law) const;
@@ -136,7 +143,7 @@ class EventMotions {
   bool has_started_ = false;
   List<OneSidedState> states_;
   List<double> held_;
-  List<double> braking_;
+  List<Braking> braking_;
   List<char> is_broken_;            // per joint
   List<JointState> joint_states_;   // positions of coordinates, and offsets being closed
   JointStep step_{};                // step that contains the interval

@@ -22,7 +22,9 @@ inline Eigen::Index eigen_index(std::size_t i) { return static_cast<Eigen::Index
 /// event_impacts.h solves the impacts, event_decision.h the accelerations afterwards.
 class EventProblem {
  public:
-  explicit EventProblem(std::size_t laws) : hit_(laws, 0.0), rests_in_(laws, 0.0) {}
+  /// Rates up to `resting` count as zero [m/s or rad/s].
+  EventProblem(std::size_t laws, double resting)
+      : resting_(resting), hit_(laws, 0.0), rests_in_(laws, 0.0) {}
 
   /// Loads the problem at time t of the interval `all`: projects the velocities of `states` onto
   /// the rigid joints, and finds readings and responses. Adds the removed energy to `progress`.
@@ -30,6 +32,7 @@ class EventProblem {
   bool load(const EventMotions& motions, const Interval& all, const EventBodies& bodies, double t,
             EquationsOfMotion* bare, List<BodyState>* states, IntegrationResult* progress);
 
+  double resting() const { return resting_; }
   /// Coordinate of a law, without one-sided forces.
   const EventReading& reading(std::size_t law) const { return reading_[law]; }
   /// Rates of laws per impulse along laws.
@@ -51,6 +54,7 @@ class EventProblem {
  private:
   void find_responses(const EventMotions& motions, EquationsOfMotion* bare);
 
+  double resting_;
   List<double> y_, dydt_;              // state and derivative of the bare equations
   List<EventReading> reading_;         // per law
   List<Motions> response_;             // per law, to a unit impulse

@@ -22,11 +22,9 @@ void watch_force(const EventMotions& motions, std::size_t c, const EventReading&
   double soft = law.soft.force(reading.q, reading.rate);
   if (law.servo_most > 0.0) soft += clamped_servo_force(law, reading, motions.rest(c, t));
   const auto zeta_of = [&] { return motions.zeta(c, t, reading.q); };
-  const double rate =
-      rate_held_at(
-          hold, [&](bool upper_one) { return motions.limit(c, upper_one, t); }, zeta_of)
-          .rate;
-  const ForceBounds bounds = force_bounds(law, hold, rate, zeta_of().rate);
+  const Prescribed at = rate_held_at(
+      hold, [&](bool upper_one) { return motions.limit(c, upper_one, t); }, zeta_of);
+  const ForceBounds bounds = force_bounds(law, hold, at, zeta_of());
   WatchedByJoints watched;
   watched.law = static_cast<int>(c);
   watched.tolerance = kForceShare * equations.largest_force();

@@ -90,15 +90,25 @@ inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& 
           direction * course.acceleration > 0.0);
 }
 
+/// Rules of find_hold(), beside a law and its coordinate.
+struct HoldRules {
+  double resting = kResting;  ///< rate that counts as zero [m/s or rad/s]
+  /// Deceleration of a motor with a goal that does not follow its prescribed motion; 0: it follows.
+  double braking = 0.0;
+  /// Whether a motor that follows its prescribed motion is strong enough to move the coordinate off
+  /// a touched limit, or to stop it there.
+  bool is_carried = true;
+};
+
 /// Returns the law that may hold a coordinate at its position and rate. Where there is none,
 /// returns nothing and sets the acting forces in `state`, which starts empty. `before`: state until
-/// now. `is_lost`: a motor with a goal does not follow its prescribed motion. `is_carried`: a motor
-/// that follows it is strong enough to move the coordinate off a touched limit, or to stop it
-/// there.
+/// now.
 template <class Reading, class Limit, class Zeta>
 std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& before,
-                              const Reading& reading, Limit limit, Zeta zeta, bool is_lost,
-                              bool is_carried, OneSidedState* state) {
+                              const Reading& reading, Limit limit, Zeta zeta,
+                              const HoldRules& rules, OneSidedState* state) {
+  const double resting = rules.resting;
+  const bool is_lost = rules.braking > 0.0;
   for (const bool upper_one : {false, true}) {
     if (!std::isfinite(law.limit(upper_one))) continue;
     const Prescribed at_limit = limit(upper_one);
@@ -107,20 +117,22 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     const bool gave_way = before.yield == -direction;
     const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);
-    if (is_carried && !is_lost && gap >= -kTouching && gap <= kTouching &&
+    if (rules.is_carried && !is_lost && gap >= -kTouching && gap <= kTouching &&
         leads_off(law, upper_one, zeta()))
       continue;
-    const bool has_yet_to_hit = gap > 0.0 && rate < -kResting && !std::isfinite(law.limit_force);
+    const bool has_yet_to_hit = gap > 0.0 && rate < -resting && !std::isfinite(law.limit_force);
     if (!gave_way && (gap > kTouching || has_yet_to_hit)) continue;
-    if (std::abs(rate) <= kResting) return upper_one ? Hold::kUpper : Hold::kLower;
+    if (std::abs(rate) <= resting) return upper_one ? Hold::kUpper : Hold::kLower;
     if (rate < 0.0) state->yield = sign_of(-direction);
   }
   if (state->yield != 0) return std::nullopt;
   if (law.goal && !is_lost) return Hold::kDrive;
-  if (law.friction > 0.0 && std::abs(reading.rate) <= kResting) return Hold::kStill;
+  if (law.friction > 0.0 && std::abs(reading.rate) <= resting) return Hold::kStill;
   if (law.drive > 0.0) {
     const double off = reading.rate - zeta().rate;
-    if (std::abs(off) <= kResting) return is_lost ? Hold::kBrake : Hold::kDrive;
+    if (is_lost && brakes_to_goal(reading.q - *law.goal, reading.rate, rules.braking))
+      return Hold::kBrake;
+    if (!is_lost && std::abs(off) <= resting) return Hold::kDrive;
     state->drive = sign_of(off);
   }
   if (law.friction > 0.0) state->slip = sign_of(reading.rate);
@@ -183,13 +195,15 @@ void watch_limits(const OneSidedLaw& law, const OneSidedState& state, const Read
 template <class Reading>
 WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, double braking,
                                   const Reading& reading) {
+  constexpr double kRounded = 1e-14;  // [m or rad] rounding of a coordinate read from poses
   const double u = reading.rate, off = reading.q - *law.goal;
   WatchedValue watched;
   watched.known = 1;
   watched.value = direction * (u * std::abs(u) + 2.0 * braking * off);
   watched.rate = direction * (2.0 * std::abs(u) * reading.acceleration + 2.0 * braking * u);
   watched.tolerance =
-      kEpsilon * (u * u + 2.0 * braking * (std::abs(reading.q) + std::abs(*law.goal)));
+      kEpsilon * u * u +
+      2.0 * braking * (kRounded + kEpsilon * (std::abs(reading.q) + std::abs(*law.goal)));
   return watched;
 }
 

@@ -67,6 +67,7 @@ inline OracleShape random_oracle_shape(int kind, double scale, Draw* draw) {
   return target;
 }
 inline constexpr int kOracleShapes = 6;
+static_assert(kOracleShapes + 2 == std::variant_size_v<Shape>, "all but points and compounds");
 
 /// Returns how far a point in the frame of the shape is outside: convex, 0 on the surface.
 inline Exact height_over(const OracleShape& target, const Exact3& x) {

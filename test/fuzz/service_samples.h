@@ -41,7 +41,7 @@ inline geometry_msgs::Point point(double x, double y, double z) {
 inline std::vector<AddBodyRequest> samples(AddBody*) {
   const std::vector<std::pair<std::uint8_t, std::vector<double>>> shapes{
       {Shape::POINT, {}},           {Shape::SPHERE, {0.2}}, {Shape::BOX, {0.2, 0.3, 0.4}},
-      {Shape::CAPSULE, {0.1, 0.3}}, {Shape::PLANE, {}},     {5, {0.2, 0.3}}};
+      {Shape::CAPSULE, {0.1, 0.3}}, {Shape::PLANE, {}},     {Shape::CYLINDER, {0.2, 0.3}}};
   std::vector<AddBodyRequest> requests;
   for (const auto& [type, dimensions] : shapes) {
     Body& body = requests.emplace_back().body;

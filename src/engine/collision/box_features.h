@@ -14,11 +14,10 @@ namespace constraint_sim::engine {
 // - Boxes separated by a face: corners of the other box against this face. While all are above it,
 //   edges do not touch.
 // - Other boxes: each corner against a face that it is beyond or on, and edges that face each
-// other.
-//   On touching faces these features are the vertices of the area of contact.
+//   other. On touching faces these features are the vertices of the area of contact.
 
 inline constexpr std::size_t kBoxCorners = 16, kBoxEdges = 16;  ///< number of features of a pair
-/// Adds kBoxCorners + kBoxEdges features, the nearest pairs of edges first.
+/// Adds kBoxCorners features of corners, then kBoxEdges of pairs of edges, the nearest first.
 void add_box_features(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
                       const ContactTolerances& within, List<ContactFeature>* features);
 

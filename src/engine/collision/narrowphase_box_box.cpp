@@ -413,8 +413,8 @@ void lower_by_edges(const BoxPair& pair, int i, const SupportEdge& of_a, int j,
   return nearest;
 }
 
-/// Replaces the points of separated boxes by the nearest points where these are closer. `apart` is
-/// a lower bound of their distance [m].
+/// Replaces the points of separated boxes by one, of their nearest points, if that is closer.
+/// `apart`: lower bound of their distance [m].
 void take_nearest(const BoxPair& pair, const BodyState& a, double apart, double margin,
                   Manifold* manifold) {
   // Share of the margin by which nearest points must be closer, so that boxes about to rest keep

@@ -190,7 +190,7 @@ class HullCylinderPoints {
     int from_edge = -1, to_edge = -1;
   };
 
-  // Returns the part of a line from p along d over a face, seen along the normal.
+  // Returns the part of p + t d, 0 ≤ t ≤ 1, that is over a face, seen along the normal.
   std::optional<LinePart> part_over_face(int number, const Vector3d& p, const Vector3d& d) const {
     const ConvexHull::Face& face = a_.face(number);
     const double wider = kWiderFace * a_.radius;

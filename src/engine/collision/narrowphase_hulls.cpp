@@ -70,8 +70,8 @@ struct ClippedFace {
   std::array<Vertex, kMost> vertices;
 };
 
-/// Adds the part of a face where out·x ≤ limit (Sutherland & Hodgman 1974); the new border has the
-/// number `edge`.
+/// Cuts a face down to out·x ≤ limit (Sutherland & Hodgman 1974), into `part`; the new border has
+/// the number `edge`.
 void clip(const ClippedFace& face, const Vector3d& out, double limit, std::uint32_t edge,
           ClippedFace* part) {
   part->count = 0;

@@ -31,7 +31,8 @@ class CustomCode {
   double rate(const JointVectors& vectors, const JointMotion& motion) const;
   double gamma(const JointVectors& vectors, const JointMotion& motion) const;
   FramePair gradient(const JointVectors& vectors) const;
-  /// Discrete gradient of Gonzalez: its product with the change of the vectors is the change of C.
+  /// Discrete gradient of Gonzalez, on the bodies: times their motion from start to end it is the
+  /// change of C.
   Jacobian discrete_gradient(const JointVectors& start, const JointVectors& end) const;
   /// Wrench in the layout of a Jacobian: force and torque about the centres of A and of B.
   Jacobian wrench(double t, const JointVectors& vectors, const JointMotion& motion) const;

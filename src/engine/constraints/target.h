@@ -12,8 +12,8 @@ namespace constraint_sim::engine {
 /// Sets the correction of an equation: a share β of the error per step (Baumgarte).
 inline void set_bias_rigid(Row& row, double beta, double h) { row.correction = -beta / h * row.C; }
 
-/// Sets the bias of a limit with C ≤ 0 (upper = 0) or C ≥ 0 (lower = 0). An open gap may close
-/// within this step, but not more.
+/// Sets target and correction of a limit with C ≤ 0 (upper = 0) or C ≥ 0 (lower = 0). An open gap
+/// may close within this step, but not more.
 inline void set_bias_limit(Row& row, double beta, double h) {
   const bool open = row.upper == 0.0 ? row.C < 0.0 : row.C > 0.0;
   set_bias_rigid(row, beta, h);

@@ -22,14 +22,14 @@ constexpr double kMomentarySelfStress = 1e-3;
 constexpr double kMostSelfStress = 0.1;  // while joints are being closed
 constexpr int kRefinements = 3;
 
-// Tolerances of redundant rows. Lengths that a scene gives with few digits make rows dependent to
-// these digits alone, so tolerances grow with the imbalance of the forces.
-constexpr double kRowSolved = 1e-11;  // over the island's size
-constexpr double kDrift = 1e3;        // over the island's size, per imbalance
-constexpr double kMostDrift = 1e-3;
+// Tolerances of redundant rows. Lengths that are rounded in a scene make rows only nearly
+// dependent, so tolerances grow with the imbalance of the forces.
+constexpr double kRowSolved = 1e-11;  // share of the island's size
+constexpr double kDrift = 1e3;        // share of the island's size, per imbalance
+constexpr double kMostDrift = 1e-3;   // largest imbalance and share of a speed by drift
 constexpr double kMostOff = 1e-5;     // [m]
 constexpr double kConsistent = 1e-6;  // [m]; a row with a larger error contradicts the others
-// Where kept rows are independent, over the island's size.
+// Share of the island's size where kept rows are independent.
 constexpr double kIndependentRounding = 1e-13;
 
 // Rows are chosen again when the smallest pivot of the kept rows falls by this factor. Early, since

@@ -6,7 +6,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Share of ½ Δvᵀ M Δv in a gain that is no rounding.
+// Smallest gain that is no rounding, as a share of ½ Δvᵀ M Δv.
 constexpr double kGain = 1e-6;
 
 // Energy of a spring that only pulls, at the value C of its row.

@@ -94,9 +94,10 @@ void ImpulsePositions::finish_row(std::size_t i, const Row& row, const Jacobian&
   if (row.stiffness != 0.0) energy->finish_spring(row, i, C, *system);
 }
 
-// Finds the velocities that the next step removes: w as impulses along the Jacobians after the
-// step. The difference to w returns kinetic energy that motion along straight lines lost, at most
-// the loss of the component. A component whose springs gained energy along curved paths is damped.
+// Finds the velocities that the next step removes: the corrections w, as impulses along the
+// Jacobians after the step. What differs from w gives back kinetic energy that motion along
+// straight lines lost, at most the loss of the component. Components whose springs gained energy
+// are damped.
 double ImpulsePositions::take_out_corrections(const List<int>& moved, const Masses& masses,
                                               const Bodies& bodies, const EnergyAccount& energy,
                                               RowSystem* system, List<Twist>* to_remove) {

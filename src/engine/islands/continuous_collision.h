@@ -38,7 +38,7 @@ class ContinuousCollision {
  public:
   /// Takes over which bodies have shapes that may touch.
   void set_shapes(const Model& model);
-  /// Lists the fast bodies among `moving_shapes`, and forgets the pairs of the step before.
+  /// Lists the fast bodies among `moving_shapes`, which are bodies, and clears jointed_pairs().
   void find_fast_bodies(const StepContext& step, const State& state,
                         const List<int>& moving_shapes);
   const List<int>& fast_bodies() const { return fast_bodies_; }

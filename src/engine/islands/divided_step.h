@@ -69,7 +69,7 @@ class DividedStep {
                         SequentialImpulses* method, State* state);
   /// Adds the impulses of joints in a part of the step to their sums.
   void sum_joints(const Model& model, double duration, State* state);
-  /// Sets the mean forces of joints in the step, where their impulses are summed.
+  /// Sets the mean forces of joints in the step, if their impulses are summed.
   void finish_joints(const StepContext& step, State* state) const;
 
  private:

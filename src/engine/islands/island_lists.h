@@ -20,9 +20,9 @@ struct WatchedEnergy {
   /// Rise without a cause [J]: above its minimum where the island is integrated, since the last
   /// comparison where impulses advance the island.
   double gain = 0.0;
-  double most_kinetic = 0.0;  ///< since the last edit [J]
-  double corrections = 0.0;   ///< work of corrections since the last comparison, if integrated [J]
-  bool was_driven = false;    ///< whether it was driven (is_driven()) at the last comparison
+  double most_kinetic = 0.0;     ///< since the last edit [J]
+  double corrections = 0.0;      ///< work of corrections and drives since the last comparison [J]
+  bool was_driven = false;       ///< whether it was driven (is_driven()) at the last comparison
   bool was_by_impulses = false;  ///< whether impulses advanced it at the last comparison
   bool has_changed = false;  ///< whether it changed to or from impulses since the last comparison
 };

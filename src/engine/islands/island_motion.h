@@ -62,9 +62,9 @@ class IslandMotion {
   }
   /// Events since begin_step().
   std::uint32_t events() const { return events_ ? events_->events() : 0; }
-  /// Clears the memory of all methods, since something else moved the bodies.
+  /// Clears the memory of all methods, since impulses or an edit moved the bodies.
   void forget();
-  /// Clears the memory of all methods, since another of these methods continues the motion.
+  /// Clears what methods continue from, since another method of this island continues the motion.
   void change_way();
   /// Returns to the state after compilation.
   void restart();

@@ -7,7 +7,8 @@
 
 namespace constraint_sim::engine {
 
-/// The state at the start of a step: a step that fails ends where it began.
+/// States of bodies, joints and islands at the start of a step, to which a step that fails returns.
+/// Bodies that a contact woke up stay awake.
 class Rollback {
  public:
   /// Makes room for a world with so many bodies, joints and islands.

@@ -80,7 +80,7 @@ class Sleep {
   /// awake sets anew. Moves contacts of bodies that woke up from `resting` to `touching`.
   RestingSets spread(const Model& model, const Topology& topology, IslandLists* lists,
                      State* state);
-  /// Lets islands fall asleep at the end of a step. `near` are pairs that may touch in the next
+  /// Lets islands fall asleep at the end of a step. `near`: pairs that might have touched in this
   /// step. Returns the awake and resting sets, or nullopt where no island fell asleep.
   std::optional<RestingSets> fall_asleep(const Model& model, const Topology& topology,
                                          const List<WatchedPair>& near, IslandLists* lists,

@@ -31,7 +31,7 @@ constexpr int kMostAlternations = 50;
 // each, the entries that a step of Newton's method counts for, and the least number of its steps.
 constexpr double kMostEntries = 3e7, kEntriesPerStep = 10.0;
 constexpr int kLeastSteps = 5;
-// Residual that is negligible, over the sufficient one.
+// Residual that is negligible, as a share of the sufficient one.
 constexpr double kNegligible = 1e-4;
 
 }  // namespace

@@ -17,7 +17,8 @@
 
 namespace constraint_sim::engine {
 
-/// Two convex shapes of bodies in contact, with the contact impulses of the last step.
+/// Two convex shapes of bodies in contact, with the contact impulses of the last step. A pair that
+/// is about to hit has no points.
 struct TouchingPair {
   static std::array<Eigen::Vector3d, 8> no_impulses() {
     std::array<Eigen::Vector3d, 8> impulses;

@@ -25,7 +25,7 @@ void check_ray(const Ray& ray) {
     refuse("max_distance", "must be a number > 0, got " + shortest(ray.max_distance));
 }
 
-/// Convex shapes that rays can hit, each in the sphere around the centre of its body.
+/// Convex shapes that rays can hit, with bounding spheres about the centres of their bodies.
 class RayTargets {
  public:
   RayTargets(const Model& model, const State& state, const std::vector<BodyId>& ignored)

@@ -32,7 +32,7 @@ struct MonitorInput {
 };
 
 /// Measures a step once it is over: errors of joints, and energy. Finds errors that nothing closes,
-/// contacts that creep or overlap, and energy that rises without a cause. Decides nothing.
+/// contacts that creep or overlap, and energy that rises without a cause. Changes no motion.
 class Monitors {
  public:
   /// Steps between comparisons of energies.

@@ -23,7 +23,8 @@ using Eigen::Vector3d;
 // The numbers count the stages of the tutorial (docs/tutorial.md): broad phase, narrow phase, rows,
 // velocities, sweeps, positions. Impl inherits Model, State, IslandLists and StepOutput, so one
 // `world` is passed as each of them. A step in which a stage throws StepFailed or CustomFailure
-// ends where it began, with a report; other exceptions, as std::bad_alloc, leave step().
+// ends with the bodies where they began, and a report; other exceptions, as std::bad_alloc, leave
+// step().
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {
@@ -125,7 +126,7 @@ void World::Impl::choose_methods(const StepContext& step) {
   note_pairs(step);
 }
 
-// Takes over the pairs that may overlap without a contact. Where events follow contacts, these are
+// Takes over the pairs that may overlap without a contact. With contacts by events these are
 // the pairs that may touch within the step, and all near pairs once impulses advance a body.
 void World::Impl::note_pairs(const StepContext& step) {
   if (controls_contacts(options)) return;

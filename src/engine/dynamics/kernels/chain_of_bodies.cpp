@@ -282,8 +282,8 @@ void ChainOfBodies::push(double* y) {
 
 // ---- the linear system
 
-// Computes A with its factors, and the right-hand side: target minus the motion of the joints'
-// ends.
+// Factors the chain's matrix A = G M⁻¹ Gᵀ, and reduces the right-hand side: the relative motion at
+// each joint.
 template <class FindMotion>
 bool ChainOfBodies::factor(const double* y, const FindMotion& find_motion) {
   // Contribution of the body on the outer side of a joint, with everything eliminated on that side.

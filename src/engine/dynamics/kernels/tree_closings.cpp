@@ -181,8 +181,8 @@ double TreeClosings::fastest_turn() const {
   return std::sqrt(square);
 }
 
-// The integral of a rate and its trapezoid differ by at most twice the substep times the largest
-// rate.
+// The integral of a rate and its trapezoid, which counts turns, differ by at most twice the substep
+// times the largest rate.
 bool TreeClosings::can_count_turns(double h) const { return h * fastest_ <= kMostTurn; }
 
 void TreeClosings::begin_coordinates() {

@@ -35,7 +35,7 @@ class TreeClosings {
   /// the island.
   void select(const List<char>& is_redundant);
 
-  // ---- where TreeDynamics::place() has placed the bodies; `root`: position of a free root [m]
+  // ---- once TreeDynamics::place() has placed the bodies; `root`: position of a free root [m]
 
   void place(const TreeInInterval& at, const Eigen::Vector3d& root);
   /// Evaluates C. Returns the largest error of a row with a force [m].

@@ -110,7 +110,7 @@ TreeQuantities::Forces TreeQuantities::forces(const VectorXd& acceleration) cons
   return found;
 }
 
-// Adds the changes of the force on a body behind the displaced motion.
+// Writes how the force on body i, behind the displaced motion, changes.
 void TreeQuantities::add_change(const Displaced& displaced, const Forces& forces, std::size_t i,
                                 Changes* changes) const {
   const SpatialVector& S = dynamics_.direction(displaced.motion);

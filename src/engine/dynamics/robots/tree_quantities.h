@@ -11,7 +11,7 @@
 
 namespace constraint_sim::engine {
 
-/// Terms of the equations of motion H ẍ + b = τ of all motions of a JointTree at a state, and their
+/// Terms of the equations H ẍ + b = τ in the coordinates x of a JointTree at a state, and their
 /// derivatives. Constant after construction. Springs, dampers and couplings are left out.
 class TreeQuantities {
  public:

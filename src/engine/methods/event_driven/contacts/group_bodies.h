@@ -54,7 +54,7 @@ class GroupBodies {
   const Eigen::Vector3d& gravity() const { return gravity_; }
 
   // ---- state
-  /// Reads the states of all bodies. Kinematic bodies are given at a time `since_tick` ago [s].
+  /// Reads the states of all bodies. States of kinematic bodies are `since_tick` old [s].
   void gather(const List<BodyState>& states, double since_tick);
   void scatter(List<BodyState>* states) const;
   /// Sets the states of movable bodies from y, and of kinematic bodies at time().

@@ -1,8 +1,10 @@
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 
 #include <algorithm>
+#include <type_traits>
 
 #include "engine/math/same_bits.h"
+#include "engine/model/fields.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -32,15 +34,10 @@ bool are_same(const GroupShape& l, const GroupShape& r) {
 }
 
 bool are_same(const Shape& l, const Shape& r) {
-  if (l.index() != r.index()) return false;
-  if (const auto* box = std::get_if<Box>(&l)) return box->size == std::get<Box>(r).size;
-  if (const auto* sphere = std::get_if<Sphere>(&l))
-    return sphere->radius == std::get<Sphere>(r).radius;
-  if (const auto* capsule = std::get_if<Capsule>(&l)) {
-    const auto& other = std::get<Capsule>(r);
-    return capsule->radius == other.radius && capsule->length == other.length;
-  }
-  return std::holds_alternative<Plane>(l);
+  const auto are_equal = [&](const auto& shape) {
+    return engine::are_same(shape, std::get<std::decay_t<decltype(shape)>>(r));
+  };
+  return l.index() == r.index() && std::visit(are_equal, l);
 }
 
 bool are_same(const ContactPair& l, const ContactPair& r) {

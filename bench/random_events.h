@@ -535,6 +535,27 @@ inline Scene scene_of(Kind kind, unsigned seed) {
   return scene;
 }
 
+/// Multiplies all masses, forces and stiffnesses, which leaves the motion as it is.
+inline Scene with_masses(Scene scene, double factor) {
+  for (Body& body : scene.parts.bodies) {
+    body.mass *= factor;
+    body.inertia *= factor;
+  }
+  for (Joint& joint : scene.parts.joints) {
+    for (double* value : {&joint.break_force, &joint.break_torque, &joint.distance.stiffness,
+                          &joint.distance.damping, &joint.motor.max_force})
+      *value *= factor;
+    for (CoordinateLaw& law : joint.coordinates) {
+      for (double* value : {&law.friction, &law.damping, &law.stiffness}) *value *= factor;
+      if (!law.motor) continue;
+      for (double* value :
+           {&law.motor->max_force, &law.motor->servo_stiffness, &law.motor->servo_damping})
+        *value *= factor;
+    }
+  }
+  return scene;
+}
+
 inline World world_of(const Scene& scene, const Placing& placing = {}) {
   return assemble(scene.parts, scene.options, placing);
 }

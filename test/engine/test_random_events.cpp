@@ -145,6 +145,31 @@ TEST(RandomEvents, OfArmsAreFollowed) {
   EXPECT_GT(found.events, 30 * kScenes);
 }
 
+// Arms move alike with a thousandth and with a thousand times the mass, and in finer steps.
+TEST(RandomEvents, OfArmsDependNeitherOnMassNorOnTimeStep) {
+  unsigned compared = 0;
+  for (unsigned seed = 0; seed < kScenes / 3; ++seed) {
+    const Scene scene = scene_of(Kind::kArm, seed);
+    Verdict verdict;
+    weigh_otherwise(scene, &verdict);
+    compared += step_finer(scene, &verdict);
+    expect_none(scene, verdict);
+  }
+  EXPECT_GT(compared, kScenes / 4);
+}
+
+// Seeds of a joint whose load exceeds what it bears, and of friction that is exceeded, for a part
+// of one step only.
+TEST(RandomEvents, BetweenTheEndsOfAStepAreNotMissed) {
+  for (const auto& [kind, seed] : {std::pair(Kind::kMechanismWithServos, 901U),
+                                   std::pair(Kind::kArm, 672U), std::pair(Kind::kArm, 1272U)}) {
+    const Scene scene = scene_of(kind, seed);
+    Verdict verdict;
+    EXPECT_TRUE(step_finer(scene, &verdict)) << seed;
+    expect_none(scene, verdict);
+  }
+}
+
 /// Expects that these scenes are followed to their end. Returns the dearest tick of any, over the
 /// median tick of its scene.
 double follow_to_the_end(Kind kind, std::initializer_list<unsigned> seeds) {

@@ -4,8 +4,10 @@
 #include <cmath>
 #include <cstddef>
 #include <optional>
+#include <tuple>
 
 #include "engine/constraints/one_sided_law.h"
+#include "engine/math/embedded_pairs.h"
 #include "engine/math/first_root.h"
 #include "engine/math/list.h"
 
@@ -40,6 +42,34 @@ struct WatchedValue {
 inline bool is_clear(const WatchedValue& watched) {
   if (watched.known == 0) return watched.value > watched.tolerance;
   return watched.value > (watched.known == 1 ? watched.resting : watched.touching);
+}
+
+/// Share of a substep of order 8 at which a margin(stage) was below −tolerance: at a stage, or at
+/// the lowest point of a parabola through three of them; 0: nowhere. `at_end`: margin at the end.
+template <class Margin>
+double early_below(const Margin& margin, double at_end, double tolerance) {
+  constexpr std::size_t kStages = DormandPrince8::kStages;
+  double of_stage[kStages] = {};
+  for (std::size_t i = 1; i < kStages; ++i) {
+    of_stage[i] = margin(i);
+    if (of_stage[i] < -tolerance) return DormandPrince8::kC[i];
+  }
+  struct Sample {
+    double share, value;
+  };
+  const auto at = [&](std::size_t i) { return Sample{DormandPrince8::kC[i], of_stage[i]}; };
+  const Sample samples[] = {at(3), at(5), at(9), at(10), {1.0, at_end}};  // in order of time
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto& [l, m, r] = std::tie(samples[k], samples[k + 1], samples[k + 2]);
+    if (m.value > std::min(l.value, r.value)) continue;
+    const double fall = (m.value - l.value) / (m.share - l.share);
+    const double rise = (r.value - m.value) / (r.share - m.share);
+    const double bend = (rise - fall) / (r.share - l.share);
+    if (!(bend > 0.0)) continue;
+    const double slope = fall + bend * (m.share - l.share);  // at the middle sample
+    if (m.value - 0.25 * slope * slope / bend < -tolerance) return m.share - 0.5 * slope / bend;
+  }
+  return 0.0;
 }
 
 /// Predicted crossing of zero, as a share of a substep.

@@ -18,8 +18,7 @@ template <class Margin>
 void add_margin(const Margin& margin, bool has_stages, ContactWatched watched,
                 List<ContactWatched>* list) {
   watched.value = margin(0);
-  for (std::size_t i = 1; has_stages && watched.early == 0.0 && i < DormandPrince8::kStages; ++i)
-    if (margin(i) < -watched.tolerance) watched.early = DormandPrince8::kC[i];
+  if (has_stages) watched.early = early_below(margin, watched.value, watched.tolerance);
   list->push_back(watched);
 }
 

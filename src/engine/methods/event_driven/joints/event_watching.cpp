@@ -8,8 +8,6 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr std::size_t kStagesWatched = 12;
-
 // Watches the force with which a row holds a coordinate against its bounds; `reading`: the
 // coordinate.
 void watch_force(const EventMotions& motions, std::size_t c, const EventReading& reading, double t,
@@ -33,20 +31,22 @@ void watch_force(const EventMotions& motions, std::size_t c, const EventReading&
     const auto margin = [&](double force) { return side * (bound - force + soft); };
     watched.side = side;
     watched.value = margin(equations.forces().force(equations, link, 0)[law.function]);
-    watched.early = 0.0;
-    // Stages show a force that leaves its bounds within the substep and returns.
-    const bool is_alone = law.soft.is_none() && law.servo_most == 0.0;
-    for (std::size_t i = 1; is_alone && watched.early == 0.0 && i < kStagesWatched; ++i)
-      if (order == 8 &&
-          margin(equations.forces().force(equations, link, i)[law.function]) < -watched.tolerance)
-        watched.early = DormandPrince8::kC[i];
+    // Stages show a force that leaves its bounds within the substep and returns. A spring has the
+    // same force in all stages only while the coordinate rests.
+    const bool is_at_rest = at.rate == 0.0 && at.acceleration == 0.0;
+    const bool is_alone = law.servo_most == 0.0 && (law.soft.is_none() || is_at_rest);
+    const auto at_stage = [&](std::size_t i) {
+      return margin(equations.forces().force(equations, link, i)[law.function]);
+    };
+    watched.early =
+        is_alone && order == 8 ? early_below(at_stage, watched.value, watched.tolerance) : 0.0;
     list->push_back(watched);
   };
   watch_side(bounds.least, -1);
   watch_side(bounds.most, 1);
 }
 
-void watch_breaking(const EventMotions& motions, const EventBodies& bodies, double t,
+void watch_breaking(const EventMotions& motions, const EventBodies& bodies, double t, int order,
                     const EquationsOfMotion& equations, List<WatchedByJoints>* list) {
   const EventJoints& joints = motions.joints();
   for (const EventJoints::Breaking& breaking : joints.breaking()) {
@@ -58,14 +58,21 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
     WatchedByJoints watched;
     watched.breaks = static_cast<int>(breaking.joint);
     const auto [a, b] = joints.ends(breaking.joint);
-    const JointLoad load = load_of(joint, bodies.at(a, t), bodies.at(b, t),
-                                   equations.forces().force(equations, link, 0),
-                                   equations.forces().coupled_force(equations, link));
-    for (const auto& [most, is] :
-         {std::pair(breaking.force, load.force), std::pair(breaking.torque, load.torque)}) {
+    // Stages are evaluated at the current pose, with the present force of a coupling.
+    const BodyState of_a = bodies.at(a, t), of_b = bodies.at(b, t);
+    const auto load = [&](std::size_t stage) {
+      return load_of(joint, of_a, of_b, equations.forces().force(equations, link, stage),
+                     equations.forces().coupled_force(equations, link));
+    };
+    for (const auto& [most, of] : {std::pair(breaking.force, &JointLoad::force),
+                                   std::pair(breaking.torque, &JointLoad::torque)}) {
       if (!std::isfinite(most)) continue;
-      watched.value = most - is;
+      const auto margin = [&, bound = most, of = of](std::size_t stage) {
+        return bound - load(stage).*of;
+      };
+      watched.value = margin(0);
       watched.tolerance = kForceShare * most;
+      watched.early = order == 8 ? early_below(margin, watched.value, watched.tolerance) : 0.0;
       list->push_back(watched);
     }
   }
@@ -98,7 +105,7 @@ void watch_joints(const EventMotions& motions, const EventBodies& bodies, double
     if (state.hold == Hold::kBrake) add(watched_end(motions.held(c) - t, motions.braking(c)));
   }
   if (!motions.joints().breaking().empty() && equations.delassus().redundant() == 0)
-    watch_breaking(motions, bodies, t, equations, list);
+    watch_breaking(motions, bodies, t, order, equations, list);
 }
 
 }  // namespace constraint_sim::engine

@@ -29,6 +29,24 @@ RobotOptions with_extra(const std::string& extra, bool fixed) {
   return options;
 }
 
+// Two links of the arm touch at its zero pose, where its joints hold them as well: of the many
+// forces that hold it, those of contacts push, and nothing moves.
+TEST(Robots, TheArmRestsWhereItsLinksTouch) {
+  const std::string extra =
+      "motors: {shoulder_pan: {position: 0}, shoulder_lift: {position: 0}, elbow: {position: 0}, "
+      "wrist_1: {position: 0}, wrist_2: {position: 0}, wrist_3: {position: 0}}";
+  World world;
+  add_robot(shipped_urdf("arm"), with_extra(extra, true), &world);
+  for (int i = 0; i < 30; ++i) world.step();
+  for (int i = 0; i < 5; ++i) {
+    const engine::StepReport& report = world.step();
+    EXPECT_EQ(report.substeps + report.rejected + report.events, 0u);
+    ASSERT_EQ(world.contacts().size(), 4u);
+    for (const engine::Contact& contact : world.contacts())
+      EXPECT_GT(contact.force.dot(contact.normal), 0.0);
+  }
+}
+
 TEST(Robots, FramesOfLinksAreThoseOfTheUrdf) {
   World world;
   const Robot arm = add_robot(shipped_urdf("arm"), with_extra(kPose, true), &world);

@@ -105,6 +105,17 @@ void ContactResponses::find(const ContactEquations& equations) {
     for (std::size_t i = 0; i < n && is_held(j); ++i) A_[n * j + i] = A_[n * i + j] = 0.0;
 }
 
+void ContactResponses::refer_joints(const double* p, GroupJoints* joints) const {
+  const std::size_t held = held_.list().size();
+  for (std::size_t i = 0; i < held; ++i) {
+    const ContactRow& row = held_.list()[i];
+    double force = 0.0;
+    for (std::size_t j = 0; j < columns_; ++j) force += p[j] * joints_[held * j + i];
+    (row.coordinate >= 0 ? joints->coordinates()[to_index(row.coordinate)].reference
+                         : joints->list()[to_index(row.joint)].reference.at(row.function)) += force;
+  }
+}
+
 void ContactResponses::displace(const double* p, ContactEquations* equations, double* y) const {
   GroupBodies& bodies = equations->bodies();
   for (std::size_t i = 0; i < bodies.movable(); ++i) {

@@ -53,6 +53,8 @@ class ContactResponses {
 
   /// Adds impulses p to the velocities in y, and to the accumulated impulses.
   void apply(const double* p, ContactEquations* equations, double* y);
+  /// Adds the forces of joints by forces p along the columns to the references of their rows.
+  void refer_joints(const double* p, GroupJoints* joints) const;
   /// Displaces bodies by p times the responses, as changes of position instead of velocity.
   void displace(const double* p, ContactEquations* equations, double* y) const;
 

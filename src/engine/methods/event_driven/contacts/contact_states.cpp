@@ -103,6 +103,7 @@ bool ContactStates::decide_once(const ContactWatched& event, double least_slip, 
                                 const ContactPairs& pairs, CountedSolver* solver,
                                 ContactEquations* equations) {
   has_derivative_ = false;
+  for (GroupJoint& joint : equations->joints().list()) joint.reference = {};
   for (ContactEquations::Contact& contact : equations->contacts()) {
     contact.acts = Acts::kOpen;
     contact.normal_share = contact.tangent_share = 1.0;
@@ -139,6 +140,9 @@ void ContactStates::find_free_motion(const double* y, const ContactTolerances& w
   derivative_.resize(equations->size());
   equations->derivative(0, bodies.time(), y, derivative_.data());
   bodies.find_accelerations(derivative_.data(), &rates_);
+  free_forces_.clear();
+  for (std::size_t j = 0; j < joints.list().size(); ++j)
+    free_forces_.push_back(equations->joint_force(j, 0));
   gap_acceleration_.assign(equations->contacts().size(), 0.0);
   problem_.responses.clear();
   for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
@@ -310,8 +314,14 @@ void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* 
 // Takes over the forces of the solution, where least-norm forces violate their bounds. Contacts and
 // laws at a bound yield.
 void ContactStates::take_forces(ContactEquations* equations) const {
+  GroupJoints& joints = equations->joints();
+  for (std::size_t j = 0; j < joints.list().size(); ++j)
+    joints.list()[j].reference = free_forces_[j];
+  for (GroupCoordinate& of : joints.coordinates())
+    if (of.is_prescribed) of.reference = joints.list()[of.joint].reference.at(of.law);
+  problem_.responses.refer_joints(problem_.force.data(), &joints);
   for (std::size_t k = 0; k < candidates_.size(); ++k)
-    equations->joints().coordinates()[candidates_[k].coordinate].reference =
+    joints.coordinates()[candidates_[k].coordinate].reference =
         problem_.force[problem_.responses.of_contacts() + k];
   for (const TouchingContact& touching : problem_.responses.contacts()) {
     ContactEquations::Contact& contact = equations->contacts()[touching.contact];

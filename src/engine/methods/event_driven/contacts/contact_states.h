@@ -101,6 +101,7 @@ class ContactStates {
   List<double> gap_acceleration_;         // per contact
   List<double> coordinate_acceleration_;  // per coordinate
   GroupMotions rates_;
+  List<GroupForces> free_forces_;  // per joint: forces without acting contacts and laws
   LoadSharing sharing_;
   double indeterminate_ = 0.0;
   List<ContactWatched> forces_;  // margins of the decided states

@@ -44,6 +44,7 @@ struct GroupJointState {
   double constant = 0.0;                   ///< value that a coupling keeps
   GroupForces impulse{};                   ///< accumulated in the step
   GroupForces impact{};                    ///< part of `impulse` by impacts at one moment
+  GroupForces reference{};                 ///< admissible forces of rows, as references of λ
 };
 
 /// Joint of a contact group.

@@ -317,6 +317,7 @@ void GroupJoints::add_rows(const GroupBodies& bodies, ContactRows* rows) const {
       row.gamma = gamma(form, at.vectors, at.motion) - target.acceleration;
       row.joint = static_cast<int>(j);
       row.function = k;
+      row.reference = joint.reference.rows[k];
     }
     if (couples(joint.joint.kind)) add_coupling_row(bodies, j, rows);
   }
@@ -349,6 +350,7 @@ void GroupJoints::add_coupling_row(const GroupBodies& bodies, std::size_t j,
   row.gamma = now.acceleration - target.acceleration;
   row.joint = static_cast<int>(j);
   row.function = kOfCoupling;
+  row.reference = list_[j].reference.coupling;
 }
 
 void GroupJoints::add_coordinate_row(const GroupBodies& bodies, std::size_t c,

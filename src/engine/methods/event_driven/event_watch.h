@@ -48,6 +48,10 @@ inline bool is_clear(const WatchedValue& watched) {
 /// the lowest point of a parabola through three of them; 0: nowhere. `at_end`: margin at the end.
 template <class Margin>
 double early_below(const Margin& margin, double at_end, double tolerance) {
+  // A margin that changes by less than a quarter of itself between three places stays above zero.
+  constexpr double kQuiet = 4.0;
+  const auto [least, most] = std::minmax({margin(5), margin(9), at_end});
+  if (least > kQuiet * (most - least) && least > 0.0) return 0.0;
   constexpr std::size_t kStages = DormandPrince8::kStages;
   double of_stage[kStages] = {};
   for (std::size_t i = 1; i < kStages; ++i) {

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <variant>
 #include <vector>
 
 #include "constraint_sim/engine/shape.h"

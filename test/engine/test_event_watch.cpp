@@ -28,6 +28,17 @@ TEST(EarlyBelow, LeavesAMarginAboveZero) {
   for (const double share : {0.0, 0.2, 0.45, 0.5, 0.75, 1.0}) EXPECT_EQ(early(share, 1e-6), 0.0);
 }
 
+// A force far within its bounds costs two stages.
+TEST(EarlyBelow, AsksFewStagesOfAQuietMargin) {
+  int asked = 0;
+  const auto margin = [&](std::size_t i) {
+    ++asked;
+    return 1.0 + 0.1 * DormandPrince8::kC[i];
+  };
+  EXPECT_EQ(early_below(margin, 1.1, 1e-9), 0.0);
+  EXPECT_EQ(asked, 2);
+}
+
 // Margins that only fall or rise have an event at their end, or none.
 TEST(EarlyBelow, LeavesAMarginWithoutALowestPlace) {
   for (const double slope : {-1.0, 1.0}) {

@@ -29,8 +29,8 @@ TEST(ForceBounds, HaveOneSignBeyondAJump) {
   EXPECT_EQ(driven.most, kDrive + kFriction);
 }
 
-// Of two jumps that are nearer than kResting the coordinate leaves both to one side, so it may be
-// held by any sum of both forces until then.
+// A coordinate leaves two jumps that are nearer than kResting to the same side, so any sum of both
+// forces may hold it until then.
 TEST(ForceBounds, AreThoseOfBothSignsWhereJumpsAreNear) {
   const OneSidedLaw law = law_with_friction_and_motor();
   for (const double zeta : {-0.5 * kResting, 0.0, 0.5 * kResting}) {
@@ -48,6 +48,17 @@ TEST(ForceBounds, OpposeAMotionThatIsAboutToStart) {
     const ForceBounds bounds = force_bounds(law, Hold::kDrive, starts, starts);
     EXPECT_EQ(bounds.least, -kDrive - side * kFriction) << side;
     EXPECT_EQ(bounds.most, kDrive - side * kFriction) << side;
+  }
+}
+
+// The rate of a braking coordinate falls to zero, but never changes its sign.
+TEST(ForceBounds, OpposeBrakingUntilItsEnd) {
+  const OneSidedLaw law = law_with_friction_and_motor();
+  for (const double rate : {-1.0, -0.1 * kResting, 0.0}) {
+    const Prescribed brakes = motion(rate, 8.0);
+    const ForceBounds bounds = force_bounds(law, Hold::kBrake, brakes, brakes);
+    EXPECT_EQ(bounds.least, -kDrive + kFriction) << rate;
+    EXPECT_EQ(bounds.most, kDrive + kFriction) << rate;
   }
 }
 

@@ -158,8 +158,8 @@ TEST(RandomEvents, OfArmsDependNeitherOnMassNorOnTimeStep) {
   EXPECT_GT(compared, kScenes / 4);
 }
 
-// Seeds of a joint whose load exceeds what it bears, and of friction that is exceeded, for a part
-// of one step only.
+// Within one step of these seeds the load of a joint exceeds what it bears, or a force exceeds
+// friction, and falls again.
 TEST(RandomEvents, BetweenTheEndsOfAStepAreNotMissed) {
   for (const auto& [kind, seed] : {std::pair(Kind::kMechanismWithServos, 901U),
                                    std::pair(Kind::kArm, 672U), std::pair(Kind::kArm, 1272U)}) {
@@ -170,8 +170,8 @@ TEST(RandomEvents, BetweenTheEndsOfAStepAreNotMissed) {
   }
 }
 
-/// Expects that these scenes are followed to their end. Returns the dearest tick of any, over the
-/// median tick of its scene.
+/// Expects that these scenes are followed to their end, and have more than two events, or ten
+/// with aligned boxes. Returns the dearest tick of any, over the median tick of its scene.
 double follow_to_the_end(Kind kind, std::initializer_list<unsigned> seeds) {
   double worst_tick = 0.0;
   for (const unsigned seed : seeds) {
@@ -180,7 +180,7 @@ double follow_to_the_end(Kind kind, std::initializer_list<unsigned> seeds) {
     follow(scene, &verdict);
     expect_none(scene, verdict);
     EXPECT_FALSE(verdict.is_given_up || verdict.is_left) << seed;
-    EXPECT_GT(verdict.events, 2u) << seed;
+    EXPECT_GT(verdict.events, kind == Kind::kAligned ? 10u : 2u) << seed;
     worst_tick = std::max(worst_tick, verdict.worst_tick);
   }
   return worst_tick;

@@ -152,8 +152,7 @@ inline bool brakes_to_goal(double off, double rate, double braking) {
 /// than max_force: ζ = −sign(q − g) √(2 b |q − g|), with the acceleration at this rate. The motor
 /// pushes with max_force until q̇ = ζ, and then holds q = g ± ½ b (t₁ − t)², which rests at g at t₁
 /// without overshoot. b (`braking`) is the acceleration of q by half of max_force when the motion
-/// is lost, while other motors hold theirs.
-/// At the goal to kTouching it is rest.
+/// is lost, while other motors hold theirs. The rate is zero within kTouching of the goal.
 Prescribed rate_to_goal(double goal, double braking, double q);
 /// Returns the rate of a braking motor that rests at `goal` after `left` [s]; `braking` < 0 from
 /// below.
@@ -168,8 +167,9 @@ inline Prescribed braking_from(double goal, double rate, double braking) {
 }
 
 /// Bounds of the force on a held coordinate, without soft laws. `at`: motion in which the
-/// coordinate is held; `zeta`: motion that the motor demands. Of equal rates the accelerations tell
-/// on which side of each other they will be.
+/// coordinate is held; `zeta`: motion that the motor demands. The force of a motor may have either
+/// sign where both rates differ by kResting or less. Friction opposes a motion that is about to
+/// start, and braking until it has ended.
 struct ForceBounds {
   double least = 0.0, most = 0.0;
 };

@@ -7,8 +7,6 @@
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
-namespace {}  // namespace
-
 /// State of EventDriven::advance().
 struct EventDriven::Span {
   const Interval& all;

@@ -53,34 +53,40 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
     equations_.bodies().scatter(states);
     span.progress.done = begin(*states, false);
     if (!span.progress.done) return span.progress;
-  } else if (!done_.spans && unchanged_.is_repeated_by(all, equations_, pairs_.list())) {
-    done_.spans = true;
-    for (ContactPair& pair : pairs_.list()) pair.forget();  // as after reporting
-    unchanged_.repeat(&equations_);
-    equations_.bodies().scatter(states);
-    return span.progress;
   }
-  const bool is_first = !done_.spans && equations_.joints().list().empty();
-  if (is_first) unchanged_.begin(all, equations_, pairs_.list());
+  const bool is_first = !done_.spans;
   equations_.prepare_stages();
   begin_joints(joint_step, joint_states);
-  const std::size_t n = equations_.size();
-  numbers_.assign(StageMemory::kRows * n, 0.0);
-  std::copy(equations_.bodies().numbers().begin(), equations_.bodies().numbers().end(),
-            numbers_.begin());
-  step_ = all.h;
-  stepper_.begin_interval();
-  bool is_done = settle(&span, {}, true);
-  while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
-  if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0 &&
-      reports_.list().empty() && stepper_.events() == 0)
-    unchanged_.end(equations_);
+  if (is_first && unchanged_.is_repeated_by(all, equations_, pairs_.list())) {
+    for (ContactPair& pair : pairs_.list()) pair.forget();  // as after reporting
+    unchanged_.repeat(&equations_);
+    span.progress = unchanged_.progress();
+    solver_.add(unchanged_.work());
+  } else {
+    if (is_first) unchanged_.begin(all, equations_, pairs_.list());
+    integrate(&span);
+    if (is_first && span.progress.done && span.progress.substeps + span.progress.rejected == 0 &&
+        reports_.list().empty() && stepper_.events() == 0)
+      unchanged_.end(equations_, span.progress, solver_.work());
+  }
   equations_.joints().integrate_angles(equations_.bodies());
   reports_.end_interval(equations_);
   equations_.joints().move_yielding_limits(equations_.bodies());
   equations_.bodies().scatter(states);
-  span.progress.done = is_done;
   return span.progress;
+}
+
+// Integrates from the start of an interval to its end.
+void ContactEvents::integrate(Span* span) {
+  const std::size_t n = equations_.size();
+  numbers_.assign(StageMemory::kRows * n, 0.0);
+  std::copy(equations_.bodies().numbers().begin(), equations_.bodies().numbers().end(),
+            numbers_.begin());
+  step_ = span->all.h;
+  stepper_.begin_interval();
+  bool is_done = settle(span, {}, true);
+  while (is_done && span->left.left > 0.0) is_done = advance_to_event(span);
+  span->progress.done = is_done;
 }
 
 double* ContactEvents::derivative() {

@@ -70,6 +70,7 @@ class ContactEvents {
   };
 
   void begin_joints(const JointStep& step, const List<JointState>& states);
+  void integrate(Span* span);
   double* derivative();
 
   // ---- between events

@@ -151,6 +151,29 @@ bool GroupJoints::depends_on_time() const {
                      [](const GroupCoordinate& of) { return of.motor.is_moving(); });
 }
 
+bool GroupJoints::are_at_rest() const {
+  return !depends_on_time() &&
+         std::none_of(list_.begin(), list_.end(),
+                      [](const GroupJoint& joint) { return is_custom(joint.joint.kind); });
+}
+
+void GroupJoints::add_numbers(const GroupBodies& bodies, List<double>* numbers) const {
+  const double t = bodies.clock();
+  for (const GroupJoint& joint : list_) {
+    const double length = has_length(joint.joint.kind) ? joint.course.length(t).value : 0.0;
+    for (const double number :
+         {length, joint.constant, joint.was_saturated ? 1.0 : 0.0, joint.is_at_end ? 1.0 : 0.0})
+      numbers->push_back(number);
+  }
+  for (const GroupCoordinate& of : coordinates_) {
+    const double prescribed =
+        of.is_prescribed ? list_[of.joint].course.target(of.law.function, t).value : 0.0;
+    for (const double number : {prescribed, of.braking, of.motor.bias}) numbers->push_back(number);
+  }
+  for (std::size_t i = 0; i < angles_.size(); ++i)
+    for (const double number : {angles_[i].position, angles_[i].rate}) numbers->push_back(number);
+}
+
 // ---- coordinates
 
 GroupJoints::Reading GroupJoints::read(const GroupBodies& bodies, const GroupCoordinate& of,

@@ -58,6 +58,11 @@ class GroupJoints {
   void look_now() { ahead_ = {}; }
   /// Whether any force or constraint depends on the time.
   bool depends_on_time() const;
+  /// Whether forces and constraints depend on nothing but settings and the numbers that
+  /// add_numbers() adds, beside the bodies. Functions of other packages may depend on more.
+  bool are_at_rest() const;
+  /// Adds the numbers with which an interval begins.
+  void add_numbers(const GroupBodies& bodies, List<double>* numbers) const;
   /// Whether forces act beside those of rows.
   bool has_free_forces() const { return !coordinates_.empty() || has_custom_forces_; }
 

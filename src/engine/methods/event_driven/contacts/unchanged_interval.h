@@ -11,28 +11,35 @@ namespace constraint_sim::engine {
 /// same bits ends with the same bits, and is not computed again.
 class UnchangedInterval {
  public:
-  /// Whether `span` starts like the remembered interval. False with joints, whose forces depend on
-  /// more than bodies and pairs.
+  /// Whether `span`, whose joints have begun, starts like the remembered interval.
   bool is_repeated_by(const Interval& span, const ContactEquations& equations,
-                      const List<ContactPair>& pairs) const;
-  /// Forgets the remembered interval, and notes the start of `span`.
+                      const List<ContactPair>& pairs);
+  /// Forgets the remembered interval, and notes the start of `span`, whose joints have begun.
   void begin(const Interval& span, const ContactEquations& equations,
              const List<ContactPair>& pairs);
-  /// Remembers the interval that begin() noted, in which nothing has moved.
-  void end(const ContactEquations& equations);
-  /// Takes over contacts and bodies at the end of the remembered interval.
+  /// Remembers the interval that begin() noted, in which nothing has moved. `work`: what it cost.
+  void end(const ContactEquations& equations, const IntegrationResult& progress, double work);
+  /// Takes over bodies, contacts, impulses and laws at the end of the remembered interval.
   void repeat(ContactEquations* equations) const;
+  /// Progress and cost of the remembered interval.
+  const IntegrationResult& progress() const { return progress_; }
+  double work() const { return work_; }
 
  private:
   bool is_known_ = false;
   Eigen::Vector3d gravity_{0, 0, 0};
   double h_ = 0.0;
-  List<double> numbers_;  // state of the movable bodies at the start
+  List<double> numbers_;  // state of movable bodies and joints at the start
   List<GroupBody> bodies_;
   List<GroupShape> shapes_;
   List<ContactPair> pairs_;
+  IntegrationResult progress_;
+  double work_ = 0.0;
   List<BodyState> states_;                    // at the end
   List<ContactEquations::Contact> contacts_;  // at the end
+  List<GroupJoint> joints_;                   // at the end
+  List<GroupCoordinate> coordinates_;         // at the end
+  List<double> numbers_now_;                  // scratch
 };
 
 }  // namespace constraint_sim::engine

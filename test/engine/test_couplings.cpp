@@ -339,6 +339,43 @@ TEST(Gear, MayBeAddedOnceMoreWhileItIsOff) {
   EXPECT_EQ(save_scene(load_scene(save_scene(wheels.world), "saved")), save_scene(wheels.world));
 }
 
+// Bodies of 1 kg and 1e7 to 1e9 kg, geared, until the light one reaches its limit: both stop. The
+// rounding of the heavy one is a rate of the light one, up to its rate times mass ratio times
+// 1e-15.
+TEST(Gear, StopsAHeavyBodyAtALimitOfALightOne) {
+  for (const double mass : {1e7, 1e8, 1e9})
+    for (int i = 0; i < 20; ++i) {
+      WorldOptions options;
+      options.gravity.setZero();
+      World world(options);
+      const double ratio = 1.0 + 0.1 * i, rate = 0.3 + 0.31 * i;
+      const auto add = [&](const std::string& name, double of_mass, double x, double w) {
+        Body body = make_body(name, Box{{0.1, 0.2, 0.3}}, of_mass, {x, 0.0, 0.0});
+        body.no_collision = true;
+        body.state.angular_velocity = {0.0, 0.0, w};
+        body.state.linear_velocity = {0.1 * w, 0.0, 0.0};  // about (x, 0.1)
+        Joint joint =
+            make_joint(name, kWorldBody, {x, 0.1, 0.0}, world.add_body(body), {0.0, 0.1, 0.0});
+        joint.kind = JointKind::kHinge;
+        if (x == 0.0) joint.coordinates[0].upper = 0.2;
+        return world.add_joint(joint);
+      };
+      Joint gear;
+      gear.name = "gear";
+      gear.kind = JointKind::kGear;
+      gear.coupling.first = add("light", 1.0, 0.0, ratio * rate);
+      gear.coupling.second = add("heavy", mass, 3.0, rate);
+      gear.coupling.ratio = -ratio;
+      world.add_joint(gear);
+      for (int k = 0; k < 80; ++k) {
+        world.step();
+        ASSERT_EQ(world.islands().front().method, Method::kEventDriven) << mass << " " << i;
+      }
+      const CoordinateState& light = world.joint_state(gear.coupling.first).coordinates[0];
+      EXPECT_NEAR(light.velocity, 0.0, 1e-15 * mass * ratio * rate + 1e-9);
+    }
+}
+
 // A hinge and a slider as rack and pinion, driven by a motor on the hinge.
 TEST(Gear, DrivesARack) {
   for (const Method method :

@@ -7,6 +7,12 @@
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
+namespace {
+
+constexpr int kMostPasses = 8;  // impacts at one time until velocities are as small as rounding
+
+}  // namespace
+
 /// State of EventDriven::advance().
 struct EventDriven::Span {
   const Interval& all;
@@ -266,6 +272,7 @@ bool EventDriven::have_impacts(Span* span, EventProblem* problem, bool* any) {
   const EventImpulses::Sums impulses = impulses_.sums();
   EquationsOfMotion& bare = variants_.bare();
   List<char> rests(laws.size(), 0);
+  int passes = 0;
   for (bool is_settled = false; !is_settled;) {
     List<char> bounced(laws.size(), 0);
     int count = 0;
@@ -289,7 +296,12 @@ bool EventDriven::have_impacts(Span* span, EventProblem* problem, bool* any) {
     bare.scatter_state(problem->state().data(), span->states);
     if (!load(span, problem) || !let_rest(*span, bounced, problem, &rests, &is_settled))
       return false;
-    if (is_settled) break;
+    if (is_settled) {
+      // Projection turns the rounding of heavy bodies into rates of light ones, which hit again.
+      is_settled =
+          ++passes == kMostPasses || find_hits(motions_, *problem, span->t(), rests).empty();
+      continue;
+    }
     impulses_.restore(impulses);
     problem->clear_hits();
     bare.scatter_state(start.data(), span->states);

@@ -418,6 +418,27 @@ TEST_P(ForceLimitsAt, AnArmWithWeakMotorsComesToItsPosition) {
   EXPECT_LT(world.report().max_constraint_error, 1e-9);
 }
 
+// Between two steps only, the demand of a motor turns away from a stop, and a spring needs more
+// than the motor has. Oracle: steps a hundredth as long, which show both at their ends.
+TEST(ForceLimits, AreSeenBetweenSteps) {
+  CoordinateLaw pressed;  // by half more than its weight
+  pressed.lower = 0.0;
+  pressed.motor = CoordinateMotor{{0.0, 1.0, 14.0, kPi, 1.5 * kSlidingMass * kGravity}};
+  CoordinateLaw wound;  // the spring's force is 2 k A / ω at the middle of a period
+  wound.stiffness = 300.0;
+  wound.motor = CoordinateMotor{{0.0, 1.0, 10.0, 0.0, 8.0}};
+  for (const CoordinateLaw& law : {pressed, wound}) {
+    const double gravity = &law == &pressed ? kGravity : 0.0;
+    Slider coarse(by_events(0.1, gravity), law), fine(by_events(0.001, gravity), law);
+    for (int i = 0; i < 5; ++i) {
+      coarse.world.step();
+      run(fine.world, 100);
+      EXPECT_NEAR(coarse.q(), fine.q(), 1e-8) << i;
+    }
+    EXPECT_GT(std::abs(fine.q()), 1e-4);
+  }
+}
+
 // A world saved while the motor is saturated, or brakes, continues unchanged.
 TEST(ForceLimits, GoOnWhenSavedAndLoaded) {
   Slider slider(automatic(1.0 / 60), to_position(0.8, 6.0));

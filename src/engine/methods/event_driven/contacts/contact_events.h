@@ -93,11 +93,11 @@ class ContactEvents {
 
   ContactEquations equations_;
   ContactPairs pairs_;
-  List<double> numbers_;     // storage of StageMemory
-  List<double> kept_;        // state and derivative at the start of the substep
-  double step_ = 0.0;        // first guess of the next substep [s]
-  bool has_stages_ = false;  // whether stages of the last substep are stored
-  bool closes_ = false;      // whether the next interval closes overlaps
+  List<double> numbers_;  // storage of StageMemory
+  List<double> kept_;     // state and derivative at the start of the substep
+  double step_ = 0.0;     // first guess of the next substep [s]
+  double staged_ = 0.0;   // length of the substep whose stages are known [s]; 0: none are
+  bool closes_ = false;   // whether the next interval closes overlaps
   ContactWatch watch_;
   EventStepper<Watched> stepper_;
   Done done_;

@@ -15,24 +15,23 @@ using Kind = ContactWatched::Kind;
 
 // Adds `watched` with the margin(stage) of a force to its bound.
 template <class Margin>
-void add_margin(const Margin& margin, bool has_stages, ContactWatched watched,
+void add_margin(const Margin& margin, double h, ContactWatched watched,
                 List<ContactWatched>* list) {
   watched.value = margin(0);
-  if (has_stages) watched.early = early_below(margin, watched.value, watched.tolerance);
+  if (h > 0.0) watched.early = early_below(margin, watched.value, watched.tolerance);
   list->push_back(watched);
 }
 
 }  // namespace
 
-void watch_contact_forces(const ContactEquations& equations, std::size_t c, bool has_stages,
+void watch_contact_forces(const ContactEquations& equations, std::size_t c, double h,
                           List<ContactWatched>* list) {
   const ContactEquations::Contact& contact = equations.contacts()[c];
   ContactWatched watched;
   watched.contact = c;
   watched.tolerance = kForceShare * equations.largest_force();
   watched.kind = Kind::kForce;
-  add_margin([&](std::size_t stage) { return equations.normal_force(c, stage); }, has_stages,
-             watched, list);
+  add_margin([&](std::size_t stage) { return equations.normal_force(c, stage); }, h, watched, list);
   if (contact.acts != ContactEquations::Acts::kSticks) return;
   watched.kind = Kind::kCone;
   const auto margin = [&](std::size_t stage) {
@@ -40,33 +39,39 @@ void watch_contact_forces(const ContactEquations& equations, std::size_t c, bool
     const double squared = equations.force(c, stage).squaredNorm() - normal * normal;
     return contact.friction * normal - std::sqrt(std::max(squared, 0.0));
   };
-  add_margin(margin, has_stages, watched, list);
+  add_margin(margin, h, watched, list);
 }
 
-void watch_held(const ContactEquations& equations, std::size_t c, bool has_stages,
+void watch_held(const ContactEquations& equations, std::size_t c, double h,
                 List<ContactWatched>* list) {
   const GroupBodies& bodies = equations.bodies();
   const GroupJoints& joints = equations.joints();
   const GroupCoordinate& of = joints.coordinates()[c];
-  const auto limit = [&](bool upper_one) { return joints.limit(bodies, of, upper_one); };
-  const auto zeta = [&] { return joints.zeta(bodies, of); };
-  const Prescribed at = rate_held_at(of.state.hold, limit, zeta);
-  const ForceBounds bounds = force_bounds(of.law, of.state.hold, at, zeta());
+  // Bounds jump where the demand of a motor passes the rate of the coordinate, or reverses.
+  const auto bounds_at = [&](std::size_t stage) {
+    const double back = stage == 0 ? 0.0 : h * (1.0 - DormandPrince8::kC[stage]);
+    const auto zeta = [&] { return joints.zeta(bodies, of, back); };
+    const Prescribed at = rate_held_at(
+        of.state.hold, [&](bool upper_one) { return joints.limit(bodies, of, upper_one); }, zeta);
+    return force_bounds(of.law, of.state.hold, at, zeta());
+  };
   ContactWatched watched;
   watched.kind = Kind::kHeld;
   watched.coordinate = c;
   watched.tolerance = kForceShare * equations.largest_force();
-  const auto watch_side = [&](double bound, signed char side) {
-    if (!std::isfinite(bound)) return;
+  const auto watch_side = [&](double ForceBounds::*side_of, signed char side) {
+    if (!std::isfinite(bounds_at(0).*side_of)) return;
     watched.side = side;
-    add_margin([&](std::size_t stage) { return side * (bound - equations.held_force(c, stage)); },
-               has_stages, watched, list);
+    const auto margin = [&](std::size_t stage) {
+      return side * (bounds_at(stage).*side_of - equations.held_force(c, stage));
+    };
+    add_margin(margin, h, watched, list);
   };
-  watch_side(bounds.least, -1);
-  watch_side(bounds.most, 1);
+  watch_side(&ForceBounds::least, -1);
+  watch_side(&ForceBounds::most, 1);
 }
 
-void watch_breaking(const ContactEquations& equations, std::size_t j, bool has_stages,
+void watch_breaking(const ContactEquations& equations, std::size_t j, double h,
                     List<ContactWatched>* list) {
   const GroupBodies& bodies = equations.bodies();
   const GroupJoint& of = equations.joints()[j];
@@ -87,11 +92,11 @@ void watch_breaking(const ContactEquations& equations, std::size_t j, bool has_s
     const auto margin = [&](std::size_t stage) {
       return most - (is_torque ? loads(stage).torque : loads(stage).force);
     };
-    add_margin(margin, has_stages, watched, list);
+    add_margin(margin, h, watched, list);
   }
 }
 
-void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t c, bool has_stages,
+void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t c, double h,
                                   List<ContactWatched>* list) const {
   const GroupBodies& bodies = equations.bodies();
   const GroupJoints& joints = equations.joints();
@@ -108,7 +113,7 @@ void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t
   };
   watch_limits(of.law, of.state, reading, limit,
                [&](const WatchedValue& value) { add(Kind::kLimit, value); });
-  if (of.state.hold != Hold::kNone) watch_held(equations, c, has_stages, list);
+  if (of.state.hold != Hold::kNone) watch_held(equations, c, h, list);
   const auto add_rate = [&](const WatchedValue& value) { add(Kind::kRate, value); };
   watch_rates(of.law, of.state, of.braking, reading, limit, zeta, add_rate);
   if (of.law.has_servo()) watch_servo(of.law, of.state, reading, joints.rest(bodies, of), add_rate);
@@ -116,7 +121,7 @@ void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t
 }
 
 void ContactWatch::add_contact(const ContactEquations& equations, const ContactPairs& pairs,
-                               std::size_t c, bool has_stages, List<ContactWatched>* list) const {
+                               std::size_t c, double h, List<ContactWatched>* list) const {
   const GroupBodies& bodies = equations.bodies();
   const ContactEquations::Contact& contact = equations.contacts()[c];
   if (contact.feature.kind == ContactFeature::Kind::kNothing) return;
@@ -136,7 +141,7 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
     list->push_back(watched);
     return;
   }
-  watch_contact_forces(equations, c, has_stages, list);
+  watch_contact_forces(equations, c, h, list);
   watched.known = 1;
   if (contact.acts == ContactEquations::Acts::kSlips && contact.friction > 0.0) {
     watched.kind = Kind::kSlip;
@@ -160,16 +165,15 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
 }
 
 void ContactWatch::list(const ContactEquations& equations, const ContactPairs& pairs,
-                        const double* dydt, bool has_stages, List<ContactWatched>* list) {
+                        const double* dydt, double h, List<ContactWatched>* list) {
   const GroupJoints& joints = equations.joints();
   list->clear();
   equations.bodies().find_accelerations(dydt, &rates_);
   for (std::size_t c = 0; c < equations.contacts().size(); ++c)
-    add_contact(equations, pairs, c, has_stages, list);
+    add_contact(equations, pairs, c, h, list);
   for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
-    if (joints.coordinates()[c].is_one_sided) add_coordinate(equations, c, has_stages, list);
-  for (std::size_t j = 0; j < joints.list().size(); ++j)
-    watch_breaking(equations, j, has_stages, list);
+    if (joints.coordinates()[c].is_one_sided) add_coordinate(equations, c, h, list);
+  for (std::size_t j = 0; j < joints.list().size(); ++j) watch_breaking(equations, j, h, list);
 }
 
 }  // namespace constraint_sim::engine

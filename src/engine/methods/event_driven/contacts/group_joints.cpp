@@ -259,12 +259,13 @@ void GroupJoints::end_course(const GroupCoordinate& of) {
   errors.moving[to_index(of.law.coordinate)] = {};
 }
 
-Prescribed GroupJoints::zeta(const GroupBodies& bodies, const GroupCoordinate& of) const {
+Prescribed GroupJoints::zeta(const GroupBodies& bodies, const GroupCoordinate& of,
+                             double back) const {
   const double t = bodies.clock();
   if (of.law.is_distance)
     return read_course(bodies, [&](double at) { return list_[of.joint].course.length(at); });
   if (of.law.drive == 0.0) return {};
-  if (!of.law.goal) return motor_course(of.motor, motor_phase(of.motor, t), 0.0);
+  if (!of.law.goal) return motor_course(of.motor, motor_phase(of.motor, t - back), 0.0);
   if (of.braking == 0.0) return course_of(bodies, of);
   if (of.state.hold == Hold::kBrake)
     return rate_until(*of.law.goal, std::copysign(of.braking, of.held - *of.law.goal),

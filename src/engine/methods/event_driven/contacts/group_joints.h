@@ -74,8 +74,10 @@ class GroupJoints {
   /// moves the limit of a length.
   Prescribed limit(const GroupBodies& bodies, const GroupCoordinate& coordinate,
                    bool upper_one) const;
-  /// Returns the rate and acceleration that the motor of a coordinate demands.
-  Prescribed zeta(const GroupBodies& bodies, const GroupCoordinate& coordinate) const;
+  /// Returns the rate and acceleration that the motor of a coordinate demands. `back`: time before
+  /// that of the bodies, for a motor with a rate [s].
+  Prescribed zeta(const GroupBodies& bodies, const GroupCoordinate& coordinate,
+                  double back = 0.0) const;
   /// Returns the rest position of a servo.
   Prescribed rest(const GroupBodies& bodies, const GroupCoordinate& coordinate) const;
   /// Returns the force of springs and dampers, and of laws at their bounds.

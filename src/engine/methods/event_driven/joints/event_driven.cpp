@@ -7,11 +7,6 @@
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
-namespace {
-
-constexpr int kMostPasses = 8;  // impacts at one time until velocities are as small as rounding
-
-}  // namespace
 
 /// State of EventDriven::advance().
 struct EventDriven::Span {
@@ -108,7 +103,7 @@ bool EventDriven::begin_span(Span* span) {
   const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);
   span->progress.projected += begun.projected;
   if (!begun.done) return false;
-  watch(*span, stepper_.before());
+  watch(*span, 0.0, stepper_.before());
   // Other forces change how laws act only where a value reaches its bound.
   if (is_pushed && !std::all_of(stepper_.before()->begin(), stepper_.before()->end(), is_clear))
     return decide_again();
@@ -118,8 +113,10 @@ bool EventDriven::begin_span(Span* span) {
 
 // ---- between events
 
-void EventDriven::watch(const Span& span, List<WatchedByJoints>* list) {
-  watch_joints(motions_, span.bodies(), span.t(), span.accuracy.order, span.motion, &rates_, list);
+// Watches at the end of a substep of length h [s]; 0: at a start.
+void EventDriven::watch(const Span& span, double h, List<WatchedByJoints>* list) {
+  if (span.accuracy.order != 8) h = 0.0;
+  watch_joints(motions_, span.bodies(), span.t(), h, span.motion, &rates_, list);
 }
 
 // Makes the next substep, or the part of it before an event.
@@ -141,7 +138,7 @@ bool EventDriven::advance_to_event(Span* span) {
     motion.scatter(span->states);
     return true;
   };
-  const auto list_watched = [&](List<WatchedByJoints>* list) { watch(*span, list); };
+  const auto list_watched = [&](auto* list) { watch(*span, start.left - span->left.left, list); };
   const auto accept = [&](double) {
     motions_.note_positions(span->bodies(), span->t(), motion.equations());
     return true;
@@ -395,7 +392,7 @@ bool EventDriven::switch_to_states(Span* span) {
   if (!begun.done) return false;
   motion.scatter(span->states);
   motions_.set_started(true);
-  watch(*span, stepper_.before());
+  watch(*span, 0.0, stepper_.before());
   return true;
 }
 

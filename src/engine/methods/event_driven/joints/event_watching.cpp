@@ -8,45 +8,68 @@
 namespace constraint_sim::engine {
 namespace {
 
+// Prescribed motion of a held coordinate, up to a constant value.
+Prescribed held_course(const EventMotions& motions, std::size_t c, double t) {
+  const OneSidedLaw& law = motions.laws()[c];
+  const PrescribedMotion& course = motions.courses()[law.joint];
+  if (law.is_coupling) return course.closing(t).coupling();
+  return law.is_distance ? course.length(t) : course.target(law.function, t);
+}
+
 // Watches the force with which a row holds a coordinate against its bounds; `reading`: the
-// coordinate.
+// coordinate at time t, `h`: length of the substep that ends there.
 void watch_force(const EventMotions& motions, std::size_t c, const EventReading& reading, double t,
-                 int order, const EquationsOfMotion& equations, List<WatchedByJoints>* list) {
+                 double h, const EquationsOfMotion& equations, List<WatchedByJoints>* list) {
   const OneSidedLaw& law = motions.laws()[c];
   const auto found =
       std::find(equations.joints().begin(), equations.joints().end(), static_cast<int>(law.joint));
   const auto link = static_cast<std::size_t>(found - equations.joints().begin());
   const Hold hold = motions.states()[c].hold;
-  double soft = law.soft.force(reading.q, reading.rate);
-  if (law.servo_most > 0.0) soft += clamped_servo_force(law, reading, motions.rest(c, t));
-  const auto zeta_of = [&] { return motions.zeta(c, t, reading.q); };
-  const Prescribed at = rate_held_at(
-      hold, [&](bool upper_one) { return motions.limit(c, upper_one, t); }, zeta_of);
-  const ForceBounds bounds = force_bounds(law, hold, at, zeta_of());
+  // Reading at another time in the substep: the coordinate moves as prescribed.
+  const auto reading_at = [&](double time) {
+    EventReading then = reading;
+    if (time == t) return then;
+    const Prescribed now = held_course(motions, c, t), before = held_course(motions, c, time);
+    then.q -= now.value - before.value;
+    then.rate -= now.rate - before.rate;
+    return then;
+  };
+  const auto bounds_at = [&](double time) {
+    const auto zeta_of = [&] { return motions.zeta(c, time, reading_at(time).q); };
+    const Prescribed at = rate_held_at(
+        hold, [&](bool upper_one) { return motions.limit(c, upper_one, time); }, zeta_of);
+    return force_bounds(law, hold, at, zeta_of());
+  };
+  // Forces of the row include springs, dampers and servos.
+  const bool has_soft = law.servo_most > 0.0 || !law.soft.is_none();
+  const auto soft_at = [&](double time) {
+    if (!has_soft) return 0.0;
+    const EventReading then = reading_at(time);
+    double soft = law.soft.force(then.q, then.rate);
+    if (law.servo_most > 0.0) soft += clamped_servo_force(law, then, motions.rest(c, time));
+    return soft;
+  };
   WatchedByJoints watched;
   watched.law = static_cast<int>(c);
   watched.tolerance = kForceShare * equations.largest_force();
-  const auto watch_side = [&](double bound, signed char side) {
-    if (!std::isfinite(bound)) return;
-    const auto margin = [&](double force) { return side * (bound - force + soft); };
-    watched.side = side;
-    watched.value = margin(equations.forces().force(equations, link, 0)[law.function]);
-    // Stages show a force that leaves its bounds within the substep and returns. A spring has the
-    // same force in all stages only while the coordinate rests.
-    const bool is_at_rest = at.rate == 0.0 && at.acceleration == 0.0;
-    const bool is_alone = law.servo_most == 0.0 && (law.soft.is_none() || is_at_rest);
-    const auto at_stage = [&](std::size_t i) {
-      return margin(equations.forces().force(equations, link, i)[law.function]);
+  const auto watch_side = [&](double ForceBounds::*side_of, signed char side) {
+    if (!std::isfinite(bounds_at(t).*side_of)) return;
+    const auto margin = [&](std::size_t stage) {
+      const double time = stage == 0 ? t : t - h * (1.0 - DormandPrince8::kC[stage]);
+      const double force = equations.forces().force(equations, link, stage)[law.function];
+      return side * (bounds_at(time).*side_of - force + soft_at(time));
     };
-    watched.early =
-        is_alone && order == 8 ? early_below(at_stage, watched.value, watched.tolerance) : 0.0;
+    watched.side = side;
+    watched.value = margin(0);
+    // Stages show a force that leaves its bounds within the substep and returns.
+    watched.early = h > 0.0 ? early_below(margin, watched.value, watched.tolerance) : 0.0;
     list->push_back(watched);
   };
-  watch_side(bounds.least, -1);
-  watch_side(bounds.most, 1);
+  watch_side(&ForceBounds::least, -1);
+  watch_side(&ForceBounds::most, 1);
 }
 
-void watch_breaking(const EventMotions& motions, const EventBodies& bodies, double t, int order,
+void watch_breaking(const EventMotions& motions, const EventBodies& bodies, double t, double h,
                     const EquationsOfMotion& equations, List<WatchedByJoints>* list) {
   const EventJoints& joints = motions.joints();
   for (const EventJoints::Breaking& breaking : joints.breaking()) {
@@ -72,7 +95,7 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
       };
       watched.value = margin(0);
       watched.tolerance = kForceShare * most;
-      watched.early = order == 8 ? early_below(margin, watched.value, watched.tolerance) : 0.0;
+      watched.early = h > 0.0 ? early_below(margin, watched.value, watched.tolerance) : 0.0;
       list->push_back(watched);
     }
   }
@@ -80,7 +103,7 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
 
 }  // namespace
 
-void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t, int order,
+void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t, double h,
                   RungeKutta* motion, Motions* rates, List<WatchedByJoints>* list) {
   list->clear();
   const EquationsOfMotion& equations = motion->equations();
@@ -99,13 +122,13 @@ void watch_joints(const EventMotions& motions, const EventBodies& bodies, double
       list->push_back(watched);
     };
     watch_limits(law, state, reading, limit_of, add);
-    if (state.hold != Hold::kNone) watch_force(motions, c, reading, t, order, equations, list);
+    if (state.hold != Hold::kNone) watch_force(motions, c, reading, t, h, equations, list);
     watch_rates(law, state, motions.braking(c), reading, limit_of, zeta_of, add);
     if (law.has_servo()) watch_servo(law, state, reading, motions.rest(c, t), add);
     if (state.hold == Hold::kBrake) add(watched_end(motions.held(c) - t, motions.braking(c)));
   }
   if (!motions.joints().breaking().empty() && equations.delassus().redundant() == 0)
-    watch_breaking(motions, bodies, t, order, equations, list);
+    watch_breaking(motions, bodies, t, h, equations, list);
 }
 
 }  // namespace constraint_sim::engine

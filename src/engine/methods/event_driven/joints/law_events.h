@@ -30,7 +30,9 @@ inline constexpr double kNoWork = 1e-12;
 inline constexpr double kAtBound = 1e-6;
 /// Force as a share of the largest force of the island; less is rounding.
 inline constexpr double kForceShare = 1e-9;
-inline constexpr int kMostImpacts = 2000;   ///< impacts at one time
+inline constexpr int kMostImpacts = 2000;  ///< impacts at one time
+/// Passes of impacts at one time until velocities are as small as rounding.
+inline constexpr int kMostPasses = 8;
 inline constexpr int kMostUnchanged = 100;  ///< events in a step that change no state
 
 /// How a decision of states sees prescribed motions that are about to start: by their direction

@@ -35,19 +35,22 @@ constexpr int kMostTeeth = 60;
 constexpr double kMostWheel = 3.0;  // largest radius of a wheel over the axis
 constexpr double kParallel = 0.99;  // cosine between the axes of wheels that touch
 
-// Returns the length of an axis through the shape [m]: as long as a box, and standing out of a
-// ball. 0 for points and planes.
-double length_of_axis_through(const engine::Shape& shape) {
-  if (const auto* box = std::get_if<engine::Box>(&shape)) return box->size.maxCoeff();
-  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return 3.0 * sphere->radius;
-  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
-    return std::max(3.0 * cylinder->radius, cylinder->length);
-  if (const auto* hull = std::get_if<engine::Hull>(&shape)) return 2.0 * hull->surface->radius();
-  if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
-    return capsule->length + 3.0 * capsule->radius;
-  if (std::holds_alternative<engine::Compound>(shape)) return 2.0 * radius_of(shape);
-  return 0.0;
-}
+/// Length of an axis through a shape [m]: as long as a box, and standing out of a ball. 0 for
+/// points and planes.
+struct LengthOfAxis {
+  double operator()(const engine::Point&) const { return 0.0; }
+  double operator()(const engine::Sphere& sphere) const { return 3.0 * sphere.radius; }
+  double operator()(const engine::Box& box) const { return box.size.maxCoeff(); }
+  double operator()(const engine::Plane&) const { return 0.0; }
+  double operator()(const engine::Cylinder& cylinder) const {
+    return std::max(3.0 * cylinder.radius, cylinder.length);
+  }
+  double operator()(const engine::Hull& hull) const { return 2.0 * hull.surface->radius(); }
+  double operator()(const engine::Capsule& capsule) const {
+    return capsule.length + 3.0 * capsule.radius;
+  }
+  double operator()(const engine::Compound& compound) const { return 2.0 * radius_of(compound); }
+};
 
 bool slides_along_axis(JointKind kind) {
   return kind == JointKind::kSlider || kind == JointKind::kCylindrical ||
@@ -243,7 +246,7 @@ JointSize size_of(const engine::World& world, const engine::Joint& joint) {
        {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}}) {
     if (body == engine::kWorldBody) continue;
     const double through =
-        std::max(length_of_axis_through(world.body(body).shape), 2.0 * anchor.norm());
+        std::max(std::visit(LengthOfAxis{}, world.body(body).shape), 2.0 * anchor.norm());
     if (through > 0.0) size.axis = std::min(size.axis, through);
   }
   if (engine::has_frames(joint.kind)) find_reach(world, joint, &size);

@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "engine/model/shape_properties.h"
 #include "ros/conversions.h"
 #include "ros/joint_signs.h"
 #include "sim/grip.h"
@@ -141,12 +142,34 @@ std::vector<std::string> limits_reached(const engine::Joint& joint, const engine
   return reached;
 }
 
+/// Height of the label of a body above the centre of its shape [m]; depends on the orientation for
+/// compounds only.
+struct HeightOfLabel {
+  const engine::Body& body;
+  const engine::BodyState& state;
+
+  double operator()(const engine::Point&) const { return 0.0; }
+  double operator()(const engine::Sphere& sphere) const { return sphere.radius; }
+  double operator()(const engine::Box& box) const { return 0.5 * box.size.maxCoeff(); }
+  double operator()(const engine::Plane&) const { return 0.0; }
+  double operator()(const engine::Cylinder& cylinder) const {
+    return std::max(cylinder.radius, 0.5 * cylinder.length);
+  }
+  double operator()(const engine::Hull& hull) const { return hull.surface->radius(); }
+  double operator()(const engine::Capsule& capsule) const {
+    return capsule.radius + 0.5 * capsule.length;
+  }
+  double operator()(const engine::Compound&) const {
+    return half_width(body, state, Vector3d::UnitZ());
+  }
+};
+
 // Returns the top of bodies and joints [m]; an extent would include the spheres around bodies.
 double top_of(const engine::World& world) {
   double top = -std::numeric_limits<double>::infinity();
   for (const engine::BodyId id : world.body_ids()) {
     const engine::Body& body = world.body(id);
-    if (std::holds_alternative<engine::Plane>(body.shape)) continue;
+    if (engine::is_half_space(body.shape)) continue;
     const engine::BodyState& state = world.state(id);
     top = std::max(top, middle_of(body, state).z() + half_width(body, state, Vector3d::UnitZ()));
   }
@@ -173,21 +196,11 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
   std::vector<engine::BodyId> bodies = world.body_ids();
   bodies.resize(std::min(bodies.size(), kMost));
   for (const engine::BodyId id : bodies) {
-    Vector3d place = middle_of(world.body(id), world.state(id));
-    if (const auto* sphere = std::get_if<engine::Sphere>(&world.body(id).shape))
-      place.z() += sphere->radius;
-    if (const auto* box = std::get_if<engine::Box>(&world.body(id).shape))
-      place.z() += 0.5 * box->size.maxCoeff();
-    if (const auto* cylinder = std::get_if<engine::Cylinder>(&world.body(id).shape))
-      place.z() += std::max(cylinder->radius, 0.5 * cylinder->length);
-    if (const auto* hull = std::get_if<engine::Hull>(&world.body(id).shape))
-      place.z() += hull->surface->radius();
-    if (const auto* capsule = std::get_if<engine::Capsule>(&world.body(id).shape))
-      place.z() += capsule->radius + 0.5 * capsule->length;
-    if (std::holds_alternative<engine::Compound>(world.body(id).shape))
-      place.z() += half_width(world.body(id), world.state(id), Vector3d::UnitZ());
+    const engine::Body& body = world.body(id);
+    Vector3d place = middle_of(body, world.state(id));
+    place.z() += std::visit(HeightOfLabel{body, world.state(id)}, body.shape);
     place.z() += height_;
-    add_text("body_names", marker_id(id), place, colour(0.9, 0.9, 0.9), world.body(id).name);
+    add_text("body_names", marker_id(id), place, colour(0.9, 0.9, 0.9), body.name);
   }
   find_all_wheels(world);
   find_broken(world, stamp.toSec());

@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "engine/math/numbers.h"
+#include "engine/model/shape_properties.h"
 #include "ros/conversions.h"
 #include "sim/grip.h"
 
@@ -69,46 +70,77 @@ void set_capsule(Marker* marker, const engine::Capsule& capsule) {
     }
 }
 
-}  // namespace
+/// Radius of a shape in markers [m]: the bounding radius; 0 for planes, which have no size of their
+/// own.
+struct ShownRadius : engine::BoundingRadius {
+  using engine::BoundingRadius::operator();
+  double operator()(const engine::Plane&) const { return 0.0; }
+};
 
-double radius_of(const engine::Shape& shape) {
-  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return sphere->radius;
-  if (const auto* box = std::get_if<engine::Box>(&shape)) return 0.5 * box->size.norm();
-  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
-    return std::hypot(cylinder->radius, 0.5 * cylinder->length);
-  if (const auto* hull = std::get_if<engine::Hull>(&shape)) return hull->surface->radius();
-  if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
-    return capsule->radius + 0.5 * capsule->length;
-  if (const auto* compound = std::get_if<engine::Compound>(&shape)) {
-    double most = 0.0;
-    for (const engine::ShapePart& part : *compound->parts)
-      most = std::max(most, part.pose.position.norm() + radius_of(part.shape));
-    return most;
-  }
-  return 0.0;
-}
+/// Distance from the centre of a shape to its farthest point along a direction [m]; 0 for points
+/// and planes.
+struct HalfWidth {
+  const Eigen::Vector3d& along;  // in the frame of the shape
 
-double half_width(const engine::Shape& shape, const Eigen::Vector3d& along) {
-  if (const auto* box = std::get_if<engine::Box>(&shape))
-    return 0.5 * box->size.dot(along.cwiseAbs());
-  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return sphere->radius;
-  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
-    return cylinder->radius * std::hypot(along.x(), along.y()) +
-           0.5 * cylinder->length * std::abs(along.z());
-  if (const auto* hull = std::get_if<engine::Hull>(&shape)) {
-    const auto& vertices = hull->surface->vertices();
-    return along.dot(vertices[static_cast<std::size_t>(hull->surface->farthest(along))]);
+  double operator()(const engine::Point&) const { return 0.0; }
+  double operator()(const engine::Sphere& sphere) const { return sphere.radius; }
+  double operator()(const engine::Box& box) const { return 0.5 * box.size.dot(along.cwiseAbs()); }
+  double operator()(const engine::Plane&) const { return 0.0; }
+  double operator()(const engine::Cylinder& cylinder) const {
+    return cylinder.radius * std::hypot(along.x(), along.y()) +
+           0.5 * cylinder.length * std::abs(along.z());
   }
-  if (const auto* capsule = std::get_if<engine::Capsule>(&shape))
-    return capsule->radius + 0.5 * capsule->length * std::abs(along.z());
-  if (const auto* compound = std::get_if<engine::Compound>(&shape)) {
+  double operator()(const engine::Hull& hull) const {
+    const auto& vertices = hull.surface->vertices();
+    return along.dot(vertices[static_cast<std::size_t>(hull.surface->farthest(along))]);
+  }
+  double operator()(const engine::Capsule& capsule) const {
+    return capsule.radius + 0.5 * capsule.length * std::abs(along.z());
+  }
+  double operator()(const engine::Compound& compound) const {
     double most = 0.0;
-    for (const engine::ShapePart& part : *compound->parts)
+    for (const engine::ShapePart& part : *compound.parts)
       most = std::max(most, std::abs(along.dot(part.pose.position)) +
                                 half_width(part.shape, part.pose.orientation.conjugate() * along));
     return most;
   }
-  return 0.0;
+};
+
+/// Gives a marker the type and size of a shape.
+struct ShapeMarker {
+  Marker* marker;
+
+  void operator()(const engine::Point&) const {
+    set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(kPointDiameter));
+  }
+  void operator()(const engine::Sphere& sphere) const {
+    set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(2.0 * sphere.radius));
+  }
+  void operator()(const engine::Box& box) const { set_size(marker, Marker::CUBE, box.size); }
+  // Planes have almost no thickness, so that bodies on them are not cut, and are brighter than
+  // bodies, since they are transparent.
+  void operator()(const engine::Plane&) const {
+    set_size(marker, Marker::CUBE, {kPlaneWidth, kPlaneWidth, 1e-3});
+    for (float* part : {&marker->color.r, &marker->color.g, &marker->color.b})
+      *part = std::min(1.5F * *part, 1.0F);
+    marker->color.a *= 0.5F;
+  }
+  void operator()(const engine::Cylinder& cylinder) const {
+    const double diameter = 2.0 * cylinder.radius;
+    set_size(marker, Marker::CYLINDER, {diameter, diameter, cylinder.length});
+  }
+  void operator()(const engine::Hull& hull) const { set_surface(marker, *hull.surface); }
+  void operator()(const engine::Capsule& capsule) const { set_capsule(marker, capsule); }
+  // A compound has a marker for each part; its own marks the centre of mass.
+  void operator()(const engine::Compound&) const { (*this)(engine::Point{}); }
+};
+
+}  // namespace
+
+double radius_of(const engine::Shape& shape) { return std::visit(ShownRadius{}, shape); }
+
+double half_width(const engine::Shape& shape, const Eigen::Vector3d& along) {
+  return std::visit(HalfWidth{along}, shape);
 }
 
 engine::ShapePose pose_of_part(const engine::Body& body, std::size_t part) {
@@ -217,27 +249,7 @@ bool is_on_world(const engine::Joint& joint) {
 }
 
 void set_shape(Marker* marker, const engine::Shape& shape) {
-  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) {
-    set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(2.0 * sphere->radius));
-  } else if (const auto* box = std::get_if<engine::Box>(&shape)) {
-    set_size(marker, Marker::CUBE, box->size);
-  } else if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape)) {
-    const double diameter = 2.0 * cylinder->radius;
-    set_size(marker, Marker::CYLINDER, {diameter, diameter, cylinder->length});
-  } else if (const auto* hull = std::get_if<engine::Hull>(&shape)) {
-    set_surface(marker, *hull->surface);
-  } else if (const auto* capsule = std::get_if<engine::Capsule>(&shape)) {
-    set_capsule(marker, *capsule);
-  } else if (std::holds_alternative<engine::Plane>(shape)) {
-    // Planes have almost no thickness, so that bodies on them are not cut, and are brighter than
-    // bodies, since they are transparent.
-    set_size(marker, Marker::CUBE, {kPlaneWidth, kPlaneWidth, 1e-3});
-    for (float* part : {&marker->color.r, &marker->color.g, &marker->color.b})
-      *part = std::min(1.5F * *part, 1.0F);
-    marker->color.a *= 0.5F;
-  } else {
-    set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(kPointDiameter));
-  }
+  std::visit(ShapeMarker{marker}, shape);
 }
 
 std_msgs::ColorRGBA body_colour(const engine::Body& body) {
@@ -362,7 +374,7 @@ Extent extent_of(const engine::World& world) {
   };
   for (const engine::BodyId id : world.body_ids()) {
     const engine::Shape& shape = world.body(id).shape;
-    if (!std::holds_alternative<engine::Plane>(shape))
+    if (!engine::is_half_space(shape))
       include(middle_of(world.body(id), world.state(id)), radius_of(shape));
   }
   for (const engine::JointId id : world.joint_ids()) {

@@ -5,6 +5,8 @@
 
 #include <cctype>
 #include <iterator>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "ros/conversions.h"
@@ -44,13 +46,16 @@ void set_shape(const urdf::Geometry& geometry, Marker* marker) {
       marker->scale = to_vector({2.0 * cylinder.radius, 2.0 * cylinder.radius, cylinder.length});
       return;
     }
-    default: {
+    case urdf::Geometry::MESH: {
       const auto& mesh = static_cast<const urdf::Mesh&>(geometry);
       marker->type = Marker::MESH_RESOURCE;
       marker->mesh_resource = mesh.filename;
       marker->scale = to_vector(to_eigen(mesh.scale));
+      return;
     }
   }
+  throw std::invalid_argument("urdf: a visual has a geometry of the unknown type " +
+                              std::to_string(static_cast<int>(geometry.type)));
 }
 
 void set_colour(const RobotVisual& visual, Marker* marker) {

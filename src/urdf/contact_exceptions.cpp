@@ -5,10 +5,10 @@
 #include <set>
 #include <stdexcept>
 #include <utility>
-#include <variant>
 
 #include "engine/collision/broadphase.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/model/shape_properties.h"
 #include "sim/words.h"
 #include "urdf/xml_tags.h"
 
@@ -157,7 +157,7 @@ class ExceptionSearch {
   }
 
   bool collides(std::size_t i) const {
-    return !bodies_[i].no_collision && !std::holds_alternative<engine::Point>(bodies_[i].shape);
+    return !bodies_[i].no_collision && engine::has_surface(bodies_[i].shape);
   }
 
   bool are_of_two_models(const std::string& link, const std::string& other) const {

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "engine/model/shape_properties.h"
 #include "sim/words.h"
 #include "urdf/parse.h"
 #include "urdf/sdf_model.h"
@@ -39,6 +40,7 @@ void add_inertial(const urdf::Link& link, const Isometry3d& in_lump, Lump* lump)
       R * inertia * R.transpose() + inertial.mass * point_inertia(at.translation());
 }
 
+/// Returns the shape of a geometry; none for meshes, which become hulls.
 std::optional<engine::Shape> shape_of(const urdf::Geometry& geometry) {
   switch (geometry.type) {
     case urdf::Geometry::SPHERE:
@@ -52,9 +54,10 @@ std::optional<engine::Shape> shape_of(const urdf::Geometry& geometry) {
         return engine::Capsule{cylinder.radius, cylinder.length};
       return engine::Cylinder{cylinder.radius, cylinder.length};
     }
-    default:
-      return std::nullopt;
+    case urdf::Geometry::MESH:
+      break;
   }
+  return std::nullopt;
 }
 
 /// Returns the shapes of the collisions with a supported geometry.
@@ -151,9 +154,7 @@ Lumps lump_links(const urdf::ModelInterface& model, MeshShapes* meshes) {
 void split_planes(Lumps* lumps) {
   const std::size_t count = lumps->list.size();
   for (std::size_t i = 0; i < count; ++i) {
-    const auto is_plane = [](const LumpShape& shape) {
-      return std::holds_alternative<engine::Plane>(shape.shape);
-    };
+    const auto is_plane = [](const LumpShape& shape) { return engine::is_half_space(shape.shape); };
     std::vector<LumpShape> shapes = std::move(lumps->list[i].shapes);
     const auto first_plane = std::stable_partition(
         shapes.begin(), shapes.end(), [&](const auto& shape) { return !is_plane(shape); });

@@ -9,6 +9,7 @@
 
 #include "engine/math/dense.h"
 #include "engine/model/mass_properties.h"
+#include "engine/model/shape_properties.h"
 #include "engine/scene/scene_joints.h"
 #include "engine/support/shortened.h"
 #include "urdf/contact_exceptions.h"
@@ -191,8 +192,7 @@ class Builder {
     Isometry3d in_lump = Isometry3d::Identity();
     if (is_static(i)) {
       body.type = engine::BodyType::kStatic;
-      const bool is_plane =
-          !lump.shapes.empty() && std::holds_alternative<engine::Plane>(lump.shapes[0].shape);
+      const bool is_plane = !lump.shapes.empty() && engine::is_half_space(lump.shapes[0].shape);
       if (is_plane) in_lump = lump.shapes[0].in_lump;  // a plane has no pose in its body
     } else {
       in_lump = set_mass(lump, &body);

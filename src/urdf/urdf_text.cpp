@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cstdio>
+#include <stdexcept>
+#include <string>
 
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
@@ -69,12 +71,14 @@ std::string geometry_text(const urdf::Geometry& geometry) {
       return in_element("<cylinder radius=\"" + xml_number(cylinder.radius) + "\" length=\"" +
                         xml_number(cylinder.length) + "\"/>");
     }
-    default: {
+    case urdf::Geometry::MESH: {
       const auto& mesh = static_cast<const urdf::Mesh&>(geometry);
       return in_element("<mesh filename=\"" + escaped_xml(mesh.filename) + "\" scale=\"" +
                         xml_vector(to_eigen(mesh.scale)) + "\"/>");
     }
   }
+  throw std::invalid_argument("urdf: a link has a geometry of the unknown type " +
+                              std::to_string(static_cast<int>(geometry.type)));
 }
 
 bool is_of_urdf(const urdf::Geometry& geometry) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "constraint_sim/engine/id.h"
@@ -14,6 +15,7 @@ enum class ContactState : std::uint8_t {
   kSticking,  ///< held by friction
   kSlipping,  ///< friction at its limit, against the slip
 };
+inline constexpr auto kContactStateCount = static_cast<std::size_t>(ContactState::kSlipping) + 1;
 /// Name as in messages: `closed`, `sticking`, `slipping`.
 const char* name(ContactState state);
 

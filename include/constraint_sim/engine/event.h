@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
 
 #include "constraint_sim/engine/id.h"
@@ -25,6 +26,8 @@ enum class EventKind {
   kHandedOver,
   kTakenBack,  ///< contacts of an island change from impulses to event-driven
 };
+
+inline constexpr auto kEventKindCount = static_cast<std::size_t>(EventKind::kTakenBack) + 1;
 
 /// Name as in messages and logs: `broken`, `rope_taut`, `rope_slack`, `limit_reached`,
 /// `limit_left`, `saturated`, `released`, `slips`, `sticks`, `contact_began`, `contact_ended`,

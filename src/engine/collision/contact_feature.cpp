@@ -2,6 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <stdexcept>
+#include <type_traits>
+#include <variant>
 
 #include "engine/collision/box_features.h"
 #include "engine/math/list.h"
@@ -66,6 +69,127 @@ ContactFeature sphere_on_box(double radius, const BodyState& a, const Box& box,
   feature.id =
       static_cast<std::uint32_t>((region.x() + 1) + 3 * (region.y() + 1) + 9 * (region.z() + 1));
   return feature;
+}
+
+/// Distance and rate of the centre of a sphere from the nearest border of its feature of a box.
+FeatureMargin margin_on_box(const ContactFeature& feature, const BodyState& a, const Box& box,
+                            const BodyState& b) {
+  FeatureMargin least{kInfinity, 0.0};
+  const Eigen::Quaterniond to_b = b.orientation.conjugate();
+  const Vector3d arm = a.position - b.position;
+  const Vector3d point = to_b * arm;
+  const Vector3d velocity =
+      to_b * (a.linear_velocity - b.linear_velocity - b.angular_velocity.cross(arm));
+  for (int i = 0; i < 3; ++i) {
+    const double half = 0.5 * box.size[i];
+    const double side = feature.on_b[i] == 0.0 ? 0.0 : (feature.on_b[i] < 0.0 ? -1.0 : 1.0);
+    const bool is_face = feature.kind == ContactFeature::Kind::kPlane;
+    FeatureMargin margin = least;
+    if (side == 0.0)  // point beside the face
+      margin = {half - std::abs(point[i]), point[i] < 0.0 ? velocity[i] : -velocity[i]};
+    else if (!is_face)  // point beyond the face
+      margin = {side * point[i] - half, side * velocity[i]};
+    if (margin.value < least.value) least = margin;
+  }
+  return least;
+}
+
+/// Adds the features of each pair of shapes that has any, with A first.
+struct AddFeatures {
+  const BodyState& a;
+  const BodyState& b;
+  const ContactTolerances& within;
+  List<ContactFeature>* features;
+
+  void operator()(const Sphere& sphere_a, const Sphere& sphere_b) const {
+    ContactFeature feature;
+    feature.kind = ContactFeature::Kind::kPoint;
+    feature.radius_a = sphere_a.radius;
+    feature.radius_b = sphere_b.radius;
+    features->push_back(feature);
+  }
+  void operator()(const Sphere& sphere, const Box& box) const {
+    features->push_back(sphere_on_box(sphere.radius, a, box, b));
+  }
+  void operator()(const Sphere& sphere, const Plane&) const {
+    ContactFeature feature;
+    feature.radius_a = sphere.radius;
+    features->push_back(feature);
+  }
+  void operator()(const Box& box_a, const Box& box_b) const {
+    add_box_features(box_a, a, box_b, b, within, features);
+  }
+  void operator()(const Box& box, const Plane&) const {
+    ContactFeature feature;
+    for (std::uint32_t corner = 0; corner < 8; ++corner) {
+      feature.on_a = 0.5 * box.size;
+      for (int i = 0; i < 3; ++i)
+        if ((corner >> i & 1U) == 0U) feature.on_a[i] = -feature.on_a[i];
+      feature.id = corner;
+      features->push_back(feature);
+    }
+  }
+  // The features are the centres of the half spheres.
+  void operator()(const Capsule& capsule, const Plane&) const {
+    ContactFeature feature;
+    feature.radius_a = capsule.radius;
+    for (const double side : {-0.5, 0.5}) {
+      feature.on_a = {0.0, 0.0, side * capsule.length};
+      feature.id = side < 0.0 ? 0 : 1;
+      features->push_back(feature);
+    }
+  }
+};
+
+/// Margin of a feature of each pair of shapes that has features.
+struct MarginOfFeature {
+  static constexpr FeatureMargin kNoBorder{kInfinity, 0.0};
+  const ContactFeature& feature;
+  const BodyState& a;
+  const BodyState& b;
+
+  FeatureMargin operator()(const Sphere&, const Sphere&) const { return kNoBorder; }
+  FeatureMargin operator()(const Sphere&, const Box& box) const {
+    return margin_on_box(feature, a, box, b);
+  }
+  FeatureMargin operator()(const Sphere&, const Plane&) const { return kNoBorder; }
+  FeatureMargin operator()(const Box& box_a, const Box& box_b) const {
+    return margin_of_boxes(feature, box_a, a, box_b, b);
+  }
+  FeatureMargin operator()(const Box&, const Plane&) const { return kNoBorder; }
+  FeatureMargin operator()(const Capsule&, const Plane&) const { return kNoBorder; }
+};
+
+template <class A, class B>
+inline constexpr bool kHaveFeatures = std::is_invocable_v<AddFeatures, const A&, const B&>;
+
+/// Whether a shape has no features with any other shape: its contacts are not event-driven.
+template <class Kind>
+inline constexpr bool kIsWithoutFeatures =
+    std::is_same_v<Kind, Point> || std::is_same_v<Kind, Cylinder> || std::is_same_v<Kind, Hull> ||
+    std::is_same_v<Kind, Compound>;
+
+/// Whether each shape has features with some other shape, or is listed as a shape without.
+template <class... Kinds>
+constexpr bool are_all_considered(const std::variant<Kinds...>*) {
+  return (... && (kIsWithoutFeatures<Kinds> !=
+                  (kHaveFeatures<Kinds, Plane> || kHaveFeatures<Sphere, Kinds>)));
+}
+static_assert(are_all_considered(static_cast<const Shape*>(nullptr)),
+              "write the features of the new shape in AddFeatures, or list it as without features");
+
+/// Calls a visitor with two shapes that have features in this order. Throws std::logic_error for
+/// others.
+template <class Visitor>
+auto visit_pair_with_features(const Visitor& visitor, const Shape& shape_a, const Shape& shape_b) {
+  using Result = std::invoke_result_t<Visitor, const Sphere&, const Sphere&>;
+  const auto visit_kinds = [&](const auto& of_a, const auto& of_b) -> Result {
+    if constexpr (kHaveFeatures<std::decay_t<decltype(of_a)>, std::decay_t<decltype(of_b)>>)
+      return visitor(of_a, of_b);
+    else
+      throw std::logic_error("two shapes without features in this order");
+  };
+  return std::visit(visit_kinds, shape_a, shape_b);
 }
 
 }  // namespace
@@ -134,80 +258,22 @@ ContactMotion motion_of(const ContactFeature& feature, const BodyState& a, const
 }
 
 bool has_features(const Shape& a, const Shape& b) {
-  if (std::holds_alternative<Sphere>(a))
-    return std::holds_alternative<Sphere>(b) || std::holds_alternative<Box>(b) ||
-           std::holds_alternative<Plane>(b);
-  if (std::holds_alternative<Capsule>(a)) return std::holds_alternative<Plane>(b);
-  return std::holds_alternative<Box>(a) &&
-         (std::holds_alternative<Box>(b) || std::holds_alternative<Plane>(b));
+  const auto have_features = [](const auto& of_a, const auto& of_b) {
+    return kHaveFeatures<std::decay_t<decltype(of_a)>, std::decay_t<decltype(of_b)>>;
+  };
+  return std::visit(have_features, a, b);
 }
 
 void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
                   const BodyState& b, const ContactTolerances& within,
                   List<ContactFeature>* features) {
-  ContactFeature feature;
-  if (const auto* box = std::get_if<Box>(&shape_a)) {
-    if (const auto* other = std::get_if<Box>(&shape_b)) {
-      add_box_features(*box, a, *other, b, within, features);
-      return;
-    }
-    // Corners of the box against a plane.
-    for (std::uint32_t corner = 0; corner < 8; ++corner) {
-      feature.on_a = 0.5 * box->size;
-      for (int i = 0; i < 3; ++i)
-        if ((corner >> i & 1U) == 0U) feature.on_a[i] = -feature.on_a[i];
-      feature.id = corner;
-      features->push_back(feature);
-    }
-    return;
-  }
-  if (const auto* capsule = std::get_if<Capsule>(&shape_a)) {
-    // Centres of the half spheres against a plane.
-    feature.radius_a = capsule->radius;
-    for (const double side : {-0.5, 0.5}) {
-      feature.on_a = {0.0, 0.0, side * capsule->length};
-      feature.id = side < 0.0 ? 0 : 1;
-      features->push_back(feature);
-    }
-    return;
-  }
-  const double radius = std::get<Sphere>(shape_a).radius;
-  if (const auto* box = std::get_if<Box>(&shape_b)) {
-    features->push_back(sphere_on_box(radius, a, *box, b));
-    return;
-  }
-  feature.radius_a = radius;
-  if (const auto* sphere = std::get_if<Sphere>(&shape_b)) {
-    feature.kind = ContactFeature::Kind::kPoint;
-    feature.radius_b = sphere->radius;
-  }
-  features->push_back(feature);
+  const AddFeatures add{a, b, within, features};
+  visit_pair_with_features(add, shape_a, shape_b);
 }
 
 FeatureMargin margin_of(const ContactFeature& feature, const Shape& shape_a, const BodyState& a,
                         const Shape& shape_b, const BodyState& b) {
-  FeatureMargin least{kInfinity, 0.0};
-  const auto* box = std::get_if<Box>(&shape_b);
-  if (box == nullptr) return least;
-  if (const auto* box_a = std::get_if<Box>(&shape_a))
-    return margin_of_boxes(feature, *box_a, a, *box, b);
-  const Eigen::Quaterniond to_b = b.orientation.conjugate();
-  const Vector3d arm = a.position - b.position;
-  const Vector3d point = to_b * arm;
-  const Vector3d velocity =
-      to_b * (a.linear_velocity - b.linear_velocity - b.angular_velocity.cross(arm));
-  for (int i = 0; i < 3; ++i) {
-    const double half = 0.5 * box->size[i];
-    const double side = feature.on_b[i] == 0.0 ? 0.0 : (feature.on_b[i] < 0.0 ? -1.0 : 1.0);
-    const bool is_face = feature.kind == ContactFeature::Kind::kPlane;
-    FeatureMargin margin = least;
-    if (side == 0.0)  // point beside the face
-      margin = {half - std::abs(point[i]), point[i] < 0.0 ? velocity[i] : -velocity[i]};
-    else if (!is_face)  // point beyond the face
-      margin = {side * point[i] - half, side * velocity[i]};
-    if (margin.value < least.value) least = margin;
-  }
-  return least;
+  return visit_pair_with_features(MarginOfFeature{feature, a, b}, shape_a, shape_b);
 }
 
 }  // namespace constraint_sim::engine

@@ -75,6 +75,19 @@ void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b
                   const BodyState& b, const ContactTolerances& within,
                   List<ContactFeature>* features);
 
+/// Whether a shape has borders between its faces, edges and corners: with such a shape as B, the
+/// features of a pair change with the poses.
+struct HasBorders {
+  bool operator()(const Point&) const { return false; }
+  bool operator()(const Sphere&) const { return false; }
+  bool operator()(const Box&) const { return true; }
+  bool operator()(const Plane&) const { return false; }
+  bool operator()(const Cylinder&) const { return false; }
+  bool operator()(const Hull&) const { return false; }
+  bool operator()(const Capsule&) const { return false; }
+  bool operator()(const Compound&) const { return false; }
+};
+
 /// Distance and rate of a contact from the border beyond which another face, edge or corner of a
 /// box is the nearest; the least over all borders. Infinite for shapes without a box B.
 struct FeatureMargin {

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <variant>
 
 #include "constraint_sim/engine/shape.h"
-#include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
+#include "engine/model/shape_properties.h"
 
 namespace constraint_sim::engine {
 
@@ -15,24 +16,15 @@ inline constexpr double kSmallShape = 0.01, kLargeShape = 10.0;
 /// positions there are rounded to 1e-16 of the distance.
 inline constexpr double kFarShare = 1e-3;
 
-/// Size of a shape that tolerances of its contacts depend on: the radius around its centre that
-/// holds it [m]; infinite for planes.
-inline double size_of(const Shape& shape) {
-  if (const auto* sphere = std::get_if<Sphere>(&shape)) return sphere->radius;
-  if (const auto* box = std::get_if<Box>(&shape)) return 0.5 * box->size.norm();
-  if (const auto* cylinder = std::get_if<Cylinder>(&shape))
-    return math::hypot(cylinder->radius, 0.5 * cylinder->length);
-  if (const auto* hull = std::get_if<Hull>(&shape)) return hull->surface->radius();
-  if (const auto* capsule = std::get_if<Capsule>(&shape))
-    return 0.5 * capsule->length + capsule->radius;
-  if (const auto* compound = std::get_if<Compound>(&shape)) {
-    double size = 0.0;
-    for (const ShapePart& part : *compound->parts)
-      size = std::max(size, part.pose.position.norm() + size_of(part.shape));
-    return size;
-  }
-  return kInfinity;
-}
+/// Size of a shape that tolerances depend on [m]: its bounding radius; infinite for points, which
+/// have no size to compare with.
+struct ToleranceSize : BoundingRadius {
+  using BoundingRadius::operator();
+  double operator()(const Point&) const { return kInfinity; }
+};
+/// Returns the size of a shape that tolerances of its contacts depend on [m]: the bounding radius;
+/// infinite for points and planes.
+inline double size_of(const Shape& shape) { return std::visit(ToleranceSize{}, shape); }
 /// Size that tolerances of contacts between two shapes assume [m], at most `distance` from the
 /// origin [m].
 inline double size_of_contact(const Shape& a, const Shape& b, double distance) {

@@ -70,28 +70,41 @@ bool centre_parts(Compound::Parts* parts) {
   }
 }
 
+/// Moves a convex shape to its centre and principal axes, and its pose so that the shape keeps its
+/// place. False where it was centred.
+struct CentreSolid {
+  ShapePose* pose;
+
+  bool operator()(Point&) const { return false; }
+  bool operator()(Sphere&) const { return false; }
+  bool operator()(Box&) const { return false; }
+  bool operator()(Plane&) const { return false; }
+  bool operator()(Cylinder&) const { return false; }
+  bool operator()(Hull& hull) const { return centre_hull(&hull, pose); }
+  bool operator()(Capsule&) const { return false; }
+  bool operator()(Compound&) const { return false; }  // centre_parts() moves its parts
+};
+
 /// Moves hulls and homogeneous compounds to where bodies have them: a hull is centred in its pose,
 /// and a compound in its body. A dynamic body without a shape_pose and an inertia has the centre of
 /// its hull or compound as its own. Throws std::invalid_argument where a shape then has a pose or
 /// size that a body may not have.
 void centre_shape(Body* body) {
-  if (const auto* given = std::get_if<Hull>(&body->shape)) {
-    Hull hull = *given;
-    ShapePose pose = body->shape_pose.value_or(ShapePose{});
-    if (!centre_hull(&hull, &pose)) return;
-    body->shape = hull;
-    if (!is_homogeneous(*body)) body->shape_pose = pose;
-    validate(*body);
-  } else if (const auto* compound = std::get_if<Compound>(&body->shape)) {
+  if (const auto* compound = std::get_if<Compound>(&body->shape)) {
     Compound::Parts parts = *compound->parts;
     for (ShapePart& part : parts) {
       make_unit(&part.pose.orientation);
-      if (auto* hull = std::get_if<Hull>(&part.shape)) centre_hull(hull, &part.pose);
+      std::visit(CentreSolid{&part.pose}, part.shape);
     }
     if (is_homogeneous(*body)) centre_parts(&parts);
     body->shape = Compound(std::move(parts));
     validate(*body);
+    return;
   }
+  ShapePose pose = body->shape_pose.value_or(ShapePose{});
+  if (!std::visit(CentreSolid{&pose}, body->shape)) return;
+  if (!is_homogeneous(*body)) body->shape_pose = pose;
+  validate(*body);
 }
 
 }  // namespace

@@ -327,15 +327,17 @@ const char* to_string(Failure failure) {
 }
 
 const char* name(EventKind kind) {
-  constexpr std::array<const char*, 14> kNames = {
-      "broken",        "rope_taut", "rope_slack",  "limit_reached", "limit_left",
-      "saturated",     "released",  "slips",       "sticks",        "contact_began",
-      "contact_ended", "hit",       "handed_over", "taken_back"};
+  constexpr std::array kNames = {"broken",      "rope_taut",     "rope_slack",    "limit_reached",
+                                 "limit_left",  "saturated",     "released",      "slips",
+                                 "sticks",      "contact_began", "contact_ended", "hit",
+                                 "handed_over", "taken_back"};
+  static_assert(kNames.size() == kEventKindCount, "a name for each kind of event");
   return kNames[static_cast<std::size_t>(kind)];
 }
 
 const char* name(ContactState state) {
-  constexpr std::array<const char*, 3> kNames = {"closed", "sticking", "slipping"};
+  constexpr std::array kNames = {"closed", "sticking", "slipping"};
+  static_assert(kNames.size() == kContactStateCount, "a name for each state");
   return kNames[static_cast<std::size_t>(state)];
 }
 

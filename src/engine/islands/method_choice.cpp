@@ -101,9 +101,11 @@ MethodReason classify(const IslandTraits& traits, const WorldOptions& options) {
 }
 
 Method method_for(MethodReason why, const WorldOptions& options) {
-  if (why == MethodReason::kAskedFor) return options.method;
-  if (why == MethodReason::kSmooth) return Method::kRungeKutta;
   switch (why) {
+    case MethodReason::kAskedFor:
+      return options.method;
+    case MethodReason::kSmooth:
+      return Method::kRungeKutta;
     case MethodReason::kStiff:
     case MethodReason::kInconsistent:
       return Method::kEnergyMomentum;
@@ -113,9 +115,17 @@ Method method_for(MethodReason why, const WorldOptions& options) {
     case MethodReason::kBreaks:
     case MethodReason::kFewContacts:
       return Method::kEventDriven;
-    default:
+    case MethodReason::kContact:
+    case MethodReason::kRefused:
+    case MethodReason::kAtRest:
+    case MethodReason::kLimitedSpring:
+    case MethodReason::kManyRows:
+    case MethodReason::kContactsGivenUp:
+    case MethodReason::kManyContacts:
+    case MethodReason::kOverlap:
       return impulses_of(options);
   }
+  return impulses_of(options);
 }
 
 bool follows_contacts(const WorldOptions& options) {

@@ -4,10 +4,10 @@
 
 #include "engine/collision/convex.h"
 #include "engine/islands/step.h"
-#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/model/impulse_method.h"
+#include "engine/model/shape_properties.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -24,36 +24,29 @@ struct Thickness {
   double operator()(const Capsule& capsule) const { return 2.0 * capsule.radius; }
 };
 
-/// Distance from its centre within which rotation moves a shape [m].
-struct Reach {
-  double distance;
-  double operator()(const Point&) const { return 0.0; }
+/// Distance from its centre within which rotation moves a shape [m]: the bounding radius, except
+/// for a sphere, which rotates in its place, and a plane, of which only the part within `distance`
+/// counts.
+struct Reach : BoundingRadius {
+  explicit Reach(double distance) : distance(distance) {}
+  using BoundingRadius::operator();
   double operator()(const Sphere&) const { return 0.0; }
-  double operator()(const Box& box) const { return 0.5 * box.size.norm(); }
   double operator()(const Plane&) const { return distance; }
-  double operator()(const Cylinder& cylinder) const {
-    return math::hypot(cylinder.radius, 0.5 * cylinder.length);
-  }
-  double operator()(const Hull& hull) const { return hull.surface->radius(); }
-  double operator()(const Capsule& capsule) const { return 0.5 * capsule.length + capsule.radius; }
+
+  double distance;
 };
 
-/// Distance by which a shape exceeds its reach [m]: a sphere turns in its place.
-double beyond_reach(const Shape& shape) {
-  const auto* sphere = std::get_if<Sphere>(&shape);
-  return sphere != nullptr ? sphere->radius : 0.0;
-}
-
-/// Largest distance from the centre of a body that a part reaches, with its length beyond its reach
-/// [m]. Out of line, so that bodies of one shape pay nothing for it.
-template <class Beyond>
-[[gnu::noinline]] double farthest_part(const Compound& compound, double distance,
-                                       const Beyond& beyond) {
+/// Largest distance from the centre of a body within which rotation moves a part [m]. Out of line,
+/// so that bodies of one shape pay nothing for it.
+[[gnu::noinline]] double farthest_reach(const Compound& compound, double distance) {
   double most = 0.0;
   for (const ShapePart& part : *compound.parts)
-    most = std::max(most, visit_convex(Reach{distance}, part.shape) + part.pose.position.norm() +
-                              beyond(part.shape));
+    most = std::max(most, visit_convex(Reach(distance), part.shape) + part.pose.position.norm());
   return most;
+}
+
+double arm_of_shape(const Body& body) {
+  return body.shape_pose ? body.shape_pose->position.norm() : 0.0;
 }
 
 const Shape& shape_of(const Model& model, int body, int part) {
@@ -62,9 +55,7 @@ const Shape& shape_of(const Model& model, int body, int part) {
 
 }  // namespace
 
-bool may_touch(const Body& body) {
-  return !body.no_collision && !std::holds_alternative<Point>(body.shape);
-}
+bool may_touch(const Body& body) { return !body.no_collision && has_surface(body.shape); }
 
 bool may_collide(const Body& a, const Body& b) {
   return !a.no_collision && !b.no_collision &&
@@ -86,20 +77,15 @@ double thickness(const Shape& shape) {
 
 double reach_of(const Body& body, double distance) {
   if (const auto* compound = std::get_if<Compound>(&body.shape))
-    return farthest_part(*compound, distance, [](const Shape&) { return 0.0; });
-  const double arm = body.shape_pose ? body.shape_pose->position.norm() : 0.0;
-  return visit_convex(Reach{distance}, body.shape) + arm;
+    return farthest_reach(*compound, distance);
+  return visit_convex(Reach(distance), body.shape) + arm_of_shape(body);
 }
 
 bool is_centred(const Body& body) {
   return !body.shape_pose && !std::holds_alternative<Compound>(body.shape);
 }
 
-double extent(const Body& body) {
-  if (const auto* compound = std::get_if<Compound>(&body.shape))
-    return farthest_part(*compound, kInfinity, beyond_reach);
-  return reach_of(body, kInfinity) + beyond_reach(body.shape);
-}
+double extent(const Body& body) { return bounding_radius(body.shape) + arm_of_shape(body); }
 
 double thinner_of(const Model& model, const ShapePair& pair) {
   const Thickness thickness;

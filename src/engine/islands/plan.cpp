@@ -15,6 +15,7 @@
 #include "engine/math/numbers.h"
 #include "engine/model/impulse_method.h"
 #include "engine/model/shape_names.h"
+#include "engine/model/shape_properties.h"
 #include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
@@ -56,12 +57,11 @@ void count_body(const Body& body, Counts* counts) {
   counts->dynamic_bodies += is_dynamic;
   counts->static_bodies += body.type == BodyType::kStatic;
   counts->kinematic_bodies += body.type == BodyType::kKinematic;
-  const bool is_point = std::holds_alternative<Point>(body.shape);
   ++counts->shapes[body.shape.index()];
 
   const bool has_inertia = !body.inertia.isZero(0.0) || !unit_inertia(body.shape).isZero(0.0);
   counts->turning += is_dynamic && has_inertia;
-  if (body.no_collision || is_point) return;
+  if (body.no_collision || !has_surface(body.shape)) return;
   ++counts->colliding;
   counts->colliding_dynamic += is_dynamic;
   counts->colliding_boxes += has_part<Box>(body.shape);
@@ -254,28 +254,31 @@ std::vector<StepWarning> step_warnings(const World& world) {
 std::string to_string(const StepWarning& warning) {
   char amount[32];
   std::snprintf(amount, sizeof amount, "%.3g", warning.amount);
-  if (warning.kind == StepWarning::Kind::kUnclosed)
-    return "constraint " + in_quotes(warning.whose) + ": its error of " + amount +
-           " m is not being closed";
-  if (warning.kind == StepWarning::Kind::kHitsLeft && warning.amount < kMostHits)
-    return "body " + in_quotes(warning.whose) +
-           ": it, or what it touches, may pass through what it meets within a step: take a shorter "
-           "time_step";
-  if (warning.kind == StepWarning::Kind::kHitsLeft)
-    return "body " + in_quotes(warning.whose) + ": it and what it hits met " + amount +
-           " times in a step, and may pass through each other: take a shorter time_step";
-  if (warning.kind == StepWarning::Kind::kOverlap)
-    return "body " + in_quotes(warning.whose) + ": it and what it touches overlap by " + amount +
-           " m, which impulses do not push out";
-  if (warning.kind == StepWarning::Kind::kCreep)
-    return "body " + in_quotes(warning.whose) + ": it has crept by " + amount +
-           " m where friction holds it, since impulses are not solved to the end";
-  if (warning.kind == StepWarning::Kind::kUnsolved)
-    return "body " + in_quotes(warning.whose) +
-           ": impulses on it and on what it touches were not solved, to a residual of " + amount +
-           " m/s";
-  return "body " + in_quotes(warning.whose) + ": energy of its island rose by " + amount +
-         " J without a cause";
+  const std::string whose = in_quotes(warning.whose);
+  switch (warning.kind) {
+    case StepWarning::Kind::kUnclosed:
+      return "constraint " + whose + ": its error of " + amount + " m is not being closed";
+    case StepWarning::Kind::kEnergyRise:
+      return "body " + whose + ": energy of its island rose by " + amount + " J without a cause";
+    case StepWarning::Kind::kHitsLeft:
+      if (warning.amount < kMostHits)
+        return "body " + whose +
+               ": it, or what it touches, may pass through what it meets within a step: take a "
+               "shorter time_step";
+      return "body " + whose + ": it and what it hits met " + amount +
+             " times in a step, and may pass through each other: take a shorter time_step";
+    case StepWarning::Kind::kOverlap:
+      return "body " + whose + ": it and what it touches overlap by " + amount +
+             " m, which impulses do not push out";
+    case StepWarning::Kind::kCreep:
+      return "body " + whose + ": it has crept by " + amount +
+             " m where friction holds it, since impulses are not solved to the end";
+    case StepWarning::Kind::kUnsolved:
+      return "body " + whose +
+             ": impulses on it and on what it touches were not solved, to a residual of " + amount +
+             " m/s";
+  }
+  return "";
 }
 
 namespace {

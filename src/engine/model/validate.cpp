@@ -14,6 +14,7 @@
 #include "engine/math/numbers.h"
 #include "engine/model/fields.h"
 #include "engine/model/option_values.h"
+#include "engine/model/shape_properties.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -187,8 +188,7 @@ void check(const std::string& field, const std::shared_ptr<const Compound::Parts
     const ShapePart& part = (*parts)[i];
     const Shape& shape = part.shape;
     try {
-      if (std::holds_alternative<Point>(shape) || std::holds_alternative<Plane>(shape) ||
-          std::holds_alternative<Compound>(shape))
+      if (form_of(shape) != ShapeForm::kSolid)
         refuse("shape", "a part must be a sphere, a box, a cylinder, a capsule or a hull");
       visit_fields(
           part, [](const char* key, const auto& value, auto range) { check(key, value, range); });
@@ -241,9 +241,9 @@ namespace {
 
 void check_shape_pose(const Body& body) {
   if (!body.shape_pose) return;
-  if (std::holds_alternative<Compound>(body.shape))
-    refuse("shape_pose", "each of several shapes has its own");
-  if (std::holds_alternative<Point>(body.shape) || std::holds_alternative<Plane>(body.shape))
+  const ShapeForm form = form_of(body.shape);
+  if (form == ShapeForm::kCompound) refuse("shape_pose", "each of several shapes has its own");
+  if (form != ShapeForm::kSolid)
     refuse("shape_pose", "only a sphere, a box, a cylinder, a capsule or a hull has one");
   if (body.type == BodyType::kDynamic && body.inertia.isZero(0.0))
     refuse("inertia", "must be given for a shape that is beside the centre of mass");
@@ -256,7 +256,7 @@ void validate(const Body& body) {
   check_shape_pose(body);
   if (body.type == BodyType::kDynamic) {
     check_positive("mass", body.mass);
-    if (std::holds_alternative<Plane>(body.shape))
+    if (is_half_space(body.shape))
       refuse("type", "a plane is unbounded and must be static or kinematic, got dynamic");
   } else {
     check_not_negative("mass", body.mass);

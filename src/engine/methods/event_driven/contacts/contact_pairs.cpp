@@ -33,6 +33,21 @@ double size_of_pair(const ContactEquations& equations, const ContactPair& pair) 
   return size_of_contact(pair.shape_a, pair.shape_b, distance);
 }
 
+constexpr std::size_t kPointsOfLine = 2, kPointsOfFace = 8;
+
+/// Largest number of points at which a shape touches another one: one per sphere, both ends of a
+/// line, or the corners of the common area of two faces.
+struct MostPoints {
+  std::size_t operator()(const Point&) const { return kPointsOfFace; }
+  std::size_t operator()(const Sphere&) const { return 1; }
+  std::size_t operator()(const Box&) const { return kPointsOfFace; }
+  std::size_t operator()(const Plane&) const { return kPointsOfFace; }
+  std::size_t operator()(const Cylinder&) const { return kPointsOfFace; }
+  std::size_t operator()(const Hull&) const { return kPointsOfFace; }
+  std::size_t operator()(const Capsule&) const { return kPointsOfLine; }
+  std::size_t operator()(const Compound&) const { return kPointsOfFace; }
+};
+
 // Keeps known edge features in their places in the list of contacts.
 void keep_places(const ContactEquations& equations, const ContactPair& pair, bool all,
                  List<ContactFeature>* found) {
@@ -67,9 +82,10 @@ void keep_places(const ContactEquations& equations, const ContactPair& pair, boo
 }  // namespace
 
 std::size_t ContactPairs::most_points(const Shape& a, const Shape& b) {
-  const auto is_round = [](const Shape& shape) { return std::holds_alternative<Sphere>(shape); };
-  if (std::holds_alternative<Capsule>(a) || std::holds_alternative<Capsule>(b)) return 2;
-  return is_round(a) || is_round(b) ? 1 : 8;
+  const std::size_t of_a = std::visit(MostPoints{}, a), of_b = std::visit(MostPoints{}, b);
+  // A capsule counts with two points against spheres too, an upper bound.
+  const bool is_any_line = of_a == kPointsOfLine || of_b == kPointsOfLine;
+  return is_any_line ? kPointsOfLine : std::min(of_a, of_b);
 }
 
 void ContactPairs::add_contacts(ContactEquations* equations) {

@@ -4,6 +4,7 @@
 #include <variant>
 
 #include "constraint_sim/engine/shape.h"
+#include "engine/collision/contact_feature.h"
 #include "engine/collision/contact_tolerances.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
@@ -31,7 +32,7 @@ struct ContactPair {
     return (a == other.a && b == other.b) || (a == other.b && b == other.a);
   }
   /// Whether the features in contact do not depend on the pose.
-  bool has_fixed_features() const { return !std::holds_alternative<Box>(shape_b); }
+  bool has_fixed_features() const { return !std::visit(HasBorders{}, shape_b); }
   /// Forgets the state at the end of the previous step.
   void forget() { held = stuck = is_still = false; }
 };

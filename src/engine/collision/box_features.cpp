@@ -14,7 +14,7 @@ namespace {
 using Eigen::Vector3d;
 using Kind = ContactFeature::Kind;
 
-constexpr double kParallel = 1e-5;  // sine below which edges are parallel
+constexpr double kParallelEdgeSine = 1e-5;  // sine below which edges are parallel
 // Distance from the middle of an edge, in half edges, beyond which a crossing is ignored.
 constexpr double kBeyond = 2.0;
 
@@ -249,7 +249,7 @@ void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const Bod
       feature.on_b = of_b.middle;
       feature.axis = Vector3d::Unit(of_b.axis);
       Crossing crossing(feature, a, b);
-      if (!(crossing.square > kParallel * kParallel)) continue;
+      if (!(crossing.square > kParallelEdgeSine * kParallelEdgeSine)) continue;
       if (std::abs(crossing.on_a) > kBeyond * of_a.half ||
           std::abs(crossing.on_b) > kBeyond * of_b.half)
         continue;

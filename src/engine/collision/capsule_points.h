@@ -7,6 +7,7 @@
 
 #include "engine/collision/least_depth_axis.h"
 #include "engine/collision/manifold_points.h"
+#include "engine/collision/narrowphase_tolerances.h"
 #include "engine/collision/polytope.h"
 #include "engine/math/numbers.h"
 
@@ -15,17 +16,8 @@ namespace constraint_sim::engine {
 // A capsule is the set of points within its radius of its middle line. Its gap from another shape
 // is the gap of the line, less the radius.
 
-/// Cosine of the angle (2.56°) between axis and face normal, from which on a face is taken.
-inline constexpr double kAreaCosine = 0.999;
 /// Sine of the angle of two lines below which they touch with both ends.
 inline constexpr double kAlongSine = 1e-3;
-/// Sine of the angle of two lines below which their common normal is rounding.
-inline constexpr double kParallelLines = 1e-8;
-/// Share of the size below which the direction of the nearest points is rounding: the axis of least
-/// depth serves.
-inline constexpr double kCrossing = 1e-7;
-/// Widening of faces and caps by a share of the size, which keeps ends on their border.
-inline constexpr double kBorder = 1e-6;
 /// Features are of an end of the line (0, 1) or of its middle, and of a part of B.
 inline constexpr std::uint32_t kEndCode = 0x10000U, kMiddle = 2;
 
@@ -95,9 +87,8 @@ Manifold contact_of_capsule(const Segment& line, double radius, const LineGap& f
   if (!(gap < margin)) return {};
   if (std::abs(found.normal.dot(line.axis)) <= kFlatSine) {
     const CapsulePoints both = add_feature(found.normal);
-    // Share of the margin by which the nearest point must be closer.
-    constexpr double kShare = 0.01;
-    if (both.manifold().count > 0 && (gap <= 0.0 || both.least_gap() <= gap + kShare * margin))
+    if (both.manifold().count > 0 &&
+        (gap <= 0.0 || both.least_gap() <= gap + kCloserShare * margin))
       return both.manifold();
   }
   CapsulePoints single(line, radius, found.normal, origin, margin);

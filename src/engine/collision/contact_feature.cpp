@@ -24,14 +24,15 @@ Vector3d velocity_of(const BodyState& body, const Vector3d& arm) {
 // Returns the region of a box that is nearest to a point, -1, 0 or 1 per axis. A point on a border
 // belongs to the side that it moves to.
 Eigen::Vector3i region_of(const Box& box, const Vector3d& point, const Vector3d& velocity) {
-  constexpr double kBorder = 1e-12;  // share of the size
+  // Share of the size within which a point counts as on a border: rounding of its coordinates.
+  constexpr double kOnBorder = 1e-12;
   Eigen::Vector3i region = Eigen::Vector3i::Zero();
   int inside = 0;
   for (int i = 0; i < 3; ++i) {
     const double half = 0.5 * box.size[i];
     const int side = point[i] < 0.0 ? -1 : 1;
     const double beyond = std::abs(point[i]) - half;
-    const bool is_on_border = std::abs(beyond) <= kBorder * box.size[i];
+    const bool is_on_border = std::abs(beyond) <= kOnBorder * box.size[i];
     const bool is_out = is_on_border ? side * velocity[i] > 0.0 : beyond > 0.0;
     if (is_out)
       region[i] = side;

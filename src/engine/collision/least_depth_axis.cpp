@@ -15,7 +15,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kParallelSine = 1e-8;
+/// Share of the product of curvatures below which their matrix counts as singular: Newton's method
+/// would step by rounding, and a step along the negative gradient is taken.
+constexpr double kSingularShare = 1e-12;
 
 }  // namespace
 
@@ -36,7 +38,7 @@ void LeastDepthAxis::take_face() {
     for (int i = solid->is_round ? 2 : 0; i < 3; ++i) {
       const double cosine = normal_.dot(solid->axes.col(i));
       if (std::abs(cosine) <= most) continue;
-      most = std::abs(cosine) * (1.0 + 1e-9);  // the first face where both are parallel
+      most = std::abs(cosine) * (1.0 + kLaterFaceShare);
       face = cosine < 0.0 ? Vector3d(-solid->axes.col(i)) : Vector3d(solid->axes.col(i));
     }
   }
@@ -50,8 +52,7 @@ void LeastDepthAxis::try_axis(const Vector3d& direction, double least_length) {
   if (!(length > least_length)) return;
   const Vector3d n = direction / (direction.dot(t_) < 0.0 ? -length : length);
   const double depth = depth_along(n);
-  // A later axis must be better by more than rounding, or ties would switch from step to step.
-  if (!(depth < depth_ - 1e-10 * size_)) return;
+  if (!(depth < depth_ - kTieShare * size_)) return;
   depth_ = depth;
   normal_ = n;
 }
@@ -121,7 +122,7 @@ void LeastDepthAxis::find_across(const Vector3d& axis, const Vector3d& beside) {
         here > depths[(k + kSamples - 1) % kSamples])
       continue;
     double low = place(k - 1), high = place(k + 1);
-    for (int i = 0; i < 60 && high - low > 1e-15; ++i) {
+    for (int i = 0; i < kMostBisections && high - low > kAngleRounding; ++i) {
       const double middle = 0.5 * (low + high);
       (slope(middle) > 0.0 ? high : low) = middle;
     }
@@ -157,7 +158,7 @@ void LeastDepthAxis::find_rims(int side_a, int side_b, double turn) {
     const double h_ab = -along_a.dot(along_b);
     const double determinant = h_aa * h_bb - h_ab * h_ab;
     double turn_a, turn_b;
-    if (h_aa > 0.0 && determinant > 1e-12 * h_aa * std::abs(h_bb)) {
+    if (h_aa > 0.0 && determinant > kSingularShare * h_aa * std::abs(h_bb)) {
       turn_a = -(h_bb * g_a - h_ab * g_b) / determinant;
       turn_b = -(h_aa * g_b - h_ab * g_a) / determinant;
     } else {  // step along the negative gradient
@@ -168,7 +169,7 @@ void LeastDepthAxis::find_rims(int side_a, int side_b, double turn) {
     const double share = most > 0.5 ? 0.5 / most : 1.0;
     e_a = (e_a + share * turn_a * a_.axis().cross(e_a)).normalized();
     e_b = (e_b + share * turn_b * b_.axis().cross(e_b)).normalized();
-    if (most < 1e-15) break;
+    if (most < kAngleRounding) break;
   }
   try_axis(a_.axis().cross(e_a).cross(b_.axis().cross(e_b)), kParallelSine);
   try_axis((c_a + a_.radius() * e_a) - (c_b + b_.radius() * e_b), kParallelSine * size_);

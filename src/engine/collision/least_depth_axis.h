@@ -3,15 +3,12 @@
 #include <cmath>
 
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/narrowphase_tolerances.h"
 #include "engine/collision/polytope.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
-
-/// Sine of the angle (2.56°) between contact normal and face normal, up to which a face touches
-/// with its area.
-constexpr double kFlatSine = 0.0447;
 
 /// A box, or a cylinder along its z axis, with axes in the world.
 struct Solid {

@@ -7,6 +7,7 @@
 
 #include "engine/collision/manifold_points.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/narrowphase_tolerances.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
@@ -84,10 +85,10 @@ Vector3d edge_axis(const BoxPair& pair, int i, int j) {
 /// digits, so both boxes are projected on the direction as computed, which never underestimates the
 /// depth.
 double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
-  constexpr double kParallelSine = 1e-12;  // below, face normals suffice
+  constexpr double kLeastEdgeSine = 1e-12;  // below, face normals suffice
   const Vector3d cross = edge_axis(pair, i, j);
   const double sine = cross.norm();
-  if (sine < kParallelSine) return kInfinity;
+  if (sine < kLeastEdgeSine) return kInfinity;
   const Vector3d n = cross / sine;
   return n.cwiseAbs().dot(pair.half_a) + (pair.C.transpose() * n).cwiseAbs().dot(pair.half_b) -
          std::abs(n.dot(pair.t));
@@ -98,14 +99,14 @@ double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
 [[gnu::always_inline]] inline Axis least_axis(const BoxPair& pair, double margin) {
   // Squared sine below which rounding exceeds 1e-12 of the size.
   constexpr double kFlatSquare = 1e-8;
-  constexpr double kRounding = 16.0 * kEpsilon;
+  constexpr double kOverlapRounding = 16.0 * kEpsilon;  // share of the size
   const auto& [h_a, h_b, C, t] = pair;
   Axis least = least_face(pair, margin);
   if (!(least.depth > -margin)) return least;
 
   // Depths along cross products of edges are overlaps over sines. Candidates are found without
   // square roots, with an allowance for rounding of the overlap.
-  const double rounding = kRounding * (h_a.sum() + h_b.sum() + t.cwiseAbs().sum());
+  const double rounding = kOverlapRounding * (h_a.sum() + h_b.sum() + t.cwiseAbs().sum());
   const double most = least.depth * std::abs(least.depth);
   std::array<double, 9> overlaps;
   std::array<double, 9> squares;
@@ -253,9 +254,7 @@ void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool 
   const std::uint32_t first_edge = is_of_b ? kEdgesOfBox : 0;
   const UpperFace face(other, side, kEdgesOfBox - first_edge);
 
-  // The reference face is slightly widened, so that a face with a flush border keeps its vertices
-  // and features under rounding.
-  const double wider = 1e-6 * std::min(pair.half_a.minCoeff(), pair.half_b.minCoeff());
+  const double wider = kWiderShare * std::min(pair.half_a.minCoeff(), pair.half_b.minCoeff());
   const double most_u = half[u] + wider;
   const double most_v = half[v] + wider;
   std::array<Polygon, 2> parts;
@@ -417,17 +416,14 @@ void lower_by_edges(const BoxPair& pair, int i, const SupportEdge& of_a, int j,
 /// `apart`: lower bound of their distance [m].
 void take_nearest(const BoxPair& pair, const BodyState& a, double apart, double margin,
                   Manifold* manifold) {
-  // Share of the margin by which nearest points must be closer, so that boxes about to rest keep
-  // their faces.
-  constexpr double kShare = 0.01;
   double least = margin;
   for (int i = 0; i < manifold->count; ++i)
     least = std::min(least, -manifold->points[static_cast<std::size_t>(i)].depth);
-  if (manifold->count > 0 && least <= apart + kShare * margin) return;
+  if (manifold->count > 0 && least <= apart + kCloserShare * margin) return;
   const Nearest nearest = nearest_points(pair);
   const double gap = std::sqrt(nearest.square);
   if (!(gap < least) || nearest.square < kSmallestSquare) return;
-  if (manifold->count > 0 && least <= gap + kShare * margin) return;
+  if (manifold->count > 0 && least <= gap + kCloserShare * margin) return;
   manifold->count = 0;
   const Matrix3d R = a.orientation.toRotationMatrix();
   manifold->normal = R * ((nearest.on_a - nearest.on_b) / gap);
@@ -488,13 +484,10 @@ Manifold collide_box_box(const Vector3d& size_a, const BodyState& a, const Vecto
   // A face contact with several points holds a box more firmly than a crossing of edges. The face
   // is also taken where the axis of the edges is nearly its normal, as with boxes at rest on each
   // other.
-  constexpr double kFaceCosine = 0.999;
-  // A's face is taken where both are parallel, so that rounding cannot switch faces and features.
-  constexpr double kParallel = 1e-6;
   const NearestFaces faces(pair, axis);
   if (std::max(faces.cosine_a, faces.cosine_b) < kFaceCosine)
     collide_edges(pair, axis, a, margin, &manifold);
-  else if (axis.b < 0 || faces.cosine_a > faces.cosine_b - kParallel)
+  else if (axis.b < 0 || faces.cosine_a > faces.cosine_b - kBothParallel)
     collide_faces(pair, faces.a, a, false, margin, &manifold);
   else
     collide_faces(pair, faces.b, b, true, margin, &manifold);

@@ -6,6 +6,7 @@
 
 #include "engine/collision/capsule_points.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/narrowphase_tolerances.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -34,8 +35,7 @@ class CrossedPolytope {
   }
 
  private:
-  // A later axis must be better by more than rounding, or ties would switch from step to step.
-  bool is_less(double depth) const { return depth < -least_.gap - 1e-10 * size_; }
+  bool is_less(double depth) const { return depth < -least_.gap - kTieShare * size_; }
   void take(const Vector3d& n, double depth, const Vector3d& on_b, int feature) {
     least_ = {n, -depth, on_b, kMiddle * kEndCode + static_cast<std::uint32_t>(feature)};
   }
@@ -47,7 +47,7 @@ class CrossedPolytope {
     const Vector3d from = b_.vertex(edge.from), way = b_.way(number);
     const Vector3d cross = way.cross(line_.axis);
     const double length = cross.norm();
-    if (!(length > kParallelLines * way.norm())) return;
+    if (!(length > kParallelSine * way.norm())) return;
     const Vector3d n = cross / (cross.dot(left + right) < 0.0 ? -length : length);
     const double depth = n.dot(from - line_.centre);
     if (!is_less(depth)) return;
@@ -65,7 +65,7 @@ LineGap gap_of(const Segment& line, const Polytope& b, double margin) {
   const NearestPoints nearest = nearest_points(line, b, margin);
   LineGap found;
   if (nearest.is_beyond) return found;
-  if (nearest.distance <= kCrossing * (line.half + b.radius))
+  if (nearest.distance <= kTouchingShare * (line.half + b.radius))
     return CrossedPolytope(line, b).find();
   found.normal = (nearest.on_a - nearest.on_b).normalized();
   found.gap = nearest.distance;
@@ -83,7 +83,7 @@ std::optional<PlaceRange> line_over_face(const Segment& line, const Polytope& b,
     const Vector3d from = b.vertex(b.corner(face, k).vertex);
     const Vector3d to = b.vertex(b.corner(face, (k + 1) % face.count).vertex);
     const Vector3d out = (to - from).cross(N).normalized();
-    const double beyond = out.dot(line.centre - from) - kBorder * b.radius;
+    const double beyond = out.dot(line.centre - from) - kWiderShare * b.radius;
     const double rate = out.dot(line.axis);
     if (rate == 0.0 && beyond > 0.0) return std::nullopt;
     if (rate > 0.0) part.to = std::min(part.to, -beyond / rate);
@@ -110,7 +110,7 @@ Manifold collide_line_polytope(const Segment& line, double radius, const Polytop
   const auto add_feature = [&](const Vector3d& n) {
     const int face = b.nearest_face(n);
     const Vector3d N = b.normal(face);
-    const bool is_on_face = n.dot(N) >= kAreaCosine;
+    const bool is_on_face = n.dot(N) >= kFaceCosine;
     CapsulePoints points(line, radius, is_on_face ? N : n, origin, margin);
     if (is_on_face) {
       const double level = b.reach_of_face(face);

@@ -6,6 +6,7 @@
 
 #include "engine/collision/capsule_points.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/narrowphase_tolerances.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -46,14 +47,14 @@ LineGap gap_of(const Segment& a, const Segment& b) {
   found.gap = std::sqrt(places.square);
   found.feature = kMiddle * kEndCode;
   const double size = a.half + b.half;
-  if (found.gap > kCrossing * size) {
+  if (found.gap > kTouchingShare * size) {
     found.normal = (a.at(places.s) - found.on_b) / found.gap;
     return found;
   }
   // Lines that cross part along their common normal, parallel ones across them.
   const Vector3d cross = a.axis.cross(b.axis);
   const double sine = cross.norm();
-  found.normal = sine > kParallelLines ? Vector3d(cross / sine) : a.axis.unitOrthogonal();
+  found.normal = sine > kParallelSine ? Vector3d(cross / sine) : a.axis.unitOrthogonal();
   if (found.normal.dot(a.centre - b.centre) < 0.0) found.normal = -found.normal;
   found.gap = -a.reach(-found.normal) - b.reach(found.normal);
   return found;
@@ -79,7 +80,7 @@ double nearest_place(const Segment& line, const Solid& cylinder) {
   double low = -line.half, high = line.half;
   if (slope(low) >= 0.0) return low;
   if (slope(high) <= 0.0) return high;
-  for (int i = 0; i < 60; ++i) {
+  for (int i = 0; i < kMostBisections; ++i) {
     const double middle = 0.5 * (low + high);
     (slope(middle) > 0.0 ? high : low) = middle;
   }
@@ -93,7 +94,7 @@ LineGap gap_of(const Segment& line, const Solid& b) {
   found.feature = kMiddle * kEndCode;
   const Vector3d apart = p - found.on_b;
   found.gap = apart.norm();
-  if (found.gap > kCrossing * (line.half + b.half.sum())) {
+  if (found.gap > kTouchingShare * (line.half + b.half.sum())) {
     found.normal = apart / found.gap;
     return found;
   }
@@ -115,7 +116,7 @@ std::optional<PlaceRange> line_over_cap(const Segment& line, const Solid& cylind
     return d - cylinder.axis() * cylinder.axis().dot(d);
   };
   const Vector3d x = in_cap(line.centre - cylinder.centre), d = in_cap(line.axis);
-  const double radius = cylinder.radius() * (1.0 + kBorder);
+  const double radius = cylinder.radius() * (1.0 + kWiderShare);
   const double place = -x.dot(d) / d.squaredNorm();
   const double square = radius * radius - (x + place * d).squaredNorm();
   if (!(square >= 0.0)) return std::nullopt;
@@ -181,7 +182,7 @@ Manifold collide_capsule_cylinder(const Capsule& capsule_a, const BodyState& a,
   const Vector3d k = cylinder.axis();
   const auto add_feature = [&](const Vector3d& n) {
     const double cosine = n.dot(k);
-    const bool is_on_cap = std::abs(cosine) >= kAreaCosine;
+    const bool is_on_cap = std::abs(cosine) >= kFaceCosine;
     const Vector3d N = cosine < 0.0 ? Vector3d(-k) : k;
     CapsulePoints points(line, capsule_a.radius, is_on_cap ? N : n, b.position, margin);
     if (is_on_cap) {

@@ -9,6 +9,7 @@
 #include "engine/collision/least_depth_axis.h"
 #include "engine/collision/manifold_points.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/narrowphase_tolerances.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 
@@ -17,10 +18,6 @@ namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-constexpr double kLevelSine = 1e-4;  // sine below which a cap has no lowest point
-// Relative widening of a clipping face, so that flush ones keep their points.
-constexpr double kWider = 1e-6;
 
 // ---- features
 
@@ -158,9 +155,9 @@ Vector2d over(const Feature& area, const Vector3d& n, const Vector3d& p) {
 
 bool is_over(const Feature& area, const Vector3d& n, const Vector3d& p) {
   const Vector2d x = over(area, n, p);
-  if (area.is_round) return x.norm() <= area.half_u * (1.0 + kWider);
-  return std::abs(x.x()) <= area.half_u * (1.0 + kWider) &&
-         std::abs(x.y()) <= area.half_v * (1.0 + kWider);
+  if (area.is_round) return x.norm() <= area.half_u * (1.0 + kWiderShare);
+  return std::abs(x.x()) <= area.half_u * (1.0 + kWiderShare) &&
+         std::abs(x.y()) <= area.half_v * (1.0 + kWiderShare);
 }
 
 /// Part of a line that lies over an area.
@@ -179,7 +176,7 @@ std::optional<Part> part_over(const Feature& area, const Vector3d& n, const Vect
     if (to < part.to) part.to = to, part.to_edge = to_edge;
   };
   if (area.is_round) {
-    const double radius = area.half_u * (1.0 + kWider);
+    const double radius = area.half_u * (1.0 + kWiderShare);
     const double a = d.squaredNorm(), b = x.dot(d), c = x.squaredNorm() - radius * radius;
     const double root = b * b - a * c;
     if (!(root >= 0.0) || a == 0.0) return std::nullopt;
@@ -189,7 +186,7 @@ std::optional<Part> part_over(const Feature& area, const Vector3d& n, const Vect
     cut(std::min(s_0, s_1), std::max(s_0, s_1), 0, 1);
   } else {
     for (int i = 0; i < 2; ++i) {
-      const double half = (i == 0 ? area.half_u : area.half_v) * (1.0 + kWider);
+      const double half = (i == 0 ? area.half_u : area.half_v) * (1.0 + kWiderShare);
       const auto edge = static_cast<std::uint32_t>(2 * i);
       if (d[i] == 0.0) {
         if (std::abs(x[i]) > half) return std::nullopt;
@@ -299,7 +296,7 @@ class Meeting {
       const Vector3d d = line.ends[1].p - line.ends[0].p;
       for (const Feature::End& end : of.ends) {
         const double s = d.dot(end.p - line.ends[0].p) / d.squaredNorm();
-        if (s < -kWider || s > 1.0 + kWider || manifold_.count == 2) continue;
+        if (s < -kWiderShare || s > 1.0 + kWiderShare || manifold_.count == 2) continue;
         const Vector3d beside = line.ends[0].p + s * d;
         if (&of == &a_)
           add(end.p, beside, code(end.code, b_.code, kNothing));

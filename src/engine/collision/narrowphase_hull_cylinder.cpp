@@ -9,6 +9,7 @@
 #include "engine/collision/least_depth_axis.h"
 #include "engine/collision/manifold_points.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/narrowphase_tolerances.h"
 #include "engine/collision/point_choice.h"
 #include "engine/collision/polytope.h"
 #include "engine/math/elementary.h"
@@ -41,9 +42,8 @@ class HullCylinderAxis {
   }
 
  private:
-  // A later axis must be better by more than rounding, or ties would switch from step to step.
   void take(const Vector3d& m, double depth) {
-    if (!(depth < depth_ - 1e-10 * size_)) return;
+    if (!(depth < depth_ - kTieShare * size_)) return;
     depth_ = depth;
     normal_ = -m;
   }
@@ -93,7 +93,7 @@ class HullCylinderAxis {
       double low = k * step, high = (k + 1) * step;
       const double rises = slope(high);
       if (falls < 0.0 && rises > 0.0) {
-        for (int i = 0; i < 60 && high - low > 1e-15; ++i) {
+        for (int i = 0; i < kMostBisections && high - low > kAngleRounding; ++i) {
           const double middle = 0.5 * (low + high);
           (slope(middle) > 0.0 ? high : low) = middle;
         }
@@ -110,8 +110,8 @@ class HullCylinderAxis {
   double depth_ = kInfinity;
 };
 
-// Relative widening of a clipping face, so that points on its border stay.
-constexpr double kWiderFace = 1e-6;
+/// Relative rounding of a cosine, within which a normal counts as within kFlatSine.
+constexpr double kCosineRounding = 1e-12;
 // Codes of features of the cylinder: its side, caps and points of rims. Features of the hull are
 // numbered after them: vertices, edges and faces.
 constexpr std::uint32_t kSideLine = 0, kCap = 1, kRim = 3, kCodes = 32;
@@ -193,7 +193,7 @@ class HullCylinderPoints {
   // Returns the part of p + t d, 0 ≤ t ≤ 1, that is over a face, seen along the normal.
   std::optional<LinePart> part_over_face(int number, const Vector3d& p, const Vector3d& d) const {
     const ConvexHull::Face& face = a_.face(number);
-    const double wider = kWiderFace * a_.radius;
+    const double wider = kWiderShare * a_.radius;
     LinePart part;
     for (int k = 0; k < face.count; ++k) {
       const ConvexHull::Corner& corner = a_.corner(face, k);
@@ -220,7 +220,7 @@ class HullCylinderPoints {
       return x - n_ * (k.dot(x) / k.dot(n_));
     };
     const Vector3d x = along_cap(p - b_.cap_centre(cap_)), y = along_cap(d);
-    const double radius = b_.radius() * (1.0 + kWiderFace);
+    const double radius = b_.radius() * (1.0 + kWiderShare);
     const double a = y.squaredNorm(), b = x.dot(y), c = x.squaredNorm() - radius * radius;
     const double root = b * b - a * c;
     if (!(root >= 0.0) || a == 0.0) return std::nullopt;
@@ -252,14 +252,13 @@ class HullCylinderPoints {
     const Vector3d N = a_.normal(number);
     const Vector3d in_cap = N - b_.axis() * b_.axis().dot(N);
     const double tilt = in_cap.norm();
-    constexpr double kLevel = 1e-4;
-    const Vector3d u = tilt < kLevel ? Vector3d(b_.axes.col(0)) : Vector3d(-in_cap / tilt);
+    const Vector3d u = tilt < kLevelSine ? Vector3d(b_.axes.col(0)) : Vector3d(-in_cap / tilt);
     const Vector3d v = b_.axis().cross(u);
     const Vector3d arms[] = {u, v, -u, -v};
     for (std::uint32_t k = 0; k < 4; ++k) {
       const Vector3d p = b_.cap_centre(cap_) + b_.radius() * arms[k];
       if (is_over(number, p))
-        add_on_face(number, p, code(5U + k + (tilt < kLevel ? 4U : 0U), face_code(number)));
+        add_on_face(number, p, code(5U + k + (tilt < kLevelSine ? 4U : 0U), face_code(number)));
     }
   }
 
@@ -311,13 +310,13 @@ class HullCylinderPoints {
     for (int end = 0; end < 2; ++end) {
       const Vector3d p = from_a + end * way_a;
       const double t = way_b.dot(p - from_b) / way_b.squaredNorm();
-      if (t >= -kWiderFace && t <= 1.0 + kWiderFace)
+      if (t >= -kWiderShare && t <= 1.0 + kWiderShare)
         add(p, from_b + t * way_b,
             code(kSideLine,
                  static_cast<std::uint32_t>(end == 0 ? a_.edge(edge).from : a_.edge(edge).to)));
       const Vector3d q = from_b + end * way_b;
       const double s = way_a.dot(q - from_a) / way_a.squaredNorm();
-      if (s > kWiderFace && s < 1.0 - kWiderFace)
+      if (s > kWiderShare && s < 1.0 - kWiderShare)
         add(from_a + s * way_a, q, code(kRim + static_cast<std::uint32_t>(end), edge_code(edge)));
     }
   }
@@ -356,8 +355,9 @@ class HullCylinderPoints {
 Vector3d with_flat_normal(const Polytope& a, const Solid& b, const Vector3d& n) {
   const int face = a.nearest_face(-n);
   const double of_face = -n.dot(a.normal(face)), of_cap = std::abs(n.dot(b.axis()));
-  if (std::max(of_face, of_cap) * (1.0 + 1e-12) < std::sqrt(1.0 - kFlatSine * kFlatSine)) return n;
-  if (of_face >= of_cap * (1.0 - 1e-9)) return -a.normal(face);
+  if (std::max(of_face, of_cap) * (1.0 + kCosineRounding) < std::sqrt(1.0 - kFlatSine * kFlatSine))
+    return n;
+  if (of_face >= of_cap * (1.0 - kLaterFaceShare)) return -a.normal(face);
   return n.dot(b.axis()) < 0.0 ? Vector3d(-b.axis()) : Vector3d(b.axis());
 }
 

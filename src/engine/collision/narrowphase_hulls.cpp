@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/narrowphase_tolerances.h"
 #include "engine/collision/point_choice.h"
 #include "engine/collision/polytope.h"
 
@@ -15,13 +16,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Cosine of the angle (2.56°) between axis and face normal, from which on a face is taken.
-constexpr double kFaceCosine = 0.999;
-// The face of A is taken where both are parallel, so that rounding cannot switch faces.
-constexpr double kBothParallel = 1e-6;
-// Share of the size below which the direction between nearest points is rounding: the axis of
-// least depth serves.
-constexpr double kNear = 1e-7;
 // Features of nearest points, beyond the features of edges.
 constexpr std::uint32_t kFirstNearest = 0x80000000U;
 
@@ -42,7 +36,7 @@ ContactAxis contact_axis(const Polytope& a, const Polytope& b, double margin) {
     found.axis.depth = -kInfinity;
     return found;
   }
-  if (found.nearest.distance > kNear * (a.radius + b.radius)) {
+  if (found.nearest.distance > kTouchingShare * (a.radius + b.radius)) {
     found.axis.normal = (found.nearest.on_a - found.nearest.on_b).normalized();
     found.axis.depth = -found.nearest.distance;
   } else {
@@ -107,8 +101,7 @@ void collide_faces(const Polytope& reference, int number, std::uint32_t first_ed
     const ConvexHull::Corner& corner = other.corner(opposed, k);
     polygon->add(other.vertex(corner.vertex), other_edge + static_cast<std::uint32_t>(corner.edge));
   }
-  // A slightly wider face keeps vertices on its border, whatever their rounding.
-  const double wider = 1e-6 * std::min(reference.radius, other.radius);
+  const double wider = kWiderShare * std::min(reference.radius, other.radius);
   for (int k = 0; k < face.count && polygon->count > 0; ++k) {
     const ConvexHull::Corner& corner = reference.corner(face, k);
     const Vector3d from = reference.vertex(corner.vertex);
@@ -178,10 +171,8 @@ Manifold collide_polytopes(const Polytope& a, const Polytope& b, const Vector3d&
       collide_faces(b, face_b, edges_of_a, a, 0, true, origin, &points);
     else
       collide_faces(a, face_a, 0, b, edges_of_a, false, origin, &points);
-    // Share of the margin by which nearest points must be closer than points of faces.
-    constexpr double kShare = 0.01;
     const bool is_close =
-        !found.is_apart() || points.least_gap() <= -found.axis.depth + kShare * margin;
+        !found.is_apart() || points.least_gap() <= -found.axis.depth + kCloserShare * margin;
     if (!points.is_empty() && is_close) {
       const Polytope& reference = is_of_b ? b : a;
       const Vector3d u =

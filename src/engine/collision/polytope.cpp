@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "engine/collision/narrowphase_tolerances.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
@@ -24,6 +25,15 @@ const ConvexHull& unit_cube() {
 }
 
 // ---- nearest points
+
+/// Volume of a tetrahedron, as a share of the product of three edges, below which it counts as flat
+/// and would hold 0 by rounding alone.
+constexpr double kFlatVolume = 1e-13;
+/// Square of the share of the size below which the distance of nearest points is rounding.
+constexpr double kTouchingSquare = 1e-28;
+/// Share of a squared distance by which another support must lower it, or the search ends: rounding
+/// of the products.
+constexpr double kLowerShare = 1e-15;
 
 /// A point of the difference of two polytopes, with the vertices that it comes from.
 struct Support {
@@ -100,8 +110,7 @@ class Simplex {
     } else {
       const Vector3d d_1 = p(1) - p(0), d_2 = p(2) - p(0), d_3 = p(3) - p(0);
       const double volume = d_1.dot(d_2.cross(d_3));
-      // A flat tetrahedron would hold 0 by rounding alone.
-      if (!(std::abs(volume) > 1e-13 * d_1.norm() * d_2.norm() * d_3.norm())) return false;
+      if (!(std::abs(volume) > kFlatVolume * d_1.norm() * d_2.norm() * d_3.norm())) return false;
       found[0] = p(1).dot(p(2).cross(p(3))) / volume;
       found[1] = -p(2).dot(p(3).cross(p(0))) / volume;
       found[2] = p(3).dot(p(0).cross(p(1))) / volume;
@@ -140,7 +149,7 @@ NearestPoints nearest_of(const A& a, const Polytope& b, double size, double marg
   NearestPoints nearest;
   for (int step = 0; step < kMostSteps; ++step) {
     const double square = v.squaredNorm();
-    if (!(square > 1e-28 * size * size) || simplex.count() == 4) {
+    if (!(square > kTouchingSquare * size * size) || simplex.count() == 4) {
       nearest.distance = 0.0;
       return nearest;
     }
@@ -150,7 +159,7 @@ NearestPoints nearest_of(const A& a, const Polytope& b, double size, double marg
       nearest.is_beyond = true;
       return nearest;
     }
-    if (simplex.has(next) || square - along <= 1e-15 * square) break;
+    if (simplex.has(next) || square - along <= kLowerShare * square) break;
     const Simplex before = simplex;
     simplex.add(next);
     const Vector3d better = simplex.reduce();
@@ -173,8 +182,6 @@ NearestPoints nearest_of(const A& a, const Polytope& b, double size, double marg
 }
 
 // ---- axes
-
-constexpr double kParallelEdges = 1e-8;
 
 /// Search for the axis of least depth.
 class AxisSearch {
@@ -223,9 +230,8 @@ class AxisSearch {
     return found;
   }
 
-  // A later axis must be better by more than rounding, or ties would switch from step to step.
   void take(const Vector3d& n, double depth, int edge_a, int edge_b) {
-    if (!(depth < least_.depth - 1e-10 * size_)) return;
+    if (!(depth < least_.depth - kTieShare * size_)) return;
     least_ = {n, depth, edge_a, edge_b};
   }
 
@@ -236,7 +242,7 @@ class AxisSearch {
     if (from_b * to_b > 0.0 || from_a * to_a > 0.0 || from_a * to_b < 0.0) return;
     const Vector3d cross = a.way.cross(b.way);
     const double sine = cross.norm();
-    if (!(sine > kParallelEdges)) return;
+    if (!(sine > kParallelSine)) return;
     const Vector3d outward = a.from + a.to;
     const Vector3d n = cross / (cross.dot(outward) > 0.0 ? -sine : sine);
     const double between = n.dot(b_.vertex(b_.edge(b.edge).from) - a_.vertex(a_.edge(a.edge).from));

@@ -34,8 +34,10 @@ bool can_be_beside_contacts(const Joint& joint) {
 /// impulse.
 void note_step_before(const List<TouchingPair>& before, const ShapePair& shapes, double mass,
                       ContactPair* pair) {
+  // Share of the greatest friction within which an impulse counts as on the border of the cone, and
+  // the point as slipping: wide against the 1e-7 within which BodyConeSolver holds a slip.
   constexpr double kAtCone = 1e-6;
-  constexpr double kRounding = 1e-12;  // [m/s]
+  constexpr double kSlipRounding = 1e-12;  // rounding of velocities [m/s]
   const TouchingPair* found = find_contact(before, shapes);
   if (found == nullptr) return;
   pair->touched = true;
@@ -43,7 +45,7 @@ void note_step_before(const List<TouchingPair>& before, const ShapePair& shapes,
     const double normal = found->impulses[k].dot(found->manifold.normal);
     const double along = (found->impulses[k] - normal * found->manifold.normal).norm();
     const double most = (1.0 - kAtCone) * pair->friction * std::abs(normal);
-    pair->stuck = pair->stuck || along <= most + kRounding * mass;
+    pair->stuck = pair->stuck || along <= most + kSlipRounding * mass;
   }
 }
 

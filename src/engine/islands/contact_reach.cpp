@@ -40,9 +40,11 @@ double gap_across(const Model& model, const State& state, const Broadphase::Pair
   if (of_a == nullptr || of_b == nullptr) return -kInfinity;
   const Vector3d normal =
       (a.state().orientation * Vector3d::UnitZ()).cross(b.state().orientation * Vector3d::UnitZ());
-  constexpr double kParallelSine = 1e-3;
+  // Sine of the angle between the axes below which their common normal is too inexact for a bound:
+  // rounding turns it by 1e-16 over the sine.
+  constexpr double kLeastCrossingSine = 1e-3;
   const double sine = normal.norm();
-  if (sine < kParallelSine) return -kInfinity;
+  if (sine < kLeastCrossingSine) return -kInfinity;
   return std::abs(normal.dot(a.state().position - b.state().position)) / sine - of_a->radius -
          of_b->radius;
 }

@@ -68,9 +68,11 @@ void set_velocities(const Eigen::Vector3d& p_dot, const BodyState& a, const Body
 /// plane; box with box and plane; capsule with plane.
 bool has_features(const Shape& a, const Shape& b);
 
-/// Adds the features by which two shapes may touch at their present poses, in an order allowed by
-/// has_features(). Their number does not depend on the poses. The centre of a sphere inside a box
-/// touches the nearest face.
+/// Adds the features by which shapes A and B may touch at their present poses. The order of the
+/// shapes has features: a sphere is A of a box or plane, and a box or capsule is A of a plane.
+/// Throws std::logic_error for an order for which has_features() is false. The number of features
+/// of a pair is the same at every pose; two boxes fill it up with kNothing. The centre of a sphere
+/// inside a box touches the nearest face.
 void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
                   const BodyState& b, const ContactTolerances& within,
                   List<ContactFeature>* features);

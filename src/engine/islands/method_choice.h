@@ -13,15 +13,18 @@ namespace constraint_sim::engine {
 // The plan (`explain`) and the reports show the choice with its reason. In names, "substeps" are
 // runge_kutta, "gradients" energy_momentum and "jumps" laws that need event_driven.
 
-/// Memory of an island that decides its method, beside its bodies and joints. An edit clears it.
+/// Memory of an island that decides its method, beside its bodies and joints. An edit clears all
+/// but the fields that after_edit() keeps.
 struct IslandMemory {
   std::uint64_t quiet_for = 0;    ///< steps in a row in which nothing moved noticeably
   bool is_stiff = false;          ///< as measured in the last interval
   int stiff_ticks = 0;            ///< stiff intervals in a row; expensive ones count several times
   std::uint64_t stiff_until = 0;  ///< step before which a stiff island stays stiff
-  std::uint64_t refused_until = 0;           ///< step before which impulses advance the island
-  std::uint64_t contacts_refused_until = 0;  ///< step before which its contacts are not by events
-  /// Reason why impulses took over its contacts; kSmooth: impulses did not, or events have them.
+  std::uint64_t refused_until = 0;  ///< step before which impulses advance the island
+  /// Step before which impulses advance the contacts of the island, and event_driven does not.
+  std::uint64_t contacts_refused_until = 0;
+  /// Reason why impulses took the contacts of the island over from event_driven; kSmooth: they did
+  /// not, or event_driven advances the contacts again.
   MethodReason left_for = MethodReason::kSmooth;
   std::uint64_t touched_until = 0;        ///< step until which its last contact counts as recent
   std::uint64_t inconsistent_until = 0;   ///< step before which its joints count as inconsistent

@@ -1,7 +1,5 @@
 #include "engine/impulses/row_system.h"
 
-#include <algorithm>
-
 namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
@@ -38,7 +36,7 @@ void RowSystem::prepare_bodies(const List<int>& moved, const Bodies& bodies, con
   }
   inertias_.resize(bodies.size());
   effects_.resize(bodies.size());
-  parents_.resize(bodies.size());
+  connected_.resize(bodies.size());
   components_.resize(bodies.size());
   for (const Row& row : rows)  // kinematic and static bodies
     for (const int body : {row.body_a, row.body_b})
@@ -54,7 +52,7 @@ void RowSystem::prepare_body(int index, bool is_moved, const Bodies& bodies, con
   velocities_[i] = twist(bodies[i].linear_velocity, bodies[i].angular_velocity);
   corrections_[i].setZero();
   effects_[i].setZero();
-  parents_[i] = index;
+  connected_.isolate(index);
   components_[i] = Component{};
   Inertia& inertia = inertias_[i];
   inertia.is_moved = is_moved;
@@ -68,25 +66,14 @@ void RowSystem::prepare_body(int index, bool is_moved, const Bodies& bodies, con
 
 // Connects bodies to components by their rows.
 void RowSystem::connect(const List<Row>& rows) {
-  const auto root_of = [this](int body) {
-    while (parents_[body] != body) {
-      parents_[body] = parents_[parents_[body]];
-      body = parents_[body];
-    }
-    return body;
-  };
-  const auto join = [&](int body_a, int body_b) {
-    const int a = root_of(body_a);
-    const int b = root_of(body_b);
-    parents_[std::max(a, b)] = std::min(a, b);
-  };
   const auto moved_body = [this](const Row& row) {
     return is_moved(row.body_a) ? row.body_a : row.body_b;
   };
   for (const Row& row : rows) {
-    if (row.normal_row == Row::kCoupledPart) join(moved_body(*(&row - 1)), moved_body(row));
+    if (row.normal_row == Row::kCoupledPart)
+      connected_.join(moved_body(*(&row - 1)), moved_body(row));
     if (!is_moved(row.body_a) || !is_moved(row.body_b)) continue;
-    join(row.body_a, row.body_b);
+    connected_.join(row.body_a, row.body_b);
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/row.h"
+#include "engine/math/disjoint_sets.h"
 #include "engine/math/list.h"
 #include "engine/model/mass_properties.h"
 #include "engine/model/twist.h"
@@ -80,11 +81,8 @@ class RowSystem {
   }
 
   // ---- components; undefined without rows
-  int component_of(int body) const {
-    while (parents_[body] != body) body = parents_[body];
-    return body;
-  }
-  bool is_component(int body) const { return parents_[body] == body; }
+  int component_of(int body) const { return connected_.root(body); }
+  bool is_component(int body) const { return connected_.is_root(body); }
   bool corrects(int component) const { return components_[component].corrects; }
   /// Whether rows connect the component with a body that impulses do not move.
   bool is_attached(int component) const { return components_[component].is_attached; }
@@ -110,7 +108,7 @@ class RowSystem {
   List<Twist> before_, velocities_, corrections_, effects_;  // per body
   List<Eigen::Vector3d> by_loads_;  // change of the linear velocity by gravity and wrenches
   List<Inertia> inertias_;
-  List<int> parents_;  // union-find: parent of each body; a root, its own parent, is a component
+  DisjointSets<int> connected_;  // bodies that rows connect; a root is a component
   List<Component> components_;
   List<RowResponse> responses_;  // per row
   double h_ = 0.0;

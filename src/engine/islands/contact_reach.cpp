@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "engine/collision/narrowphase.h"
 #include "engine/islands/motion_bounds.h"
@@ -118,7 +117,7 @@ bool ContactReach::grow(const StepContext& step, const State& state, const Islan
   if (watched_pairs_.empty()) return false;
   bool any_grown = false;
   for (const int i : awake.islands) {
-    const GroupSize& size = sizes_[leader_of_[i]];
+    const GroupSize& size = sizes_[leader_of(to_index(i))];
     if (!size.has_pairs || !(size.is_elastic || size.bodies <= group_limits(model.options).bodies))
       continue;
     for (const int body : lists.island_parts[i].members.bodies) {
@@ -130,29 +129,23 @@ bool ContactReach::grow(const StepContext& step, const State& state, const Islan
   return any_grown;
 }
 
-// Connects the islands of pairs that may touch, by union-find. The first island of a set leads it.
+// Connects the islands of pairs that may touch. The first island of a set leads it.
 // Watches nothing once the step is asked to stop.
 void ContactReach::watch_pairs(const StepContext& step, const State& state, std::size_t islands,
                                const List<Broadphase::Pair>& pairs) {
   const Topology& topology = step.topology;
   watched_pairs_.clear();
-  List<int>& leader = leader_of_;
-  leader.resize(islands);
-  std::iota(leader.begin(), leader.end(), 0);
-  const auto find = [&](int i) {
-    while (leader[i] != i) i = leader[i] = leader[leader[i]];
-    return i;
-  };
+  groups_.reset(islands);
   for (const Broadphase::Pair& pair : pairs) {
     if (is_set(step.stop)) return watched_pairs_.clear();
     const auto apart = separation_to_watch(step.model, topology, state, pair);
     if (!apart) continue;
     watched_pairs_.push_back({pair, *apart});
     const int a = topology.island_of(pair.first), b = topology.island_of(pair.second);
-    if (a >= 0 && b >= 0) leader[std::max(find(a), find(b))] = std::min(find(a), find(b));
+    if (a >= 0 && b >= 0) groups_.join(a, b);
   }
   if (watched_pairs_.empty()) return;
-  for (int i = 0; i < static_cast<int>(islands); ++i) leader[i] = find(i);
+  groups_.flatten();
 }
 
 // Counts the members of possible groups, by leader: most groups in a heap are too large, and need
@@ -166,7 +159,7 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
   for (const auto& [pair, apart] : watched_pairs_) {
     if (is_set(step.stop)) return watched_pairs_.clear();
     const int island = std::max(topology.island_of(pair.first), topology.island_of(pair.second));
-    GroupSize& size = sizes_[leader_of_[island]];
+    GroupSize& size = sizes_[leader_of(to_index(island))];
     size.has_pairs = true;
     for (const int body : {pair.first, pair.second})  // kinematic bodies may hit the others
       if (!model.is_movable(to_index(body))) size.reach = std::max(size.reach, reach_[body]);
@@ -181,7 +174,7 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
     size.is_settled = size.is_settled && is_settled(step, state, pair, apart);
   }
   for (const int i : awake.islands) {
-    GroupSize& size = sizes_[leader_of_[i]];
+    GroupSize& size = sizes_[leader_of(to_index(i))];
     size.was_handed = size.was_handed || lists.island_parts[i].left_for != MethodReason::kSmooth;
     const List<int>& members = lists.island_parts[i].members.bodies;
     size.bodies += members.size();

@@ -10,6 +10,7 @@
 #include "engine/islands/step.h"
 #include "engine/islands/topology.h"
 #include "engine/islands/watched_pair.h"
+#include "engine/math/disjoint_sets.h"
 #include "engine/math/list.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
@@ -49,7 +50,7 @@ class ContactReach {
   /// Pairs that may touch within the step.
   const List<WatchedPair>& watched_pairs() const { return watched_pairs_; }
   /// The first island that watched pairs connect with an island; only where there are such pairs.
-  int leader_of(std::size_t island) const { return leader_of_[island]; }
+  int leader_of(std::size_t island) const { return groups_.root(static_cast<int>(island)); }
   const GroupSize& size_of_group(int leader) const { return sizes_[leader]; }
 
   void forget_pairs() { watched_pairs_.clear(); }
@@ -70,10 +71,10 @@ class ContactReach {
                                                 const Broadphase::Pair& pair) const;
 
   List<WatchedPair> watched_pairs_;
-  List<int> leader_of_;     // first island of the possible group of each island
-  List<GroupSize> sizes_;   // by leader
-  List<double> reach_;      // reach of each body, whatever hits the body [m]
-  List<double> own_reach_;  // reach of each body while nothing hits the body [m]
+  DisjointSets<int> groups_;  // islands of possible groups
+  List<GroupSize> sizes_;     // by leader
+  List<double> reach_;        // reach of each body, whatever hits the body [m]
+  List<double> own_reach_;    // reach of each body while nothing hits the body [m]
 };
 
 }  // namespace constraint_sim::engine

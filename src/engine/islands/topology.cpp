@@ -1,10 +1,10 @@
 #include "engine/islands/topology.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/disjoint_sets.h"
 
 namespace constraint_sim::engine {
 
@@ -49,22 +49,16 @@ bool Topology::is_unpaired(const std::pair<int, int>& bodies) const {
 void Topology::find_loops(const Model& model, const List<JointState>& joint_states,
                           const List<IslandParts>& islands) {
   List<bool> has_loop(islands.size(), false);
-  List<std::size_t> towards(model.bodies.size());
-  std::iota(towards.begin(), towards.end(), std::size_t{0});
-  const auto root = [&](std::size_t body) {
-    if (!model.is_movable(body)) return std::size_t{0};
-    while (towards[body] != body) body = towards[body] = towards[towards[body]];
-    return body;
+  DisjointSets<std::size_t> connected(model.bodies.size());
+  const auto member = [&](std::size_t body) {
+    return model.is_movable(body) ? body : std::size_t{0};
   };
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     const Joint& joint = model.joints[j];
     if (!acts(joint, joint_states[j]) || !is_always_rigid(joint)) continue;
     if (couples_joints(joint.kind)) continue;
     const auto [a, b] = joint_ends_[j];
-    if (root(a) == root(b))
-      has_loop[island_of_joint(model, j)] = true;
-    else
-      towards[std::max(root(a), root(b))] = std::min(root(a), root(b));
+    if (!connected.join(member(a), member(b))) has_loop[island_of_joint(model, j)] = true;
   }
   is_in_loop_.assign(model.joints.size(), false);
   for (std::size_t i = 0; i < islands.size(); ++i)

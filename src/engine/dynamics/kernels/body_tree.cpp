@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "engine/math/disjoint_sets.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {
@@ -100,17 +101,10 @@ bool find_closings(const IslandModel& island, List<char>* closes) {
     if (has_laws(i) != has_laws(j)) return has_laws(i);
     return info(links[i].kind).rows > info(links[j].kind).rows;
   });
-  List<std::size_t> group(ground + 1);  // towards a body of each connected group
-  for (std::size_t i = 0; i <= ground; ++i) group[i] = i;
-  const auto group_of = [&](std::size_t point) {
-    std::size_t i = std::min(point, ground);
-    while (group[i] != i) i = group[i] = group[group[i]];
-    return i;
-  };
+  DisjointSets<std::size_t> connected(ground + 1);
   for (const std::size_t l : order) {
-    const std::size_t a = group_of(links[l].a), b = group_of(links[l].b);
-    if (a == b) (*closes)[l] = 1;
-    group[a] = b;
+    const std::size_t a = std::min(links[l].a, ground), b = std::min(links[l].b, ground);
+    if (!connected.join(a, b)) (*closes)[l] = 1;
   }
   return true;
 }

@@ -11,6 +11,10 @@
 
 namespace constraint_sim::engine {
 
+/// Largest error of a joint that counts as closed [m], [rad] for angles: above what methods and
+/// rounding leave (1e-9), and below what shows. Reports leave out smaller errors.
+inline constexpr double kClosedError = 1e-6;
+
 /// Prescribed errors of a closing joint at one time. Each error goes from its start in
 /// ErrorsToClose to zero. Refers to the errors that it is made from.
 class ClosingErrors {

@@ -1,13 +1,11 @@
 #include "engine/constraints/coupling.h"
 
 #include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 
-double lead(const Joint& screw) {
-  constexpr double kTurn = 2.0 * 3.14159265358979323846;
-  return screw.pitch / kTurn;
-}
+double lead(const Joint& screw) { return screw.pitch / (2.0 * kPi); }
 
 void read_coupling(const CoupledTerms& terms, const List<JointState>& states,
                    CouplingState* coupling) {

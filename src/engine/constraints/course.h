@@ -4,6 +4,7 @@
 
 #include "constraint_sim/engine/joint.h"
 #include "engine/math/elementary.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 
@@ -15,9 +16,7 @@ struct Prescribed {
 };
 
 /// Returns the angular frequency ω of ζ [rad/s].
-inline double motor_omega(const Motor& motor) {
-  return 2.0 * 3.14159265358979323846 * motor.frequency;
-}
+inline double motor_omega(const Motor& motor) { return 2.0 * kPi * motor.frequency; }
 
 /// Returns ∫ζ dt from t to t + h [m].
 inline double motor_travel(const Motor& motor, double t, double h) {

@@ -19,7 +19,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kFits = 1e-6;  // largest error that counts as none [m]
+constexpr double kFits = kClosedError;  // largest error that counts as none [m]
 // Share of the initial error below which a joint counts as closed.
 constexpr double kClosedShare = 0.01;
 

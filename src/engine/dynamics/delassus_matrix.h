@@ -16,8 +16,9 @@ namespace constraint_sim::engine {
 /// the elimination, with redundant rows last.
 class DelassusMatrix {
  public:
-  /// Rows are independent where no pivot falls below this share of its diagonal entry. A kernel
-  /// leaves other matrices to the general equations.
+  /// Rows are independent where no pivot falls below this share of its diagonal entry: the pivot
+  /// has kept half of its digits. A kernel leaves other matrices to the general equations, those of
+  /// its own elimination included.
   static constexpr double kLeastPivot = 1e-8;
 
   /// Lists the entries of A with their sources. Without factors until factor().

@@ -38,9 +38,9 @@ double EndpointEstimate::first(double h, bool is_order_4, int parts, std::size_t
 }
 
 double EndpointEstimate::next(double h, bool is_order_4, int parts, std::size_t bodies) {
-  const bool is_equal = std::abs(h - tick_) <= 1e-9 * h;
-  return keep(h,
-              is_equal ? largest(before_, last_, end_, h, is_order_4, parts, bodies) : estimate_);
+  return keep(h, are_equal_steps(h, tick_)
+                     ? largest(before_, last_, end_, h, is_order_4, parts, bodies)
+                     : estimate_);
 }
 
 double EndpointEstimate::largest(const Points& a, const Points& b, const Points& c, double h,

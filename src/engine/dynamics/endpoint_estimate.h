@@ -1,11 +1,16 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstddef>
 
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {
+
+/// Whether two steps have the same length up to rounding [s]. Lengths are differences of times, and
+/// times after some million steps are rounded to 1e-9 of a step.
+inline bool are_equal_steps(double h, double before) { return std::abs(h - before) <= 1e-9 * h; }
 
 /// Positions and velocities of points at one time: the centre of mass of each body, and three
 /// points of each rotating body at the radius of gyration along its axes.

@@ -139,7 +139,7 @@ double JointForces::frequency(const IslandModel& island, const IntervalInputs& i
       force = std::abs(forces[of_single(island, l)]);
       const double distance =
           island.is_rod(l) ? inputs.length()[l].value : kinematics.separation()[l].norm();
-      across = force / std::max(distance, 1e-9 * scale);
+      across = force / std::max(distance, kCoincidentPoints * scale);
     }
     for (const auto& [point, anchor] :
          {std::pair(link.a, link.anchor_a), {link.b, link.anchor_b}}) {

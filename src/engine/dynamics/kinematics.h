@@ -14,6 +14,10 @@
 
 namespace constraint_sim::engine {
 
+/// Distance of two points, as a share of an island's size, below which they coincide: rounding of
+/// positions leaves them without a direction. Frequencies of a link divide by no shorter distance.
+inline constexpr double kCoincidentPoints = 1e-9;
+
 struct KernelView;
 
 /// Pose and velocities of an island as of the last evaluation, and the Jacobian G of its rows with

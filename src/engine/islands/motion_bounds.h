@@ -33,9 +33,6 @@ double thinner_of(const Model& model, const ShapePair& pair);
 /// Tolerances of contacts between two shapes.
 ContactTolerances tolerances_of(const Model& model, const State& state, const ShapePair& pair);
 
-/// Largest displacement of two bodies in a step that is not fast, as a share of the smaller
-/// thickness.
-inline constexpr double kFastShare = 0.25;
 /// Share of the smaller thickness up to which contacts with a gap are sought: larger margins than a
 /// tenth of the smallest half edge would miss features of boxes.
 inline constexpr double kMarginShare = 0.05;

@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "engine/constraints/closing_errors.h"
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
@@ -21,7 +22,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kTold = 1e-6;  // error of a joint below which it is not reported [m or rad]
+constexpr double kTold = kClosedError;  // [m or rad] smaller errors of joints are not reported
 
 /// Numbers of bodies, joints and islands of a world, by kind.
 struct Counts {
@@ -338,7 +339,7 @@ std::string text_of_opening(const World& world, JointId id) {
     parts.push_back("length " + shown_figure(std::abs(state.error)) + " m off");
   else
     parts = open_parts(world, joint, state);
-  if (couples(joint.kind) && std::abs(state.to_close.coupling) > 1e-6)
+  if (couples(joint.kind) && std::abs(state.to_close.coupling) > kTold)
     parts.push_back("coupling " + shown_figure(std::abs(state.to_close.coupling)) +
                     (starts_with_angle(world, joint) ? " rad off" : " m off"));
   std::string line;

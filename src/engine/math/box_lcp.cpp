@@ -15,7 +15,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDependentPivot = kDependent;
 constexpr double kBoxSolved = 1e-11;  // share of the largest residual |a| without x
 
 // Returns zero moved into the bounds; not by Eigen's maximum, which may return zero of either sign.
@@ -106,7 +105,7 @@ bool ActiveSet::set_free(Index row) {
   const double pivot = problem_.A(row, row) - math::dot(column, along);
   free_.push_back(row);
   // A dependent row changes together with the rows that it depends on, until a bound is reached.
-  if (pivot < kDependentPivot) {
+  if (pivot < kDependent) {
     VectorXd direction(along.size() + 1);
     direction << -along, 1.0;
     if (!move(a_[row] > 0.0 ? VectorXd(-direction) : direction, true)) return false;

@@ -12,9 +12,8 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double kNoRate = 1e-8;            // share of the largest rate; less is zero
-constexpr double kDependentShares = 1e-10;  // share of the largest pivot; less is dependent
-constexpr double kNoDirection = 1e-6;       // share of a unit impulse; less is no other sharing
+constexpr double kNoRate = 1e-8;       // share of the largest rate; less is zero
+constexpr double kNoDirection = 1e-6;  // share of a unit impulse; less is no other sharing
 
 double shared_response(const ConeProblem& problem, std::size_t row, std::size_t column) {
   return problem.A[problem.b.size() * column + row];
@@ -25,7 +24,7 @@ double shared_response(const ConeProblem& problem, std::size_t row, std::size_t 
 double ImpulseSharing::indeterminate_rate(const ConeProblem& problem, const List<double>& p) {
   if (!list_loaded(problem, p) || unknowns_.size() < 2) return 0.0;
   set_matrix(problem);
-  factors_.factor(kDependentShares);
+  factors_.factor(LeastNormSolver::kDependentPivot);
   if (factors_.is_regular()) return 0.0;
   double largest = 0.0;
   for (std::size_t i = 0; i < unknowns_.size(); ++i) {

@@ -12,6 +12,11 @@ namespace constraint_sim::engine {
 /// known to be regular. Keeps its storage.
 class LeastNormSolver {
  public:
+  /// Columns of rows of contacts and joints, scaled to like sizes, are dependent where they add
+  /// less than this share of the largest pivot: rounding leaves shares of 1e-15, while rows that
+  /// depend on each other by a small angle add about the square of the angle [rad].
+  static constexpr double kDependentPivot = 1e-10;
+
   /// Returns storage for n × n numbers by columns, to be filled before factor() or
   /// factor_regular().
   double* resize(std::size_t n);

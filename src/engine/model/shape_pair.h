@@ -4,6 +4,11 @@
 
 namespace constraint_sim::engine {
 
+/// Largest displacement of two shapes relative to each other, as a share of the smaller thickness,
+/// in a step that is not fast and in a substep between events. The shapes cannot pass through each
+/// other within it, and a deep overlap still shows the side from which they came.
+inline constexpr double kFastShare = 0.25;
+
 /// Two convex shapes of different bodies: the bodies by index, and of each the number of its part.
 /// A body of one shape has part 0.
 struct ShapePair {

@@ -35,8 +35,6 @@ constexpr double kMostCrept = 0.0125;
 // Reported rise of energy beyond rounding and tolerance, as a share of the largest kinetic energy.
 // Smooth methods stay within 1e-9, and no plot shows less than 1e-6.
 constexpr double kRise = 1e-6;
-constexpr double kFits =
-    1e-6;  // error of an edited joint up to which there is nothing to close [m]
 // Relative roundings of a step: kRounding for some ten operations on a body, kRoundingOfSweeps for
 // sweeps over rows, whose impulses exceed the resulting motion by the ratio of masses.
 constexpr double kRounding = 16.0 * kEpsilon, kRoundingOfSweeps = 1e-11;
@@ -162,7 +160,7 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
     for (const int index : parts.members.joints) {
       const Joint& joint = model.joints[index];
       if (is_rigid(joint))  // a rigid joint closes its error from the first step on
-        parts.energy.was_driven |= std::abs(state.joint_states[index].error) > kFits;
+        parts.energy.was_driven |= std::abs(state.joint_states[index].error) > kClosedError;
       else
         parts.has_limited_spring |= joint.motor.max_force > 0.0;
     }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <string>
 
+#include "engine/constraints/closing_errors.h"
 #include "engine/dynamics/robots/mass_factors.h"
 #include "engine/dynamics/robots/robot_tree.h"
 #include "engine/dynamics/robots/tree_quantities.h"
@@ -26,9 +27,6 @@ using Eigen::VectorXd;
 
 // Share of a diagonal entry of M below which a pivot is rounding.
 constexpr double kLeastPivot = 1e-12;
-// Error of a joint beyond which a joint that is being closed is open, as JointState::closing has it
-// [m], [rad].
-constexpr double kOpen = 1e-6;
 
 List<Vector3d> falls_of(const Model& model, const RobotTree& robot) {
   List<Vector3d> falls;
@@ -96,7 +94,7 @@ RobotDynamics::Impl::Impl(const WorldImpl& world, const List<std::size_t>& seeds
 void RobotDynamics::Impl::check_closed(const WorldImpl& world) const {
   for (std::size_t i = 0; i < robot.tree().bodies.size(); ++i) {
     const TreeBody& body = robot.tree().bodies[i];
-    if (body.link == kNoIndex || !(pose.opening(i) > kOpen)) continue;
+    if (body.link == kNoIndex || !(pose.opening(i) > kClosedError)) continue;
     const std::size_t j = joints[robot.joints()[body.link]];
     if (world.joint_states[j].closing)
       refuse("body", "constraint " + in_quotes(world.joints[j].name) + " is still open by " +

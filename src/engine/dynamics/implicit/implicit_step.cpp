@@ -12,9 +12,9 @@ namespace {
 using Eigen::Vector3d;
 using Kind = ImplicitLink::Kind;
 
-// A row depends on others in this step where its pivot falls below this share of its diagonal
-// entry.
-constexpr double kDependentPivot = 1e-10;
+// A row depends on others in this step where its pivot, in the elimination of G M⁻¹ Gᵀ, falls below
+// this share of its diagonal entry.
+constexpr double kDependentInStep = 1e-10;
 // Largest frequency, over the spin, that forces of a rotation itself may make.
 constexpr double kCentrifugal = 2.0;
 
@@ -86,7 +86,7 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
 
 // Leaves dependent rows without λ in this step, since their λ is not unique and would drift.
 bool ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
-  if (!equations->find_dependent(t, motion_.positions(), motion_.orientations(), kDependentPivot,
+  if (!equations->find_dependent(t, motion_.positions(), motion_.orientations(), kDependentInStep,
                                  &is_dependent_))
     return false;
   leave_out_momentary_rows(true, *equations);
@@ -198,7 +198,8 @@ void ImplicitStep::find_frequencies(const Unknowns& unknowns) {
     double stiffness = 0.0;
     if (link.kind == Kind::kRod) stiffness = std::abs(force_of(link, unknowns));
     if (link.kind == Kind::kSpring)
-      stiffness = std::abs(force_of(link, unknowns)) / std::max(state.d.norm(), 1e-9 * scale_);
+      stiffness =
+          std::abs(force_of(link, unknowns)) / std::max(state.d.norm(), kCoincidentPoints * scale_);
     for (std::size_t e = 0; e < 2; ++e) {
       const ImplicitEnd& end = link.ends[e];
       if (end.dofs == 0) continue;

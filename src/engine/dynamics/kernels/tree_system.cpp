@@ -17,9 +17,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A pivot below this share of its diagonal entry has lost half of its digits to the masses of the
-// subtree.
-constexpr double kLeastPivot = 1e-8;
 // Near a singular pose of a loop, where pivots fall as squares of angles, the rows go on.
 constexpr double kLeastPivotOfLoops = 1e-6;
 constexpr double kPivotToReturn = 1e-4;
@@ -32,7 +29,7 @@ constexpr double kMostSizes = 1.0;
 constexpr double kMostOpening = 1e-2;
 constexpr double kMostRateChange = 1e-3;
 constexpr double kSlowest = 1e-6;                      // [1/s]
-constexpr double kTurn = 6.283185307179586;            // [rad]
+constexpr double kTurn = 2.0 * kPi;                    // [rad]
 constexpr double kTurnBelow = 2.4492935982947064e-16;  // the rest of a turn [rad]
 
 constexpr StagesWithForces<DormandPrince5> kForcesOfOrder5;
@@ -114,7 +111,7 @@ bool TreeSystem::read(double t) {
   move_with_time(t, memory.state());
   closings_.select(equations_.redundant().is_redundant());
   place_start(t);
-  if (!(dynamics_.least_pivot(tree_) > kLeastPivot)) state_.set_ill_conditioned();
+  if (!(dynamics_.least_pivot(tree_) > DelassusMatrix::kLeastPivot)) state_.set_ill_conditioned();
   if (!closings_.empty() && !are_loops_regular(kPivotToReturn)) state_.leave_step_to_rows();
   if (state_.is_left_to_rows()) return false;
   start(t);
@@ -354,7 +351,7 @@ bool TreeSystem::restart(double* y, double* dydt) {
   }
   state_.note_size();
   state_.set_placed(true);
-  if (!(dynamics_.least_pivot(tree_) > kLeastPivot)) state_.set_ill_conditioned();
+  if (!(dynamics_.least_pivot(tree_) > DelassusMatrix::kLeastPivot)) state_.set_ill_conditioned();
   if (!closings_.empty()) {
     if (!closings_.can_count_turns(substep_) || !are_loops_regular(kLeastPivotOfLoops))
       state_.leave_step_to_rows();

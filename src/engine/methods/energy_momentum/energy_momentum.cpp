@@ -181,7 +181,7 @@ bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equation
 bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
                           IntegrationResult* progress) {
   ImplicitRule rule = ImplicitRule::kMidpoint;
-  const bool goes_on = std::abs(h - step_before_) <= 1e-9 * h;
+  const bool goes_on = are_equal_steps(h, step_before_);
   if (goes_on && mode_ == ImplicitMode::kDissipate) rule = ImplicitRule::kBdf2;
   if (!step_equations_.begin(t, h, rule, equations)) return false;
   unknowns_ = found_[stage];

@@ -147,8 +147,8 @@ int InconsistentMotion::number_of_parts(const EquationsOfMotion& equations, doub
                      targets_.fixed().linear[joint.b] - targets_.fixed().linear[joint.a];
     if (joint.a < bodies_.rotating()) d_dot -= velocity_.angular[joint.a].cross(g.arm[0]);
     if (joint.b < bodies_.rotating()) d_dot += velocity_.angular[joint.b].cross(g.arm[1]);
-    rate = std::max(
-        rate, row.direction.cross(d_dot).norm() / std::max(g.d.norm(), 1e-9 * targets_.scale()));
+    rate = std::max(rate, row.direction.cross(d_dot).norm() /
+                              std::max(g.d.norm(), kCoincidentPoints * targets_.scale()));
   }
   const double parts = std::ceil(h * rate / kMostAngle);
   return parts < kMostMotionParts ? std::max(static_cast<int>(parts), 1)

@@ -7,13 +7,13 @@
 
 #include "engine/collision/box_features.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/model/shape_pair.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
-constexpr double kFastShare = 0.25;  // share of a thickness that a substep may move by
-constexpr double kMostTurn = 1.0;    // [rad] rotation of a box in a substep
+constexpr double kMostTurn = 1.0;  // [rad] rotation of a box in a substep
 
 double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) {
   const GroupBodies& bodies = equations.bodies();

@@ -6,8 +6,6 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kDependentRow = 1e-10;  // pivot of dependent rows, scaled to a unit diagonal
-
 double response(std::size_t movable, const ContactRowPart& of, const ContactRowPart& to) {
   double sum = 0.0;
   if (of.a < movable) {
@@ -89,7 +87,7 @@ void ContactRows::factor(const GroupBodies& bodies, bool asks_rank) {
     factors_.factor_regular();
     return;
   }
-  factors_.factor(kDependentRow);
+  factors_.factor(LeastNormSolver::kDependentPivot);
   are_independent_ = factors_.is_regular();
 }
 

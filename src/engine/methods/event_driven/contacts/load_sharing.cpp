@@ -15,7 +15,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kDependentShare = 1e-10;  // pivot of dependent rows
 // Share of the mean normal force; contacts with less can bear more.
 constexpr double kLeastNormalShare = 1e-3;
 constexpr int kMostSharingRounds = 4;  // rounds of Newton's method
@@ -143,7 +142,7 @@ bool LoadSharing::find_step(const ContactPairs& pairs, const ContactProblem& pro
     }
     first += static_cast<std::size_t>(size);
   }
-  factors_.factor(kDependentShare);
+  factors_.factor(LeastNormSolver::kDependentPivot);
   if (factors_.rank() == columns) return false;
   factors_.solve(right.data());
   step_.assign(n, 0.0);

@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 
 // Bounds on velocity changes by the removal of self-stress, as a share of the velocities by all
 // impulses, and of the velocities that the self-stress would cause unless balanced.
-constexpr double kDisturbance = 1e-2, kRoundOff = 1e-9;
+constexpr double kDisturbance = 1e-2, kUnbalanced = 1e-9;
 
 // Impulse of the correction of a row whose rates are J_V by velocities and J_W by corrections.
 [[gnu::always_inline]] inline double wanted_correction(const Row& row, const RowResponse& r,
@@ -119,7 +119,7 @@ void RowSolver::lose_self_stress(List<Row>& rows, List<LoopRow>* loop_rows, doub
     Row& row = rows[loop.row];
     const Guess& known = parts[system_.response(loop.row).component];
     const double most = kDisturbance * std::sqrt(std::max(known.quadratic, 0.0)) +
-                        kRoundOff * std::sqrt(known.free);
+                        kUnbalanced * std::sqrt(known.free);
     const double effect = std::sqrt(std::max(known.linear, 0.0));
     const double change = -loop.share * (part * effect > most ? most / effect : part);
     push(row, system_.response(loop.row), change, &system_.velocities());

@@ -36,16 +36,16 @@ void note_step_before(const List<TouchingPair>& before, const ShapePair& shapes,
                       ContactPair* pair) {
   // Share of the greatest friction within which an impulse counts as on the border of the cone, and
   // the point as slipping: wide against the 1e-7 within which BodyConeSolver holds a slip.
-  constexpr double kAtCone = 1e-6;
-  constexpr double kSlipRounding = 1e-12;  // rounding of velocities [m/s]
+  constexpr double kNearCone = 1e-6;
+  constexpr double kVelocityRounding = 1e-12;  // rounding of velocities [m/s]
   const TouchingPair* found = find_contact(before, shapes);
   if (found == nullptr) return;
   pair->touched = true;
   for (std::size_t k = 0; k < to_index(found->manifold.count); ++k) {
     const double normal = found->impulses[k].dot(found->manifold.normal);
     const double along = (found->impulses[k] - normal * found->manifold.normal).norm();
-    const double most = (1.0 - kAtCone) * pair->friction * std::abs(normal);
-    pair->stuck = pair->stuck || along <= most + kSlipRounding * mass;
+    const double most = (1.0 - kNearCone) * pair->friction * std::abs(normal);
+    pair->stuck = pair->stuck || along <= most + kVelocityRounding * mass;
   }
 }
 

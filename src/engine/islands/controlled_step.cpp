@@ -121,7 +121,7 @@ ControlledStep::Attempt ControlledStep::attempt(const GroupSurroundings& around,
 void ControlledStep::list_met(const Model& model, const List<TouchingPair>& touching) {
   met_.clear();
   for (const TouchingPair& pair : touching) {
-    const double open = -kLocated * thinner_of(model, pair.shapes());
+    const double open = -kClosedGap * thinner_of(model, pair.shapes());
     for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
       if (pair.manifold.points[k].depth >= open || pair.impulses[k].isZero(0.0)) continue;
       met_.push_back(pair.shapes());
@@ -172,7 +172,7 @@ double ControlledStep::locate_impact(const GroupSurroundings& around, double don
     double off = kInfinity;  // time from here to the impact [s]
     bool is_located = false;
     for (const Broadphase::Pair& ends : met) {
-      const double near = kLocated * thinner_of(model, ends);
+      const double near = kClosedGap * thinner_of(model, ends);
       const Manifold manifold =
           engine::collide(model, *state, ends, kMarginShare * thinner_of(model, ends));
       const TouchingPair* const closed = find_contact(parts_.start().touching, ends);

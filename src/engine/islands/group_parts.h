@@ -14,7 +14,7 @@
 namespace constraint_sim::engine {
 
 /// Gap of a contact that counts as closed, as a share of the thinner shape.
-inline constexpr double kLocated = 1e-8;
+inline constexpr double kClosedGap = 1e-8;
 
 /// Everything around a group that stays the same in a step.
 struct GroupSurroundings {

@@ -16,6 +16,8 @@ constexpr double kJointPenalty = 1e-5;
 // Penalty within which impulses of redundant rows get the least norm, and repetitions.
 constexpr double kSharingPenalty = 1e-6;
 constexpr int kSharingSteps = 3, kSharingRounds = 12;
+// Share of the largest scaled impulse below which sharing changes nothing.
+constexpr double kShared = 1e-9;
 // Share of the largest scaled impulse below which a contact counts as open, and share of Coulomb's
 // limit within which it counts as slipping.
 constexpr double kOpen = 1e-9, kAtCone = 1e-7;
@@ -33,6 +35,8 @@ constexpr double kMostEntries = 3e7, kEntriesPerStep = 10.0;
 constexpr int kLeastSteps = 5;
 // Residual that is negligible, as a share of the sufficient one.
 constexpr double kNegligible = 1e-4;
+// Added to divisors that are zero where nothing acts; below the rounding of any other divisor.
+constexpr double kNotZero = 1e-300;
 
 }  // namespace
 
@@ -265,8 +269,7 @@ BodyConeSolver::Change BodyConeSolver::iterate(double rho) {
       most_z = std::max({most_z, std::abs(z_[i]), std::abs(block.d * row(i).rate)});
     }
   }
-  constexpr double kTiny = 1e-300;
-  return {primal / (most_x + kTiny), dual / (most_z + kTiny)};
+  return {primal / (most_x + kNotZero), dual / (most_z + kNotZero)};
 }
 
 void BodyConeSolver::alternate(double aim, int most, StopFlag stop, Outcome* outcome,
@@ -300,8 +303,7 @@ void BodyConeSolver::alternate(double aim, int most, StopFlag stop, Outcome* out
       before = now;
     }
     if ((k + 1) % kIterationsPerFactor == 0) {
-      constexpr double kTiny = 1e-300;
-      const double factor = std::sqrt(change.primal / (change.dual + kTiny));
+      const double factor = std::sqrt(change.primal / (change.dual + kNotZero));
       if (factor > 3.0 || factor < 1.0 / 3.0)
         rho = std::clamp(rho * std::clamp(factor, 0.01, 10.0), 1e-10, 10.0 * std::max(L, 8.0));
     }
@@ -407,7 +409,7 @@ void BodyConeSolver::share(double aim, Outcome* outcome, List<double>* p) {
       x = -x;
       change = std::max(change, std::abs(x));
     }
-    if (change <= kOpen * before) return;
+    if (change <= kShared * before) return;
     double share = 1.0;
     for (std::size_t b = 0; b < freedoms_.size(); ++b) share = std::min(share, way_to_bound(b, *p));
     best_ = *p;

@@ -13,7 +13,7 @@ namespace constraint_sim::engine {
 namespace {
 
 // Pivot, as a share of its diagonal entry, below which even a row to be kept is rounding.
-constexpr double kRoundOff = 1e-20;
+constexpr double kLeastKeptPivot = 1e-20;
 
 // Share of a supernode's entries that may be stored zeros; measured as the fastest.
 constexpr double kZeroShare = 0.2;
@@ -268,7 +268,7 @@ int SparseLdlt::factor_forest(double least) {
 
 // Returns the pivot to continue with in place of a small one: 0, unless the row is to be kept.
 double SparseLdlt::leave_out(std::size_t k, double entry, double pivot, int* left_out) {
-  if (is_kept_[k] && pivot > kRoundOff * entry) return pivot;
+  if (is_kept_[k] && pivot > kLeastKeptPivot * entry) return pivot;
   left_out_[k] = 1;
   any_left_out_ = true;
   ++*left_out;

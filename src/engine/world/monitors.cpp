@@ -35,9 +35,10 @@ constexpr double kMostCrept = 0.0125;
 // Reported rise of energy beyond rounding and tolerance, as a share of the largest kinetic energy.
 // Smooth methods stay within 1e-9, and no plot shows less than 1e-6.
 constexpr double kRise = 1e-6;
-// Relative roundings of a step: kRounding for some ten operations on a body, kRoundingOfSweeps for
-// sweeps over rows, whose impulses exceed the resulting motion by the ratio of masses.
-constexpr double kRounding = 16.0 * kEpsilon, kRoundingOfSweeps = 1e-11;
+// Relative roundings of a step: kRoundingOfBodies for some ten operations on a body,
+// kRoundingOfSweeps for sweeps over rows, whose impulses exceed the resulting motion by the ratio
+// of masses.
+constexpr double kRoundingOfBodies = 16.0 * kEpsilon, kRoundingOfSweeps = 1e-11;
 
 /// Adds a gain to a rise, which never falls below zero: the next rise counts from there.
 double gain_of(double before, double gain, double allowed) {
@@ -208,8 +209,8 @@ double Monitors::compare_island(const Model& model, const State& state, const Is
   }
   const double rate = std::max(1u, island.substeps) / h;
   const double speed = std::sqrt(2.0 * now.kinetic / mass) + model.options.tolerance;
-  const double off = mass * model.options.tolerance * h + kRounding * moment;
-  *allowed = steps_ * (off * (g + speed * rate) + kRounding * size);
+  const double off = mass * model.options.tolerance * h + kRoundingOfBodies * moment;
+  *allowed = steps_ * (off * (g + speed * rate) + kRoundingOfBodies * size);
   return gain;
 }
 

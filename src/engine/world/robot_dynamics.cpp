@@ -26,7 +26,7 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 // Share of a diagonal entry of M below which a pivot is rounding.
-constexpr double kLeastPivot = 1e-12;
+constexpr double kSingularPivot = 1e-12;
 
 List<Vector3d> falls_of(const Model& model, const RobotTree& robot) {
   List<Vector3d> falls;
@@ -132,7 +132,7 @@ void RobotDynamics::Impl::check_numbers(const char* field, const VectorXd& numbe
 
 MassFactors RobotDynamics::Impl::factors() const {
   MassFactors made(mass);
-  if (!(made.least_pivot() > kLeastPivot))
+  if (!(made.least_pivot() > kSingularPivot))
     refuse("body", "the mass matrix is singular to rounding at coordinate " +
                        in_quotes(coordinates.all()[to_index(made.least_coordinate())].name));
   return made;

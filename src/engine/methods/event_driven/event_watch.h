@@ -85,7 +85,7 @@ struct Crossing {
 namespace event_watch {
 
 inline constexpr double kLocatedForce = 1e-3;  // share of the tolerance of forces
-inline constexpr double kLocated = 1e-15;      // [s], and share of the time
+inline constexpr double kLocatedTime = 1e-15;  // [s], and share of the time
 inline constexpr int kMostLocations = 120;     // repeated substeps per event
 inline constexpr int kMostNewton = 40;         // repetitions by interpolation; further ones bisect
 inline constexpr int kMostSmooth = 5;    // repetitions with the tolerance of values with a slope
@@ -195,7 +195,7 @@ struct WatchedSubstep {
   template <class GoTo>
   bool locate(double t, double h, GoTo go_to_share, std::optional<Crossing>* event) {
     using namespace event_watch;  // NOLINT(google-build-using-namespace): its constants
-    const double least = kLocated * std::max(1.0, std::abs(t));
+    const double least = kLocatedTime * std::max(1.0, std::abs(t));
     double low = 0.0, high = 1.0, here = 1.0;
     bool is_passed = find_passed(least, false).has_value();
     int low_for = 0, high_for = 0;  // consecutive moves of the other end

@@ -200,7 +200,7 @@ bool InconsistentMotion::midpoint(const EquationsOfMotion& equations, double h,
     rows_.linearize(at_start_, at_end_, end_);
     rows_.find_weights(&weights_);
     const double worst = find_missing(h);
-    const bool is_rounding = worst < kRounding * targets_.scale() && worst > 0.5 * before;
+    const bool is_rounding = worst < kChangeRounding * targets_.scale() && worst > 0.5 * before;
     found = worst <= kMidpointFound * targets_.scale() || is_rounding ? found + 1 : 0;
     if (found == 2) break;
     if (!std::isfinite(worst) || (k > 3 && worst > before && found == 0)) return false;

@@ -55,7 +55,7 @@ int PoseFit::fit(const IslandBodies& bodies, const RowTargets& targets,
     find_correction(share, compliance, rows);
     moved = *configuration;
     const double most = bodies.displace(change_, &moved);
-    const bool is_rounding = most < kRounding * targets.scale() && most > 0.5 * before;
+    const bool is_rounding = most < kChangeRounding * targets.scale() && most > 0.5 * before;
     if (!(most > 16.0 * kEpsilon * targets.scale()) || is_rounding) break;
     rows->measure(moved, &there);
     const double next = targets.errors(*rows, there, weights_, &values_);

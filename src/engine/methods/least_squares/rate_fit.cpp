@@ -12,9 +12,9 @@ namespace {
 // Share of the weights on the diagonal where rates cannot be met. Rates then cause velocities of up
 // to 1/(2 sqrt(share)) times the rates.
 constexpr double kInconsistentRates = 1e-6;
-constexpr double kMet = 1e-6;            // [m]
-constexpr double kRateMet = 1e-6;        // share of the largest speed
-constexpr double kRateRounding = 1e-12;  // [1/s] share of the scene's size
+constexpr double kMet = 1e-6;             // [m]
+constexpr double kRateMet = 1e-6;         // share of the largest speed
+constexpr double kRateMetAtRest = 1e-12;  // [1/s] share of the scene's size
 
 }  // namespace
 
@@ -81,7 +81,7 @@ bool RateFit::can_be_met(const RowTargets& targets, const List<double>& values,
     speed = std::max(speed, std::abs(rate));
     off = std::max(off, std::abs(rate - rows->apply(rows->rows()[i], velocity)));
   }
-  if (off > kRateMet * speed + kRateRounding * targets.scale()) return false;
+  if (off > kRateMet * speed + kRateMetAtRest * targets.scale()) return false;
   // Tests the part of C that no displacement can remove.
   rows->factor(kLeastShare, weights_, nullptr);
   b_ = values;

@@ -11,7 +11,7 @@ namespace constraint_sim::engine {
 inline constexpr double kLeastShare = 1e-11;
 /// Share of the scene's size; a smaller change is rounding where it exceeds half of the change
 /// before.
-inline constexpr double kRounding = 1e-10;
+inline constexpr double kChangeRounding = 1e-10;
 /// Share of the scene's size that runge_kutta can project.
 inline constexpr double kReachable = 1e-10;
 

@@ -21,7 +21,8 @@ constexpr double kLeft = 16.0;
 // Size below which an error of x rad of a row between axes counts like an error of x times the size
 // divided by kSmallSize [m]: rounding of angles is no share of the size.
 constexpr double kSmallSize = 0.01;
-constexpr double kTiny = 0.5e-9;  // [m/s] slower slips have the direction at the substep's start
+// Slower slips have the direction at the start of the substep [m/s].
+constexpr double kSlowSlip = 0.5e-9;
 
 // Error of a row between axes [rad] or points [m], in a group with the scale `size` [m].
 double error_of(const ContactRow& row, double size) {
@@ -92,7 +93,7 @@ void ContactEquations::add_contact_rows(std::size_t c, bool with_slip, bool with
   if (with_slip && has_direction) {
     const Vector3d slip = now.slip();
     const double speed = slip.norm();
-    if ((speed > kTiny && !is_straight_) || direction.isZero(0.0)) {
+    if ((speed > kSlowSlip && !is_straight_) || direction.isZero(0.0)) {
       direction = speed > 0.0 ? Vector3d(slip / speed) : Vector3d(Vector3d::Zero());
       if (direction.dot(contact.direction) < 0.0) direction = -direction;
     }

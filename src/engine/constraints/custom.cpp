@@ -24,6 +24,9 @@ using Eigen::Vector3d;
 // 1/ε by rounding.
 constexpr double kStep = 1e-5;
 constexpr double kSlopesAgree = 1e-6;
+// Least product of the size of a joint and the slope of C that derivatives are compared with, in
+// units of C: differences of flatter functions show rounding.
+constexpr double kLeastChange = 1e-6;
 
 struct Factories {
   CustomConstraintFactory constraint;
@@ -232,7 +235,7 @@ void CustomCode::check(const JointVectors& vectors) const {
   const double step = kStep * size;
   const double slope = std::max(std::sqrt(product(g, g)), std::abs(value_at(at)) / size);
   const auto agrees = [&](double given, double found) {
-    return std::abs(given - found) <= kSlopesAgree * std::max(1e-6, size * slope);
+    return std::abs(given - found) <= kSlopesAgree * std::max(kLeastChange, size * slope);
   };
   for (int i = 0; i < 21; ++i) {
     const FramePair direction = unit(i);

@@ -21,6 +21,8 @@ constexpr double kLeastPivotOfForces = 3e-11;
 constexpr double kLeastPivotOfProjections = 1e-9;
 // Velocities near a pose with left-out rows are off by up to the square root of the rows' pivot.
 constexpr double kLeftOutRatesAgree = 1e-4;  // share of the largest speed
+// Share of the speed by which rates of rods may be off from those of their motors.
+constexpr double kRodRatesMet = 1e-12;
 constexpr int kMostProjectionSteps = 8;
 // Share of the scene's size; a larger error is no solution.
 constexpr double kProjectionFailed = 1e-10;
@@ -485,7 +487,7 @@ bool EquationsOfMotion::rates_are_met(double t, const double* y) {
     const double off = (kinematics_.rate()[l] - inputs_.rate_target()[l]) / length.value;
     const double speed =
         std::max(std::abs(length.rate), kinematics_.separation_rate(*this, l).norm());
-    if (std::abs(off) > 1e-12 * speed + 16.0 * kEpsilon * scale_) return false;
+    if (std::abs(off) > kRodRatesMet * speed + 16.0 * kEpsilon * scale_) return false;
   }
   return true;
 }

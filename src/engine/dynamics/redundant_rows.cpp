@@ -31,6 +31,9 @@ constexpr double kMostOff = 1e-5;     // [m]
 constexpr double kConsistent = 1e-6;  // [m]; a row with a larger error contradicts the others
 // Share of the island's size where kept rows are independent.
 constexpr double kIndependentRounding = 1e-13;
+// Least pivot, as a share of its diagonal entry, by which a tolerance grows: rounding makes smaller
+// pivots zero or negative.
+constexpr double kLeastWeakPivot = 1e-20;
 
 // Rows are chosen again when the smallest pivot of the kept rows falls by this factor. Early, since
 // a pivot that passes through zero takes the projection to another solution.
@@ -257,7 +260,7 @@ bool RedundantRows::limit(const PlacedRows& rows, const DelassusMatrix& delassus
 // and the tolerance grows.
 double RedundantRows::tolerance(const PlacedRows& rows, std::size_t row,
                                 const DelassusMatrix& delassus) const {
-  const double share = std::sqrt(std::max(delassus.smallest_pivot(), 1e-20));
+  const double share = std::sqrt(std::max(delassus.smallest_pivot(), kLeastWeakPivot));
   const double weakness = std::max(std::sqrt(pivot_at_choice_) / share, 1.0);
   const double grown = std::min(weakness * tolerance_[row], kMostOff);
   return std::max({grown, tolerance_[row], kIndependentRounding * rows.scale / share});

@@ -11,6 +11,14 @@ namespace constraint_sim::engine {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+namespace {
+
+// Share of the largest principal moment of inertia below which a moment is rounding: points in a
+// line have none about the line, and do not rotate about it.
+constexpr double kNoMoment = 1e-12;
+
+}  // namespace
+
 RigidMotion as_one_body(const List<double>& mass, const List<Vector3d>& inertia,
                         const List<Vector3d>& position, const List<Eigen::Quaterniond>& orientation,
                         const BodyVectors& velocity) {
@@ -36,7 +44,7 @@ RigidMotion as_one_body(const List<double>& mass, const List<Vector3d>& inertia,
   const auto [values, vectors] = math::eigensystem(total);
   for (Eigen::Index k = 0; k < 3; ++k) {
     const Vector3d axis = vectors.col(k);
-    if (values[k] > 1e-12 * values.maxCoeff())
+    if (values[k] > kNoMoment * values.maxCoeff())
       body.inverse_inertia += axis * axis.transpose() / values[k];
   }
   return body;

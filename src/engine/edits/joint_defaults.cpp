@@ -20,13 +20,19 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kCoincident = 1e-9;  // anchors within this share of their coordinates coincide
+// Sine of the angle below which axes are parallel: their common normal keeps nine digits or more
+// beyond it, and nobody means a right angle within it.
+constexpr double kParallelAxes = 1e-6;
+// Share of the inverse mass along a coordinate that rounding leaves where the rows of the joint
+// hold the coordinate.
+constexpr double kHeldShare = 1e-20;
 
 // Refuses parallel axes that have to become perpendicular, since their direction of rotation would
 // be undefined.
 void check_apart(const Eigen::Quaterniond& frame_a, const Eigen::Quaterniond& frame_b,
                  const Vector3d& axis_b) {
   const Vector3d z_a = frame_a * Vector3d::UnitZ(), z_b = frame_b * Vector3d::UnitZ();
-  if (z_a.cross(z_b).norm() < 1e-6)
+  if (z_a.cross(z_b).norm() < kParallelAxes)
     refuse("axis_b",
            "must not be along axis_a as the bodies lie, but at a right angle to it, got " +
                shown(axis_b));
@@ -80,7 +86,7 @@ double inverse_effective_mass(const Model& model, const State& state, const Join
   Row rest = g;
   for (int k = 0; k < rows; ++k) rest -= part[k] * G.row(k);
   const double left = rest.squaredNorm();
-  return left > 1e-20 * g.squaredNorm() ? left : 0.0;
+  return left > kHeldShare * g.squaredNorm() ? left : 0.0;
 }
 
 /// Fills in frame B where it is left out, from the present poses of the bodies.

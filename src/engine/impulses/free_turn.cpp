@@ -11,6 +11,10 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
+// Square of the last correction of Newton's method, as a share of the square of the angular
+// momentum: the correction is at its rounding, 1e-15.
+constexpr double kMomentumFound = 1e-30;
+
 // Rotates a body for h without torque. With L' = L_B × ω in the body frame, a rotation about I⁻¹
 // (L₀ + L₁) from L₀ to L₁ conserves the energy and L in the world exactly; the angle is that of a
 // uniform rotation. Newton's method finds L₁. A body that rotates too far in one step for that
@@ -42,7 +46,7 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
           scale * (cross(w_mean) - cross(mean) * mass.inverse_inertia.asDiagonal());
       const Vector3d change = derivative.inverse() * error;
       mean -= change;
-      is_found = change.squaredNorm() <= 1e-30 * L_0.squaredNorm();
+      is_found = change.squaredNorm() <= kMomentumFound * L_0.squaredNorm();
     }
     half_turn = scale * mass.inverse_inertia.cwiseProduct(mean);
   }

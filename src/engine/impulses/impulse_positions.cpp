@@ -13,6 +13,9 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
+// Share of the trace of an inertia that makes it invertible. Moments of bodies exceed it by far.
+constexpr double kAddedMoment = 1e-12;
+
 // Rotates a body by the vector `angle` at constant angular momentum. Returns the energy gained [J].
 double turn_at_rest(const MassProperties& mass, const Vector3d& angle, BodyState* body) {
   const Quaterniond q_0 = body->orientation;
@@ -24,14 +27,14 @@ double turn_at_rest(const MassProperties& mass, const Vector3d& angle, BodyState
   return 0.5 * L.dot(body->angular_velocity) - before;
 }
 
-// Inverse of an inertia with 1e-12 of its trace added to the diagonal. Points in a line have
+// Inverse of an inertia with kAddedMoment of its trace added to the diagonal. Points in a line have
 // neither a moment of inertia nor an angular momentum about the line, a single point about no axis.
 // A power of two keeps the determinant within the range of numbers.
 Matrix3d regularized_inverse(const Matrix3d& inertia) {
   const double trace = inertia.trace();
   if (!(trace > 0.0)) return Matrix3d::Zero();
   const double scale = std::ldexp(1.0, -std::ilogb(trace));
-  const Matrix3d scaled = scale * (inertia + 1e-12 * trace * Matrix3d::Identity());
+  const Matrix3d scaled = scale * (inertia + kAddedMoment * trace * Matrix3d::Identity());
   return scale * scaled.inverse();
 }
 

@@ -28,6 +28,8 @@ constexpr int kIterationsPerCheck = 5, kIterationsPerFactor = 10;
 // ratios. The most alternations: their aim is the tolerance, so that their impulses solve the next
 // step of a stack, too, while Newton's method ends at a sufficient residual.
 constexpr double kEta = 1e-9;
+// Least weight ρ of the alternations, where rows are scaled to a diagonal of 1.
+constexpr double kLeastRho = 1e-10;
 constexpr int kMostAlternations = 50;
 // Most entries of factors visited by the alternations and by Newton's method, some 0.1 s of work
 // each, the entries that a step of Newton's method counts for, and the least number of its steps.
@@ -305,7 +307,7 @@ void BodyConeSolver::alternate(double aim, int most, StopFlag stop, Outcome* out
     if ((k + 1) % kIterationsPerFactor == 0) {
       const double factor = std::sqrt(change.primal / (change.dual + kNotZero));
       if (factor > 3.0 || factor < 1.0 / 3.0)
-        rho = std::clamp(rho * std::clamp(factor, 0.01, 10.0), 1e-10, 10.0 * std::max(L, 8.0));
+        rho = std::clamp(rho * std::clamp(factor, 0.01, 10.0), kLeastRho, 10.0 * std::max(L, 8.0));
     }
   }
 }

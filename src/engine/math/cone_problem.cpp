@@ -34,10 +34,17 @@ constexpr int kMostNewton = 40, kMostWorse = 6;
 constexpr int kMostSteps = 100;  // steps of Newton's method for κ; six suffice without bisection
 constexpr int kMostStalled = 3;  // polishes without halving the residual: rounding
 
-/// Returns the cost of a sweep over `rows` rows, in substeps; fitted to costs of 3, 18 and 36 rows.
+// Costs of a sweep for each row and each pair of rows [substeps of a group with one point]; fitted
+// to costs of 3, 18 and 36 rows.
+constexpr double kSweepOfRow = 0.02, kSweepOfPair = 7e-5;
+// Costs of a step of Newton's method: of each step, and for each pair and each triple of rows, as
+// the factorization goes [substeps of a group with one point].
+constexpr double kNewtonStep = 0.15, kNewtonOfPair = 1.8e-3, kNewtonOfTriple = 2.3e-5;
+
+/// Returns the cost of a sweep over `rows` rows, in substeps.
 double sweep_cost(std::size_t rows) {
   const auto n = static_cast<double>(rows);
-  return 0.02 * n + 7e-5 * n * n;
+  return kSweepOfRow * n + kSweepOfPair * n * n;
 }
 
 /// Tangential impulse p_t of a slipping contact as a function of κ, with u_t = −κ p_t, and the
@@ -164,7 +171,7 @@ Vector3d into_cone(const Vector3d& x, double mu) {
 
 double ConeSolver::cost_of_a_step(std::size_t rows) {
   const auto n = static_cast<double>(rows);
-  return 0.15 + 1.8e-3 * n * n + 2.3e-5 * n * n * n;
+  return kNewtonStep + kNewtonOfPair * n * n + kNewtonOfTriple * n * n * n;
 }
 
 // Solves the problem; for a singular A by impulses of least norm, found at once or with a small

@@ -66,12 +66,14 @@ VectorXd solve_semidefinite(MatrixXd A, VectorXd b) {
 
 Eigensystem eigensystem(Matrix3d A) {
   constexpr int kMostSweeps = 20;  // five suffice
+  // Share of the diagonal below which an entry changes no digit of it.
+  constexpr double kNoEntry = 1e-18;
   Matrix3d V = Matrix3d::Identity();
   for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
     if (A(1, 0) == 0.0 && A(2, 0) == 0.0 && A(2, 1) == 0.0) break;
     for (const auto& [p, q] : {std::pair<Index, Index>{0, 1}, {0, 2}, {1, 2}}) {
       const double off = A(q, p);
-      if (!(std::abs(off) > 1e-18 * (std::abs(A(p, p)) + std::abs(A(q, q))))) {
+      if (!(std::abs(off) > kNoEntry * (std::abs(A(p, p)) + std::abs(A(q, q))))) {
         A(p, q) = A(q, p) = 0.0;
         continue;
       }

@@ -21,6 +21,9 @@ namespace {
 
 constexpr std::size_t kLongestName = 255;
 constexpr double kLeastMagnitude = 1e-20;  // least magnitude of a divisor
+// Rounding of the squared norm of a unit quaternion. Quaternions within it keep their bits, so that
+// a saved scene is read as it was.
+constexpr double kUnitRounding = 1e-15;
 // Limits of moments of inertia [kg m²], from largest and least mass and distance.
 constexpr double kMostInertia = 1e60, kLeastInertia = 1e-60;
 
@@ -140,7 +143,7 @@ void check_next_tick(const std::string& field, double time, double time_step) {
 }
 
 void make_unit(Eigen::Quaterniond* q) {
-  if (std::abs(q->squaredNorm() - 1.0) > 1e-15) q->normalize();
+  if (std::abs(q->squaredNorm() - 1.0) > kUnitRounding) q->normalize();
 }
 
 void check_name(const std::string& field, const std::string& name) {

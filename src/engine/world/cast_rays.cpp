@@ -17,6 +17,8 @@ namespace {
 
 // Planes reach farther; products of coordinates of a hit stay finite.
 constexpr double kHorizon = 1e30;  // [m]
+// Shares of a radius and of coordinates relative to the ray that exceed the rounding of a hit.
+constexpr double kRadiusRounding = 1e-12, kCoordinateRounding = 1e-14;
 
 void check_ray(const Ray& ray) {
   check_finite("origin", ray.origin);
@@ -77,7 +79,8 @@ class RayTargets {
                     double distance) const {
       const Eigen::Vector3d way = centre - origin;
       const double along = way.dot(direction);
-      const double margin = (1.0 + 1e-12) * radius + 1e-14 * way.lpNorm<1>();
+      const double margin =
+          (1.0 + kRadiusRounding) * radius + kCoordinateRounding * way.lpNorm<1>();
       if (along < -margin || along - margin > distance) return false;
       return !((way - along * direction).squaredNorm() > margin * margin);
     }

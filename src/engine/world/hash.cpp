@@ -149,10 +149,14 @@ void add_settings(Fnv1a& hash, const Joint& joint) {
   hash.add(*joint.frame_b);
 }
 
+// Angles within it are in their first turn, which the poses of the bodies tell: just beyond π, for
+// rounding [rad]. Translations follow from the poses anyhow.
+constexpr double kFirstTurn = 3.2;
+
 // Adds a law and the state of its coordinate. A coordinate without a law, in its first turn, adds
 // nothing.
 void add(Fnv1a& hash, const CoordinateLaw& law, const CoordinateState& state) {
-  if (law.is_none() && std::abs(state.position) <= 3.2) return;
+  if (law.is_none() && std::abs(state.position) <= kFirstTurn) return;
   for (const double number :
        {law.lower, law.upper, law.limit_restitution, law.friction, law.damping, law.stiffness,
         law.rest, law.zero, state.position, state.held})

@@ -15,6 +15,8 @@ constexpr double kInconsistentShare = 1e-8;
 constexpr int kMostMarquardtSteps = 60;
 constexpr double kMostShare = 1e4;
 constexpr double kRejectedShare = 1e-6;  // minimum after a rejected step
+// Share of the sum of squared errors that is rounding: a step may add it.
+constexpr double kErrorSumRounding = 1e-14;
 
 }  // namespace
 
@@ -59,7 +61,7 @@ int PoseFit::fit(const IslandBodies& bodies, const RowTargets& targets,
     if (!(most > 16.0 * kEpsilon * targets.scale()) || is_rounding) break;
     rows->measure(moved, &there);
     const double next = targets.errors(*rows, there, weights_, &values_);
-    if (!(next <= sum * (1.0 + 1e-14))) {
+    if (!(next <= sum * (1.0 + kErrorSumRounding))) {
       share = std::max(10.0 * share, kRejectedShare);
       before = kInfinity;
       targets.errors(*rows, *geometry, weights_, &values_);

@@ -8,7 +8,7 @@
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/event_watch.h"
-#include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/law_events.h"
 
 namespace constraint_sim::engine {
 

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "engine/math/numbers.h"
-#include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -9,7 +9,7 @@
 #include "engine/methods/event_driven/contacts/contact_rows.h"
 #include "engine/methods/event_driven/contacts/group_bodies.h"
 #include "engine/methods/event_driven/contacts/group_joint.h"
-#include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/law_events.h"
 
 namespace constraint_sim::engine {
 

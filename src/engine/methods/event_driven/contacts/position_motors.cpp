@@ -2,7 +2,7 @@
 
 #include "engine/math/box_lcp.h"
 #include "engine/methods/event_driven/contacts/contact_responses.h"
-#include "engine/methods/event_driven/joints/position_motor.h"
+#include "engine/methods/event_driven/position_motor.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -6,8 +6,8 @@
 #include "engine/math/box_lcp.h"
 #include "engine/math/dense.h"
 #include "engine/methods/event_driven/joints/event_driven.h"
-#include "engine/methods/event_driven/joints/law_events.h"
-#include "engine/methods/event_driven/joints/position_motor.h"
+#include "engine/methods/event_driven/law_events.h"
+#include "engine/methods/event_driven/position_motor.h"
 
 namespace constraint_sim::engine {
 namespace {

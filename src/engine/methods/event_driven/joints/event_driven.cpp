@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/methods/event_driven/joints/event_impacts.h"
-#include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/law_events.h"
 
 namespace constraint_sim::engine {
 

@@ -6,7 +6,7 @@
 #include "engine/math/box_lcp.h"
 #include "engine/math/dense.h"
 #include "engine/math/numbers.h"
-#include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -9,8 +9,8 @@
 #include "engine/methods/event_driven/joints/event_decision.h"
 #include "engine/methods/event_driven/joints/event_problem.h"
 #include "engine/methods/event_driven/joints/event_reading.h"
-#include "engine/methods/event_driven/joints/law_events.h"
-#include "engine/methods/event_driven/joints/position_motor.h"
+#include "engine/methods/event_driven/law_events.h"
+#include "engine/methods/event_driven/position_motor.h"
 
 namespace constraint_sim::engine {
 namespace {

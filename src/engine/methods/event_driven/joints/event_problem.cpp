@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "engine/dynamics/held_response.h"
-#include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/methods/event_driven/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {

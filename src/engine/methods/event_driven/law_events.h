@@ -11,7 +11,7 @@
 #include "engine/math/integrate.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/event_watch.h"
-#include "engine/methods/event_driven/joints/tension_events.h"
+#include "engine/methods/event_driven/tension_events.h"
 
 namespace constraint_sim::engine {
 

@@ -6,7 +6,6 @@
 
 #include "engine/collision/contact_tolerances.h"
 #include "engine/constraints/joint.h"
-#include "engine/edits/find_named.h"
 #include "engine/edits/issue_id.h"
 #include "engine/model/principal_axes.h"
 #include "engine/model/validate.h"
@@ -130,21 +129,6 @@ BodyId World::add_body(const Body& given) {
   impl_->body_by_name.emplace(body.name, id);
   impl_->edits.note_topology();
   return id;
-}
-
-bool World::has_body(std::string_view name) const {
-  return impl_->body_by_name.count(std::string(name)) > 0;
-}
-
-BodyId World::find_body(std::string_view name) const {
-  return find_named(impl_->body_by_name, name, "body");
-}
-
-std::vector<BodyId> World::body_ids() const {
-  return {impl_->body_ids.begin() + 1, impl_->body_ids.end()};
-}
-void World::body_ids(std::vector<BodyId>* ids) const {
-  ids->assign(impl_->body_ids.begin() + 1, impl_->body_ids.end());
 }
 
 void World::set_body(BodyId id, const Body& body) {

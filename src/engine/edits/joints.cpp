@@ -1,13 +1,11 @@
 #include <utility>
 
 #include "engine/constraints/custom.h"
-#include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/edits/coupling_loops.h"
-#include "engine/edits/find_named.h"
 #include "engine/edits/issue_id.h"
 #include "engine/edits/joint_defaults.h"
 #include "engine/edits/joint_edits.h"
@@ -89,13 +87,6 @@ void check_coordinate(const char* field, const Joint& joint, int coordinate) {
 
 }  // namespace
 
-CoupledTerms Model::terms_of(std::size_t j) const {
-  const Joint& joint = joints[j];
-  if (!couples_joints(joint.kind)) return {{{j, 0, 1.0}, {j, 1, -lead(joint)}}};
-  const Coupling& coupling = joint.coupling;
-  return {{{index(coupling.first), 0, 1.0}, {index(coupling.second), 0, coupling.ratio}}};
-}
-
 JointId World::add_joint(const Joint& joint, bool broken) {
   return impl_->add_joint(joint, broken, false);
 }
@@ -138,27 +129,6 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken, bool is_saved) {
   return id;
 }
 
-List<std::size_t> Model::couplings_of(std::size_t joint) const {
-  List<std::size_t> found;
-  for (std::size_t j = joint + 1; j < joints.size(); ++j) {
-    if (!couples_joints(joints[j].kind)) continue;
-    const Coupling& coupling = joints[j].coupling;
-    if (coupling.first == joint_ids[joint] || coupling.second == joint_ids[joint])
-      found.push_back(j);
-  }
-  return found;
-}
-
-std::array<BodyId, 4> Model::holders(std::size_t joint) const {
-  const Joint* first = &joints[joint];
-  const Joint* second = first;
-  if (couples_joints(first->kind)) {
-    first = &joints[index(joints[joint].coupling.first)];
-    second = &joints[index(joints[joint].coupling.second)];
-  }
-  return {first->body_a, first->body_b, second->body_a, second->body_b};
-}
-
 // Returns the joints with a body among their holders(), by index. Lists all bodies on first use.
 const List<std::size_t>& World::Impl::joints_on(std::size_t body) {
   if (joints_of_bodies.get() == nullptr) {
@@ -177,47 +147,6 @@ const List<std::size_t>& World::Impl::joints_on(std::size_t body) {
 void World::Impl::wake_ends(const Joint& joint) {
   sleep.wake(index(joint.body_a), this);
   sleep.wake(index(joint.body_b), this);
-}
-
-bool World::has_joint(std::string_view name) const {
-  return impl_->joint_by_name.count(std::string(name)) > 0;
-}
-
-JointId World::find_joint(std::string_view name) const {
-  return find_named(impl_->joint_by_name, name, "constraint");
-}
-
-const std::vector<JointId>& World::joint_ids() const { return impl_->joint_ids; }
-
-World::Anchors World::anchors(JointId id) const {
-  const Joint& joint = this->joint(id);
-  const AnchorPair pair(joint, state(joint.body_a), state(joint.body_b));
-  return {pair.p_A, pair.p_A + pair.d};
-}
-
-World::JointWrench World::joint_wrench(JointId id) const {
-  const Joint& joint = this->joint(id);
-  if (couples_joints(joint.kind))
-    refuse("constraint", in_quotes(joint.name) + " is a " + engine::name(joint.kind) +
-                             ", which couples others and has no wrench of its own");
-  const JointState& state = joint_state(id);
-  const BodyState &a = this->state(joint.body_a), &b = this->state(joint.body_b);
-  if (has_length(joint.kind))
-    return {b.orientation.conjugate() * (state.force * direction(AnchorPair(joint, a, b))),
-            Vector3d::Zero()};
-  if (is_custom_force(joint.kind)) {
-    if (!acts(joint, state)) return {};
-    const Jacobian wrench = custom_wrench(joint, a, b, time());
-    const Vector3d arm = b.orientation * joint.anchor_b;
-    const Eigen::Quaterniond to_joint = (b.orientation * *joint.frame_b).conjugate();
-    return {to_joint * wrench.j3, to_joint * (wrench.j4 - arm.cross(wrench.j3))};
-  }
-  const double h = options().time_step;
-  RowVector impulse = state.impulse;
-  const JointKindInfo& kind = info(joint.kind);
-  for (int i = 0; i < kind.coordinates; ++i)
-    impulse[kind.rows + i] = h * state.coordinates[static_cast<std::size_t>(i)].effort;
-  return wrench_of(joint, a, b, impulse, h);
 }
 
 void World::set_motor(JointId id, const Motor& motor) {

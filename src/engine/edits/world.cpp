@@ -1,14 +1,12 @@
-// Functions of World that concern no single body or joint: copies, options, time, reset, queries.
+// Functions of World that concern no single body or joint: copies, options, time, reset.
 // All files of this folder check everything first, and change data only when nothing can fail.
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "engine/edits/issue_id.h"
 #include "engine/edits/joint_edits.h"
 #include "engine/islands/motion_bounds.h"
-#include "engine/islands/unresolved_bodies.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/model/validate.h"
@@ -16,6 +14,7 @@
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
+
 World::World(const WorldOptions& options) : impl_(std::make_unique<Impl>()) {
   validate(options);
   impl_->options = options;
@@ -83,8 +82,6 @@ void World::take_snapshot(World* snapshot) const {
 
 // ---- options and time
 
-const WorldOptions& World::options() const { return impl_->options; }
-
 void World::set_options(const WorldOptions& options) {
   validate(options);
   check_next_tick("time_step", time(), options.time_step);
@@ -94,11 +91,8 @@ void World::set_options(const WorldOptions& options) {
   impl_->edits.note_all();
 }
 
-double World::time() const { return impl_->time(); }
-std::uint64_t World::step_count() const { return impl_->step_count; }
 void World::set_clock(Clock clock) { impl_->clock = clock; }
 void World::set_stop_flag(StopFlag stop) { impl_->stop = stop; }
-bool World::is_asked_to_stop() const { return is_set(impl_->stop); }
 
 void World::set_time(double time, std::uint64_t step_count) {
   check_finite("time", time);
@@ -233,118 +227,6 @@ void World::reset() {
   impl_->forget_contacts();
   impl_->edits.note_topology();
   impl_->edits.note_all();
-}
-
-// ---- queries
-
-const StepReport& World::report() const { return impl_->report; }
-std::optional<JointId> World::failed_joint() const {
-  if (impl_->report.failure != Failure::kCustom) return std::nullopt;
-  return impl_->failed_joint;
-}
-std::string World::failed_why() const {
-  return impl_->report.failure == Failure::kCustom ? impl_->failed_why : "";
-}
-const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
-const std::vector<Event>& World::events() const { return impl_->events; }
-double World::energy() const {
-  const Energy now = energy_of(*impl_, *impl_);
-  return now.kinetic + now.potential;
-}
-
-std::vector<Island> World::islands() const {
-  if (impl_->edits.answers()) return impl_->edits.answers()->islands;
-  if (!impl_->edits.any()) return impl_->islands;
-  std::vector<Island> islands;
-  for (const NextIsland& next : next_islands(*impl_)) islands.push_back(next.island);
-  return islands;
-}
-
-// An island that was not compiled since its joints ceased to act has no motion, and no list.
-void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const {
-  const IslandParts& parts = island_parts[i];
-  if (uses_impulses(islands[i].method))
-    find_spinning(*this, *this, rollback, parts.members, found);
-  else if (parts.motion >= 0)
-    find_unresolved(*this, *this, rollback, parts.members, motions[to_index(parts.motion)], found);
-}
-
-std::vector<BodyId> World::unresolved_bodies() const {
-  if (impl_->edits.answers()) return impl_->edits.answers()->unresolved_bodies;
-  if (impl_->edits.any()) return {};  // indices of islands and bodies may be stale
-  List<std::size_t> indices;
-  for (std::size_t i = 0; i < impl_->islands.size(); ++i)
-    if (impl_->islands[i].unresolved_bodies > 0) impl_->list_unresolved(i, &indices);
-  std::sort(indices.begin(), indices.end());
-  std::vector<BodyId> ids;
-  ids.reserve(indices.size());
-  for (const std::size_t index : indices) ids.push_back(impl_->body_ids[index]);
-  return ids;
-}
-
-std::vector<JointId> World::unclosed_joints() const {
-  if (impl_->edits.is_edited() || impl_->report.unclosed_joints == 0) return {};
-  return impl_->monitors.unclosed();
-}
-
-std::optional<BodyId> World::gaining_body() const {
-  if (impl_->edits.is_edited()) return std::nullopt;
-  return impl_->report.energy_rise_body;
-}
-
-std::optional<BodyId> World::hits_left_body() const {
-  if (impl_->edits.is_edited()) return std::nullopt;
-  return impl_->report.hits_left_body;
-}
-
-bool World::has_reported_contacts() const { return !impl_->edits.is_edited(); }
-
-const char* name(Method method) {
-  constexpr std::array<const char*, kMethodCount> kNames = {
-      "auto",         "runge_kutta",  "energy_momentum", "sequential_impulses",
-      "event_driven", "time_stepping"};
-  return kNames[static_cast<std::size_t>(method)];
-}
-
-const char* to_string(Failure failure) {
-  switch (failure) {
-    case Failure::kNone:
-      break;
-    case Failure::kNotFinite:
-      return "a number was not finite, or beyond 1e20";
-    case Failure::kOutOfRange:
-      return "a body is beyond 1e20 m, m/s or rad/s";
-    case Failure::kTooManyPairs:
-      return "more than 1000000 pairs of bodies are near each other";
-    case Failure::kTooManyContacts:
-      return "bodies touch in more than 300000 points";
-    case Failure::kNoNextTick:
-      return "a tick is lost beside so long a time, or leads beyond 1e20 s";
-    case Failure::kCustom:
-      return "functions of a plugin failed";
-  }
-  return "";
-}
-
-const char* name(EventKind kind) {
-  constexpr std::array kNames = {"broken",      "rope_taut",     "rope_slack",    "limit_reached",
-                                 "limit_left",  "saturated",     "released",      "slips",
-                                 "sticks",      "contact_began", "contact_ended", "hit",
-                                 "handed_over", "taken_back"};
-  static_assert(kNames.size() == kEventKindCount, "a name for each kind of event");
-  return kNames[static_cast<std::size_t>(kind)];
-}
-
-const char* name(ContactState state) {
-  constexpr std::array kNames = {"closed", "sticking", "slipping"};
-  static_assert(kNames.size() == kContactStateCount, "a name for each state");
-  return kNames[static_cast<std::size_t>(state)];
-}
-
-const char* name(Stage stage) {
-  constexpr std::array<const char*, kStageCount> kNames = {
-      "broadphase", "narrowphase", "integration", "rows", "velocities", "solve", "positions"};
-  return kNames[static_cast<std::size_t>(stage)];
 }
 
 }  // namespace constraint_sim::engine

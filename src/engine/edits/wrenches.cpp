@@ -34,6 +34,4 @@ void World::clear_wrenches(BodyId id) {
   impl_->monitors.note_wrench_ended();
 }
 
-const std::vector<Wrench>& World::wrenches() const { return impl_->wrenches; }
-
 }  // namespace constraint_sim::engine

@@ -73,14 +73,24 @@ struct Model {
   int find(JointId id) const { return place_of(id, joint_ids); }
   bool is_known(BodyId id) const { return find(id) >= 0; }
   /// Returns the index of a body or joint; throws std::invalid_argument for an unknown id.
-  std::size_t index(BodyId id) const;
-  std::size_t index(JointId id) const;
+  std::size_t index(BodyId id) const { return known(find(id), id); }
+  std::size_t index(JointId id) const { return known(find(id), id); }
   /// Returns the coordinates that a gear, pulley or screw couples.
   CoupledTerms terms_of(std::size_t joint) const;
   /// Joints that couple a joint with another.
   List<std::size_t> couplings_of(std::size_t joint) const;
   /// The bodies of a joint, or of both joints that it couples; a body may be there twice.
   std::array<BodyId, 4> holders(std::size_t joint) const;
+
+ private:
+  template <class Id>
+  static std::size_t known(int place, Id id) {
+    if (place < 0) refuse_unknown(id);
+    return to_index(place);
+  }
+  // Kept out of line: inlined, each index() would reserve stack for the text.
+  [[noreturn]] static void refuse_unknown(BodyId id);
+  [[noreturn]] static void refuse_unknown(JointId id);
 };
 
 }  // namespace constraint_sim::engine

@@ -1,38 +1,163 @@
-// Bodies and joints of a world by their ids. Markers and messages ask for each of them in every
-// round, so these functions are optimized as the stages of a step are.
+// Queries of a world, which change nothing. Markers and messages ask for each body and joint in
+// every round, so these functions are optimized as the stages of a step are.
 
+#include <algorithm>
+#include <string>
+#include <string_view>
+
+#include "engine/constraints/custom.h"
+#include "engine/constraints/distance.h"
+#include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
 #include "engine/math/list.h"
 #include "engine/model/validate.h"
+#include "engine/world/energy.h"
+#include "engine/world/next_islands.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-// Kept out of line: inlined, each index() would reserve stack for the text.
-template <class Id>
-[[noreturn, gnu::noinline]] void refuse_unknown(const char* field, Id id) {
-  refuse(field, "there is none with id " + std::to_string(id.value));
+/// Returns the value of `name` in a map; throws std::invalid_argument about `field` without such.
+template <class Map>
+auto find_named(const Map& map, std::string_view name, const char* field) {
+  const auto found = map.find(std::string(name));
+  if (found == map.end()) refuse(field, "there is none named " + in_quotes(std::string(name)));
+  return found->second;
 }
 
 }  // namespace
 
-std::size_t Model::index(BodyId id) const {
-  const int place = find(id);
-  if (place < 0) refuse_unknown("body", id);
-  return to_index(place);
-}
+// ---- options and time
 
-std::size_t Model::index(JointId id) const {
-  const int place = find(id);
-  if (place < 0) refuse_unknown("constraint", id);
-  return to_index(place);
-}
+const WorldOptions& World::options() const { return impl_->options; }
+double World::time() const { return impl_->time(); }
+std::uint64_t World::step_count() const { return impl_->step_count; }
+bool World::is_asked_to_stop() const { return is_set(impl_->stop); }
+
+// ---- bodies and wrenches
 
 const Body& World::body(BodyId id) const { return impl_->bodies[impl_->index(id)]; }
 const BodyState& World::state(BodyId id) const { return impl_->states[impl_->index(id)]; }
+
+bool World::has_body(std::string_view name) const {
+  return impl_->body_by_name.count(std::string(name)) > 0;
+}
+
+BodyId World::find_body(std::string_view name) const {
+  return find_named(impl_->body_by_name, name, "body");
+}
+
+std::vector<BodyId> World::body_ids() const {
+  return {impl_->body_ids.begin() + 1, impl_->body_ids.end()};
+}
+void World::body_ids(std::vector<BodyId>* ids) const {
+  ids->assign(impl_->body_ids.begin() + 1, impl_->body_ids.end());
+}
+
+const std::vector<Wrench>& World::wrenches() const { return impl_->wrenches; }
+
+// ---- joints
+
 const Joint& World::joint(JointId id) const { return impl_->joints[impl_->index(id)]; }
 const JointState& World::joint_state(JointId id) const {
   return impl_->joint_states[impl_->index(id)];
 }
+
+bool World::has_joint(std::string_view name) const {
+  return impl_->joint_by_name.count(std::string(name)) > 0;
+}
+
+JointId World::find_joint(std::string_view name) const {
+  return find_named(impl_->joint_by_name, name, "constraint");
+}
+
+const std::vector<JointId>& World::joint_ids() const { return impl_->joint_ids; }
+
+World::Anchors World::anchors(JointId id) const {
+  const Joint& joint = this->joint(id);
+  const AnchorPair pair(joint, state(joint.body_a), state(joint.body_b));
+  return {pair.p_A, pair.p_A + pair.d};
+}
+
+World::JointWrench World::joint_wrench(JointId id) const {
+  const Joint& joint = this->joint(id);
+  if (couples_joints(joint.kind))
+    refuse("constraint", in_quotes(joint.name) + " is a " + engine::name(joint.kind) +
+                             ", which couples others and has no wrench of its own");
+  const JointState& state = joint_state(id);
+  const BodyState &a = this->state(joint.body_a), &b = this->state(joint.body_b);
+  if (has_length(joint.kind))
+    return {b.orientation.conjugate() * (state.force * direction(AnchorPair(joint, a, b))),
+            Eigen::Vector3d::Zero()};
+  if (is_custom_force(joint.kind)) {
+    if (!acts(joint, state)) return {};
+    const Jacobian wrench = custom_wrench(joint, a, b, time());
+    const Eigen::Vector3d arm = b.orientation * joint.anchor_b;
+    const Eigen::Quaterniond to_joint = (b.orientation * *joint.frame_b).conjugate();
+    return {to_joint * wrench.j3, to_joint * (wrench.j4 - arm.cross(wrench.j3))};
+  }
+  const double h = options().time_step;
+  RowVector impulse = state.impulse;
+  const JointKindInfo& kind = info(joint.kind);
+  for (int i = 0; i < kind.coordinates; ++i)
+    impulse[kind.rows + i] = h * state.coordinates[static_cast<std::size_t>(i)].effort;
+  return wrench_of(joint, a, b, impulse, h);
+}
+
+// ---- the last step
+
+const StepReport& World::report() const { return impl_->report; }
+std::optional<JointId> World::failed_joint() const {
+  if (impl_->report.failure != Failure::kCustom) return std::nullopt;
+  return impl_->failed_joint;
+}
+std::string World::failed_why() const {
+  return impl_->report.failure == Failure::kCustom ? impl_->failed_why : "";
+}
+const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
+const std::vector<Event>& World::events() const { return impl_->events; }
+double World::energy() const {
+  const Energy now = energy_of(*impl_, *impl_);
+  return now.kinetic + now.potential;
+}
+
+std::vector<Island> World::islands() const {
+  if (impl_->edits.answers()) return impl_->edits.answers()->islands;
+  if (!impl_->edits.any()) return impl_->islands;
+  std::vector<Island> islands;
+  for (const NextIsland& next : next_islands(*impl_)) islands.push_back(next.island);
+  return islands;
+}
+
+std::vector<BodyId> World::unresolved_bodies() const {
+  if (impl_->edits.answers()) return impl_->edits.answers()->unresolved_bodies;
+  if (impl_->edits.any()) return {};  // indices of islands and bodies may be stale
+  List<std::size_t> indices;
+  for (std::size_t i = 0; i < impl_->islands.size(); ++i)
+    if (impl_->islands[i].unresolved_bodies > 0) impl_->list_unresolved(i, &indices);
+  std::sort(indices.begin(), indices.end());
+  std::vector<BodyId> ids;
+  ids.reserve(indices.size());
+  for (const std::size_t index : indices) ids.push_back(impl_->body_ids[index]);
+  return ids;
+}
+
+std::vector<JointId> World::unclosed_joints() const {
+  if (impl_->edits.is_edited() || impl_->report.unclosed_joints == 0) return {};
+  return impl_->monitors.unclosed();
+}
+
+std::optional<BodyId> World::gaining_body() const {
+  if (impl_->edits.is_edited()) return std::nullopt;
+  return impl_->report.energy_rise_body;
+}
+
+std::optional<BodyId> World::hits_left_body() const {
+  if (impl_->edits.is_edited()) return std::nullopt;
+  return impl_->report.hits_left_body;
+}
+
+bool World::has_reported_contacts() const { return !impl_->edits.is_edited(); }
 
 }  // namespace constraint_sim::engine

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "engine/islands/contact_group_reports.h"
+#include "engine/islands/unresolved_bodies.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 
 namespace constraint_sim::engine {
@@ -269,6 +270,15 @@ void World::Impl::read_smooth_joint(std::size_t j, const JointStep& step, const 
   if (has_coupling && couples_joints(joints[j].kind))
     add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
   if (joint_states[j].broken) mark_broken(j);
+}
+
+// An island that was not compiled since its joints ceased to act has no motion, and no list.
+void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const {
+  const IslandParts& parts = island_parts[i];
+  if (uses_impulses(islands[i].method))
+    find_spinning(*this, *this, rollback, parts.members, found);
+  else if (parts.motion >= 0)
+    find_unresolved(*this, *this, rollback, parts.members, motions[to_index(parts.motion)], found);
 }
 
 }  // namespace constraint_sim::engine

@@ -100,7 +100,7 @@ inline void follow(const Scene& scene, Verdict* verdict) {
   World world = world_of(scene);
   verdict->was_followed = scene.kind == Kind::kArm || !is_closing(world);
   if (!verdict->was_followed) return;
-  std::vector<unsigned> costs;  // of event-driven ticks
+  std::vector<unsigned> costs;  // costs of event-driven ticks
   // The bound covers 1e-8 m/s of tolerance over the exchanged energy, and rounding.
   const double allowed = 1e-7 * scene.largest;
   const double power = driven_power(scene);

@@ -11,7 +11,8 @@ namespace constraint_sim {
 /// rotation by a singular value decomposition, which takes the compiler ten seconds in each file.
 inline Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   const auto acute = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-    const double twice_cosine = std::sqrt(2.0 * (1.0 + a.dot(b)));  // of half the angle
+    // Cosine of half the angle, twice.
+    const double twice_cosine = std::sqrt(2.0 * (1.0 + a.dot(b)));
     Eigen::Quaterniond q;
     q.w() = 0.5 * twice_cosine;
     q.vec() = a.cross(b) * (1.0 / twice_cosine);

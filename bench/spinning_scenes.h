@@ -24,7 +24,7 @@ struct Setting {
   Method method = Method::kEnergyMomentum;
   double time_step = 1.0 / 60.0;      ///< [s]
   double speed = 1000.0;              ///< [rad/s]
-  double mass = 1.0;                  ///< of the fast body [kg]
+  double mass = 1.0;                  ///< mass of the fast body [kg]
   Vector3d place = Vector3d::Zero();  ///< [m]
   int stiff_order = 4;
   bool dissipation = false;

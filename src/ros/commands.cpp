@@ -11,7 +11,7 @@
 namespace constraint_sim {
 namespace {
 
-constexpr double kFeedbackPeriod = 0.05;  // of actions, as in ros_control [s]
+constexpr double kFeedbackPeriod = 0.05;  // period of feedback of actions, as in ros_control [s]
 
 }  // namespace
 

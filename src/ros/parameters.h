@@ -42,8 +42,8 @@ struct Parameters {
   std::string cmd_vel;               ///< kinematic bodies with a topic cmd_vel/<body>
   std::string wrench;                ///< bodies with a topic wrench/<body>
   std::string odometry;              ///< bodies and links with a topic odometry/<body>
-  double goal_tolerance = 0.01;      ///< of follow_joint_trajectory [m or rad]; 0: none
-  double goal_time_tolerance = 1.0;  ///< of follow_joint_trajectory [s]
+  double goal_tolerance = 0.01;      ///< tolerance at the end of a trajectory [m or rad]; 0: none
+  double goal_time_tolerance = 1.0;  ///< tolerance of the time of the end [s]
   std::string plugins;               ///< plugin classes of other packages, by their pluginlib names
   std::string follow;                ///< BODY=FRAME: kinematic bodies that follow frames of tf
   double follow_delay = 0.1;         ///< delay of the followed frames [s]

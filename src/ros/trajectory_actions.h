@@ -21,8 +21,8 @@ namespace constraint_sim {
 
 /// Tolerances of goals that do not set them; 0: none.
 struct GoalDefaults {
-  double tolerance = 0.0;  ///< of a joint at the end [m or rad]
-  double time = 0.0;       ///< after the end [s]
+  double tolerance = 0.0;  ///< error of a joint at the end [m or rad]
+  double time = 0.0;       ///< time after the end [s]
 };
 
 /// The action servers robots/<robot>/follow_joint_trajectory (control_msgs/FollowJointTrajectory),

@@ -43,7 +43,7 @@ class Rangefinder {
   /// so that a run from a snapshot has its readings at equal times.
   bool is_due(const engine::World& world) const {
     if (!world.has_body(mount_.body)) return false;
-    constexpr double kRounding = 1e-6;  // of the product of time and rate
+    constexpr double kRounding = 1e-6;  // rounding of the product of time and rate
     const double h = world.options().time_step;
     if (h * rate_ > 1.0 - kRounding) return true;
     const auto readings_until = [&](double t) { return std::floor(t * rate_ + kRounding); };

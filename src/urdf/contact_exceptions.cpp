@@ -20,7 +20,8 @@ using IndexPair = std::pair<std::size_t, std::size_t>;
 const std::string kNoContact = "no_contact/";
 // Overlap of links that only touch: URDFs have lengths of six digits [m].
 constexpr double kTouching = 1e-6;
-constexpr std::size_t kMostPairs = 1000;  // of exceptions of a robot, which cost time in each step
+// Exceptions of a robot; each costs time in each step.
+constexpr std::size_t kMostPairs = 1000;
 constexpr std::size_t kMostWarnings = 20;
 constexpr std::size_t kMostListed = 200;  // characters of a list of links in a warning
 

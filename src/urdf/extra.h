@@ -36,7 +36,7 @@ struct RobotExtra {
   std::map<std::string, JointSpring> springs;         ///< by joint; of an SDF, not of the YAML
   std::set<std::string> static_links;         ///< links that do not move beside the root; of an SDF
   std::map<std::string, std::size_t> models;  ///< model of each link; of an SDF with several models
-  double gravity_compensation = 0.0;          ///< of all links, as of engine::Body
+  double gravity_compensation = 0.0;          ///< as engine::Body has it, for all links
   bool hold = false;  ///< joints with an effort, and without a motor, hold their positions
   std::map<std::string, LinkProperties> links;
   std::vector<engine::YamlElement> constraints;  ///< constraints between links, as in scenes

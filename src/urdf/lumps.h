@@ -22,7 +22,7 @@ struct LumpShape {
   Eigen::Isometry3d in_lump;
   std::string link;           ///< link that the shape belongs to
   std::size_t collision = 0;  ///< number of the link's collision; convex parts of a mesh share it
-  double volume = 1.0;        ///< of a convex part of a mesh [m³]; 1 for others, which stand alone
+  double volume = 1.0;        ///< volume of a convex part of a mesh [m³]; 1: another shape
 };
 
 /// Returns the name of the empty link that converted formats put in the frame of a joint. Where it

@@ -25,7 +25,7 @@ using Eigen::Vector3d;
 using Column = Eigen::Matrix<double, 6, 1>;
 
 constexpr std::size_t kNoLump = std::numeric_limits<std::size_t>::max();
-constexpr std::size_t kLongestList = 1000;  // of names in a sentence [characters]
+constexpr std::size_t kLongestList = 1000;  // length of a list of names [characters]
 
 std::string quoted_name(const std::string& name) { return "'" + name + "'"; }
 
@@ -431,13 +431,15 @@ class SubstituteMasses {
     return positions_;
   }
 
-  static constexpr double kRotorRadius = 0.1;  // of gyration, of a link with an inertia alone [m]
+  // Radius of gyration of a link with an inertia alone [m].
+  static constexpr double kRotorRadius = 0.1;
   // More neighbouring massless joints are not checked: the time grows with the cube.
   static constexpr std::size_t kMostUnknowns = 60;
   // Smallest singular value, relative to the largest, of joints that move a mass. URDFs have axes
   // to six digits.
   static constexpr double kIdle = 1e-5;
-  static constexpr double kShare = 1e-3;  // of the idle motion, for a joint to be named
+  // Share of the idle motion from which a joint is named.
+  static constexpr double kShare = 1e-3;
 
   MassTree tree_;
   urdf::ModelInterface& model_;

@@ -209,7 +209,7 @@ class SdfConverter {
     if (given.kind != SdfJointKind::kHinge && given.kind != SdfJointKind::kSlider)
       return attach(given.name + "/free", given.parent, given.child, urdf::Joint::FLOATING);
     parents_[given.child] = given.parent;
-    constexpr double kRounding = 1e-12;  // of poses that are equal
+    constexpr double kRounding = 1e-12;  // rounding of equal poses
     const Isometry3d frame = at_ * given.frame;
     const bool is_at_child =
         in_link(given.child, frame).isApprox(Isometry3d::Identity(), kRounding);
@@ -310,7 +310,7 @@ class SdfConverter {
   /// Hinge between the reference body of a gearbox and a link.
   struct Shaft {
     std::string joint;
-    double sign;  ///< of the hinge's angle in the angle of the gearbox
+    double sign;  ///< sign of the hinge's angle in the angle of the gearbox
   };
 
   std::optional<Shaft> shaft(const SdfJoint& gearbox, const std::string& link,
@@ -336,7 +336,7 @@ class SdfConverter {
   SdfRobot result_;
   SdfConstraints constraints_;
   std::map<std::string, const SdfLink*> links_;
-  std::map<std::string, Isometry3d> poses_;     // of links
+  std::map<std::string, Isometry3d> poses_;     // poses of links
   std::map<std::string, std::string> parents_;  // parents in the tree, by link
   bool has_world_ = false;                      // whether a joint of the tree begins at the world
 };

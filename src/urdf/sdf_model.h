@@ -38,7 +38,7 @@ struct SdfJoint {
   Eigen::Isometry3d frame;    ///< pose in the frame of the SDF
   std::vector<SdfAxis> axes;
   double ratio = 0.0;          ///< pitch of a screw [m per turn], or ratio of a gearbox
-  std::string reference_body;  ///< of a gearbox
+  std::string reference_body;  ///< reference body of a gearbox
 };
 
 struct SdfLink {

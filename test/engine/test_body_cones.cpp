@@ -260,7 +260,7 @@ TEST(BodyCones, RandomContactsMoveBodiesAsTheDenseSolverDoes) {
     EXPECT_LT(difference.norm(), 1e-5 * outcome.scale) << k;
     ++compared;
   }
-  EXPECT_GT(compared, 280);  // of 300, where both solvers end
+  EXPECT_GT(compared, 280);  // problems out of 300 where both solvers end
 }
 
 // Neither the axes of the world nor the order of bodies and contacts matters beyond the tolerance.
@@ -329,7 +329,7 @@ TEST(BodyCones, JointsHoldBesideContacts) {
   EXPECT_TRUE(outcome.is_within(kTolerance)) << outcome.residual;
   EXPECT_NEAR(cubes.normal_sum(0, 8), 3.0 * Cubes::kFall, 1e-8);
   for (int i = 0; i < 2; ++i) EXPECT_LT(cubes.twist_after(i).norm(), 1e-8) << i;
-  for (int axis = 0; axis < 6; ++axis)  // the same row twice carries half each
+  for (int axis = 0; axis < 6; ++axis)  // two equal rows carry half each
     EXPECT_NEAR(cubes.p[24 + axis], cubes.p[30 + axis], 1e-7) << axis;
 }
 
@@ -381,7 +381,9 @@ TEST(BodyCones, NewtonSolvesClustersInMotion) {
 
 // Impulses of BodyConeSweeps, and what they reach.
 struct Swept {
-  double before, residual, after;  ///< of p = 0, as returned, of the impulses [m/s]
+  double before;    ///< residual of p = 0 [m/s]
+  double residual;  ///< residual as returned [m/s]
+  double after;     ///< residual of the impulses [m/s]
   int sweeps;
 };
 
@@ -473,7 +475,7 @@ TEST(BodyCones, TellsTheResidualThatItReached) {
   EXPECT_FALSE(few.is_within(kTolerance));
   List<double> again = cubes.p;
   const Outcome none = solver.solve(cubes.problem, {kTolerance, 0.0, 0}, nullptr, &again);
-  EXPECT_EQ(none.residual, few.residual);  // of the impulses that were returned
+  EXPECT_EQ(none.residual, few.residual);  // residual of the impulses that were returned
   EXPECT_EQ(again, cubes.p);
   const std::atomic<bool> stop{true};
   const Outcome stopped =

@@ -33,7 +33,7 @@ struct Landing {
       for (Eigen::Index k = 0; k < 3; ++k)
         J.row(3 * i + k) << axes[k].transpose(), r.cross(axes[k]).transpose();
     }
-    VectorXd inverse(6), motion(6);  // of a mass of 1 kg
+    VectorXd inverse(6), motion(6);  // inverse masses and twist of a box of 1 kg
     inverse << 1.0, 1.0, 1.0, 3.0 / (squares.y() + squares.z()), 3.0 / (squares.x() + squares.z()),
         3.0 / (squares.x() + squares.y());
     motion << velocity, 0.0, 0.0, spin;
@@ -154,7 +154,7 @@ TEST_P(ImpulseSharingAt, ALandingBoxReportsIt) {
     if (spin == 0.0)
       EXPECT_LT(largest, 1e-12);
     else
-      EXPECT_GT(largest, 1e-4 * world.options().time_step);  // of some 1e-2 m/s
+      EXPECT_GT(largest, 1e-4 * world.options().time_step);  // velocities are some 1e-2 m/s
   }
 }
 

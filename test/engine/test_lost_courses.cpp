@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 struct Sent {
   double load;                ///< force along the coordinate [N]
-  double max_force;           ///< of the motor [N]
+  double max_force;           ///< force limit of the motor [N]
   double goal;                ///< [m]
   bool has_floor;             ///< the box touches a smooth floor
   double start = 0.0;         ///< [m]

@@ -126,7 +126,8 @@ TEST(RandomCommands, AreNoErrors) {
   for (int seed = 0; seed < command_seeds(); ++seed) {
     CommandedArm arm(&random, kCommandTimeSteps[1 + seed % 3], false);
     const double h = arm.world.options().time_step;
-    const int moves = static_cast<int>(std::lround(0.6 / h)), steps = 2 * moves;  // of 0.5 s
+    // A motion to a new position takes 0.5 s.
+    const int moves = static_cast<int>(std::lround(0.6 / h)), steps = 2 * moves;
     const int sent = random.below(steps / 2), sent_again = random.below(steps);
     const int switched = random.below(steps);
     WorldOptions options = arm.world.options();

@@ -295,7 +295,7 @@ class AtwoodMotion {
     const double a = kGravity * (of_.first - of_.second) / sum;
     const double tension = 2.0 * kGravity * of_.first * of_.second / sum;
     const double fall = std::sqrt(2.0 * (of_.floor - 1.0) / a);
-    const double top = 3.0 - of_.floor;  // of the second mass when the first stands
+    const double top = 3.0 - of_.floor;  // height of the second mass when the first stands
     if (t < fall) return {1.0 + 0.5 * a * t * t, 2.0 - 0.5 * a * t * t, tension};
     t -= fall;
     double speed = a * fall;

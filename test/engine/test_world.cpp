@@ -261,7 +261,7 @@ TEST(Failure, KeepsNoContactsOfTheAttempt) {
   const BodyId falling = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.5}));
   const BodyId far = world.add_body(make_body("far", Sphere{0.1}, 1.0, {9.0, 0.0, 5.0}));
   bool has_touched = false;
-  std::size_t bytes = 0;  // of a snapshot after an attempt, before anything touches
+  std::size_t bytes = 0;  // size of a snapshot after an attempt, before anything touches
   for (int i = 0; i < 100 && !has_touched; ++i) {
     World attempt = world;
     BodyState state = attempt.state(far);

@@ -403,7 +403,7 @@ class Editor {
         break;
       case 21:
         if (hashes_) fuzz::check_snapshot(world_, &hash_);
-        if (flag()) world_ = read_snapshot(write_snapshot(world_));  // of the same hash
+        if (flag()) world_ = read_snapshot(write_snapshot(world_));  // has an equal hash
         break;
       case 22:
         ask();

@@ -14,7 +14,7 @@
 #include <pluginlib/class_loader.hpp>
 
 int main(int argc, char** argv) {
-  constexpr int kPeriod = 50;  // of looking at the fields and for the end [ms]
+  constexpr int kPeriod = 50;  // period of looking at the fields and for the end [ms]
   ros::init(argc, argv, "panel_fields");
   const ros::NodeHandle node;
   qputenv("QT_QPA_PLATFORM", "offscreen");

@@ -717,7 +717,7 @@ constraints:
   // A turn by 2 atan(0.6 / 0.8) about z: the beam points along (0.28, 0.96, 0), and its centre lies
   // 0.5 m from the anchor.
   const double weight = 3.0 * 9.81;
-  constexpr double kRounding = 1e-9;  // of a few factorisations with numbers of order 30
+  constexpr double kRounding = 1e-9;  // rounding of a few factorisations, numbers of order 30
   EXPECT_NEAR(msg.wrench_point.x, 0.4 - 0.5 * 0.28, kRounding);
   EXPECT_NEAR(msg.wrench_point.y, 0.3 - 0.5 * 0.96, kRounding);
   EXPECT_NEAR(msg.wrench_point.z, 2.0, kRounding);

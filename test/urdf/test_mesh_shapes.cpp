@@ -245,7 +245,7 @@ TEST(MeshShapes, ATorusKeepsItsHole) {
     ASSERT_GT(shape.hulls.size(), 3u) << shape.sentence;
     ASSERT_LE(shape.hulls.size(), kMostMeshParts);
     for (const Vector3d& p : mesh.points)
-      EXPECT_LT(outside(shape, p), 0.02);  // of 128 vertices a part
+      EXPECT_LT(outside(shape, p), 0.02);  // parts have 128 vertices
     engine::Draw draw(2);
     for (int i = 0; i < 2000; ++i) {
       const Vector3d p = 1.5 * draw.vector();

@@ -256,7 +256,7 @@ TEST_F(Sdf, FourBarSwingsAsItsClosedForm) {
     return -2.0 * kGravity * std::sin(phi) / (5.0 / 3.0 * kLength);
   };
   double phi = kStart, rate = 0.0;
-  constexpr int kParts = 1000;  // of a step, by velocity Verlet: error 1e-9
+  constexpr int kParts = 1000;  // parts of a step, by velocity Verlet: error 1e-9
   const double h = 0.01 / kParts;
   for (int i = 0; i < 100; ++i) {
     world.step();
@@ -316,7 +316,8 @@ TEST_F(Sdf, FiveBarMovesAsUrdfWithItsLoopInYaml) {
 // keeps its direction. Rods of little mass move as distances without mass.
 TEST_F(Sdf, DeltaWithRodsAsLinksMovesAsWithDistances) {
   const std::string folder = CONSTRAINT_SIM_SOURCE_DIR "/test/urdf/robots/delta";
-  const double drop = std::sqrt(0.55 * 0.55 - 0.3 * 0.3);  // of the platform, where the rods fit
+  const double drop =
+      std::sqrt(0.55 * 0.55 - 0.3 * 0.3);  // drop of the platform where the rods fit
   std::string urdf = read_text(folder + ".urdf");
   urdf.replace(urdf.find("0 0 -0.50"), 9, "0 0 " + digits(-drop));
   RobotOptions options;

@@ -42,11 +42,11 @@ constexpr double kChooseAgain = 0.1;
 bool has_fallen(double pivot, double at_choice) {
   return std::max(pivot, kRoundOffPivot) < kChooseAgain * std::max(at_choice, kRoundOffPivot);
 }
-constexpr double kRatesKnown = 1e-6;    // smallest pivot for which rates are conclusive
-constexpr double kRatesAgree = 1e-6;    // share of the largest speed
-constexpr double kOpenRates = 3.0;      // share of the largest speed, per opening angle
-constexpr double kRateDrift = 1e4;      // share of the largest speed, per imbalance
-constexpr int kMostTooFar = 10;         // consecutive steps rejected for dependent kept rows
+constexpr double kRatesKnown = 1e-6;  // smallest pivot for which rates are conclusive
+constexpr double kRatesAgree = 1e-6;  // share of the largest speed
+constexpr double kOpenRates = 3.0;    // share of the largest speed, per opening angle
+constexpr double kRateDrift = 1e4;    // share of the largest speed, per imbalance
+constexpr int kMostRejections = 10;  // consecutive steps rejected, as kept rows are near dependence
 constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows before the first new choice
 
 }  // namespace
@@ -67,7 +67,7 @@ void RedundantRows::forget(const IslandModel& island, DelassusMatrix* delassus,
   delassus->leave_out_none();
   has_chosen_ = is_inconsistent_ = came_back_ = false;
   pivot_at_choice_ = 1.0;
-  too_far_ = left_out_for_ = choose_after_ = 0;
+  rejections_ = left_out_for_ = choose_after_ = 0;
 }
 
 // ---- choice of redundant rows
@@ -303,7 +303,7 @@ bool RedundantRows::restore_if_off(const PlacedRows& rows, DelassusMatrix* delas
   const List<char> redundant = met_rows(rows, *delassus);
   if (redundant == is_redundant_) return false;
   const bool is_far = has_fallen(delassus->smallest_pivot(), pivot_at_choice_);
-  if (is_far && ++too_far_ <= kMostTooFar) return true;
+  if (is_far && ++rejections_ <= kMostRejections) return true;
   make_rows_again(rows.island, redundant, delassus, forces);
   came_back_ = true;
   return true;

@@ -67,7 +67,7 @@ class RedundantRows {
   /// Whether the kept rows have come near dependence since the choice.
   bool is_choice_due(const PlacedRows& rows, const DelassusMatrix& delassus) const;
   /// Forgets steps that were rejected since kept rows were near dependence.
-  void end_rejections() { too_far_ = 0; }
+  void end_rejections() { rejections_ = 0; }
 
   /// Starts to collect the errors of redundant rows.
   void begin_errors() { worst_ = 0.0; }
@@ -109,7 +109,8 @@ class RedundantRows {
   template <class Self, class Visit>
   static void visit_choice(Self& self, Visit& visit) {
     visit(self.pivot_at_choice_);
-    for (auto* number : {&self.too_far_, &self.left_out_for_, &self.choose_after_}) visit(*number);
+    for (auto* number : {&self.rejections_, &self.left_out_for_, &self.choose_after_})
+      visit(*number);
   }
   template <class Self, class Visit>
   static void visit_inconsistent(Self& self, Visit& visit) {
@@ -139,7 +140,7 @@ class RedundantRows {
   List<double> tolerance_;        // per row: tolerance of a redundant row [m]
   double worst_ = 0.0;            // largest error over tolerance since begin_errors()
   double pivot_at_choice_ = 1.0;  // smallest pivot of the kept rows when chosen
-  int too_far_ = 0;               // consecutive steps rejected for kept rows near dependence
+  int rejections_ = 0;            // consecutive steps rejected, as kept rows are near dependence
   int left_out_for_ = 0;          // consecutive restarts with momentary rows
   int choose_after_ = 0;          // restarts with momentary rows before the next choice
   bool has_chosen_ = false;

@@ -382,8 +382,8 @@ double BodyConeSolver::way_to_bound(std::size_t b, const List<double>& p) const 
   // root of ‖t + s t'‖² = μ² (n + s n')²
   const double a = change[1] * change[1] + change[2] * change[2] - mu * mu * change[0] * change[0];
   const double half = now[1] * change[1] + now[2] * change[2] - mu * mu * now[0] * change[0];
-  const double c =
-      std::min(now[1] * now[1] + now[2] * now[2] - mu * mu * now[0] * now[0], 0.0);  // rounding
+  // Not positive, since the impulse is within its cone; rounding may take it slightly beyond.
+  const double c = std::min(now[1] * now[1] + now[2] * now[2] - mu * mu * now[0] * now[0], 0.0);
   if (a + 2.0 * half + c <= 0.0) return of_normal;
   const double root = std::sqrt(std::max(half * half - a * c, 0.0));
   const double s = half > 0.0 ? -c / (half + root) : (root - half) / a;
@@ -427,7 +427,8 @@ void BodyConeSolver::share(double aim, Outcome* outcome, List<double>* p) {
   }
 }
 
-// Takes a freedom from blocks whose way to a bound is at most `share`.
+// Takes a freedom from each block that meets a bound within `share` of the change x_. A contact at
+// its bound may still change along its impulse; any other block changes no more.
 void BodyConeSolver::lose_freedoms(double share, const List<double>& p) {
   for (std::size_t b = 0; b < freedoms_.size(); ++b) {
     if (way_to_bound(b, p) > share) continue;

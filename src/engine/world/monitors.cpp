@@ -27,8 +27,9 @@ constexpr double kLeastUnclosed = 1e-8;  // [m] joints with less error are not l
 // kOverlapPatience.
 constexpr double kMostSunk = 4.0, kOverlapPatience = 0.1;  // [1], [s]
 constexpr int kOverlapTicks = 10;
-// Speed in g h, below which a body rests. Faster bodies slide and roll by what steps leave of their
-// impacts, which is no creep up to kMostSlipShare.
+// Speed of a body at rest, at most, as a multiple of g h: impulses leave speeds of g h in contacts.
+// A faster body has moved: errors of its impacts make sticking contacts slip, which is reported as
+// creep only beyond kMostSlipShare in place of kMostCreepShare.
 constexpr double kMostResting = 4.0;  // [1]
 // Slip while a contact sinks in, as a share of the depth that it sinks in by.
 constexpr double kMostCrept = 0.0125;

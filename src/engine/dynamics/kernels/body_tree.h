@@ -77,8 +77,9 @@ struct TreeNode {
   /// Vectors from ends A and B to the place of the joint on B [m].
   Eigen::Vector3d to_a = Eigen::Vector3d::Zero(), to_b = Eigen::Vector3d::Zero();
   SpatialInertia whole;  ///< articulated inertia of the subtree, at the place of the joint
-  /// Demanded motion of the child relative to the parent, without free directions.
-  SpatialVector asked;
+  /// Motion of the child relative to the parent that the rows of the joint demand: an acceleration,
+  /// velocity or displacement, with none along free directions.
+  SpatialVector demanded;
 };
 
 /// Nodes from the leaves to the roots, and work space. Couplings may join several trees.

@@ -105,7 +105,7 @@ VectorRef across(const RowForm& form) {
 }
 
 void ask_nothing(TreeNode* node) {
-  node->asked = {};
+  node->demanded = {};
   for (TreeNode::Direction& direction : node->directions) direction.force = 0.0;
 }
 
@@ -149,14 +149,14 @@ double component(const TreeNode::Direction& direction, const SpatialVector& of) 
   return true;
 }
 
-// Reduces forces from the leaves to the root. In: forces on each body, `asked` motion of each child
-// relative to its parent, and `force` along free directions.
+// Reduces forces from the leaves to the root. In: forces on each body, `demanded` motion of each
+// child relative to its parent, and `force` along free directions.
 void TreeOfBodies::reduce() {
   List<SpatialVector>& forces = tree_.forces;
   for (TreeNode& node : nodes_) {
     SpatialVector p = forces[node.body];
     p.angular -= node.to_child.cross(p.linear);
-    p = p + node.whole * node.asked;
+    p = p + node.whole * node.demanded;
     for (std::size_t k = 0; k < node.count; ++k) {
       Direction& direction = node.directions[k];
       if (direction.row != TreeNode::kNone) continue;
@@ -187,7 +187,7 @@ void TreeOfBodies::substitute(const Act& act) {
       const double q = (direction.force - direction.u.dot(a)) / direction.pivot;
       (direction.turns ? a.angular : a.linear) += q * direction.along;
     }
-    a = a + node.asked;
+    a = a + node.demanded;
     a.linear -= a.angular.cross(node.to_child);
     motions[node.body] = a;
     act(node.body, a);
@@ -302,7 +302,7 @@ void TreeOfBodies::pull(TreeNode* node, const SpatialVector& relative, double* f
     ask_nothing(&node);
     if (node.link == TreeNode::kNone) continue;
     const SpatialVector relative = relative_velocity(node);
-    node.asked = (bias_of(node, relative) + held(node, view_.acceleration_target)) * node.sense;
+    node.demanded = (bias_of(node, relative) + held(node, view_.acceleration_target)) * node.sense;
     pull(&node, relative, forces);
   }
   reduce();
@@ -381,7 +381,7 @@ bool TreeOfBodies::restart(double* y, double* dydt) {
   for (TreeNode& node : nodes_) {
     ask_nothing(&node);
     if (node.link != TreeNode::kNone)
-      node.asked = (held(node, view_.rate_target) - relative_velocity(node)) * node.sense;
+      node.demanded = (held(node, view_.rate_target) - relative_velocity(node)) * node.sense;
   }
   reduce();
   double* const solution = view_.solution;
@@ -463,7 +463,7 @@ void TreeOfBodies::correct(double* y) {
   std::fill(tree_.forces.begin(), tree_.forces.end(), SpatialVector{});
   for (TreeNode& node : nodes_) {
     ask_nothing(&node);
-    if (node.link != TreeNode::kNone) node.asked = opening(node) * node.sense;
+    if (node.link != TreeNode::kNone) node.demanded = opening(node) * node.sense;
   }
   reduce();
   substitute([&](std::size_t i, const SpatialVector& change) {

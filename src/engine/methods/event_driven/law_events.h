@@ -45,7 +45,7 @@ struct StartAhead {
   StartAhead(double interval, double closing_time) {
     // Half would not do: a motion that ends with the interval has no acceleration in its middle.
     constexpr double kShare = 0.25;
-    constexpr double kSlight = 0.2;  // acceleration per error [1/s²]
+    constexpr double kSlight = 0.2;  // acceleration of a motion that closes 1 m or 1 rad [1/s²]
     if (!(closing_time > 0.0)) return;
     time = kShare * std::min(interval, closing_time);
     share = kSlight / std::abs(closing_course(time, closing_time).acceleration);

@@ -49,7 +49,8 @@ class ContactEquations {
   const GroupJoints& joints() const { return joints_; }
   List<Contact>& contacts() { return contacts_; }
   const List<Contact>& contacts() const { return contacts_; }
-  /// Whether slips keep their directions at the start of the substep; rows hold them transversely.
+  /// Whether each slip keeps, in the whole substep, the direction that it has at the start. A row
+  /// per slip then holds the velocity across this direction.
   bool is_straight() const { return is_straight_; }
   void set_straight(bool is_straight) { is_straight_ = is_straight; }
 

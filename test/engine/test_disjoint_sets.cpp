@@ -9,10 +9,10 @@
 namespace constraint_sim::engine {
 namespace {
 
-using Pairs = List<std::pair<int, int>>;
+using ConnectedPairs = List<std::pair<int, int>>;
 
 /// Smallest index that pairs connect with each index.
-List<int> smallest_connected(int size, const Pairs& pairs) {
+List<int> smallest_connected(int size, const ConnectedPairs& pairs) {
   List<int> smallest;
   for (int i = 0; i < size; ++i) smallest.push_back(i);
   for (bool any_changed = true; any_changed;) {
@@ -33,7 +33,7 @@ TEST(DisjointSets, HaveTheSmallestIndexAsRootInEachOrder) {
   DisjointSets<int> sets;
   for (int trial = 0; trial < 100; ++trial) {
     sets.reset(kSize);
-    Pairs pairs;
+    ConnectedPairs pairs;
     for (int k = 0; k < 45; ++k) {
       const List<int> before = smallest_connected(kSize, pairs);
       const auto& [i, j] = pairs.emplace_back(any(), any());

@@ -34,7 +34,7 @@ void print_times() {
       best = std::min(best, taken.count() / steps);
     }
     std::printf("%10d %14.2f %14.1f %14.1e\n", links, best, 1e3 * best / links,
-                world.report().max_constraint_error);
+                world.report().joints.max_error);
   }
 }
 

@@ -103,7 +103,7 @@ inline World without_corrections(World world) {
 
 /// Whether a step begins with errors that it corrects.
 inline bool is_off(const World& before) {
-  return depth_of(before) > kRounding || before.report().max_constraint_error > kRounding;
+  return depth_of(before) > kRounding || before.report().joints.max_error > kRounding;
 }
 
 inline void compare(const Settings& settings, unsigned kind, unsigned seed, Table* table) {
@@ -126,8 +126,8 @@ inline void compare(const Settings& settings, unsigned kind, unsigned seed, Tabl
     const double estimate = after.report().local_error;
     const World exact = reference_of(before, settings, &table->by_events);
     ++table->steps;
-    table->kept += after.report().substeps;
-    table->rejected += after.report().rejected;
+    table->kept += after.report().costs.substeps;
+    table->rejected += after.report().costs.rejected;
     if (std::isnan(estimate)) {
       ++table->unsolved;
       continue;

@@ -146,7 +146,7 @@ int main(int argc, char** argv) {
       command(what, &world);
     else if (i >= kWarmUp)
       edit(what, i - kWarmUp, &world);
-    if (world.step().failed) return 3;
+    if (world.step().outcome.failed) return 3;
   }
   return 0;
 }

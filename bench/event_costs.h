@@ -21,16 +21,16 @@ struct Costs {
   std::vector<std::pair<double, unsigned>> of_ticks;  // substeps and events of ticks with events
 
   void add(const StepReport& report) {
-    const double cost = report.substeps + report.rejected;
+    const double cost = report.costs.substeps + report.costs.rejected;
     ++ticks;
-    if (report.events == 0) {
+    if (report.costs.events == 0) {
       ++ticks_without;
       without += cost;
       return;
     }
-    events += report.events;
+    events += report.costs.events;
     with += cost;
-    of_ticks.emplace_back(cost, report.events);
+    of_ticks.emplace_back(cost, report.costs.events);
   }
   double ordinary() const { return ticks_without > 0 ? without / ticks_without : 1.0; }
   double of_an_event() const {

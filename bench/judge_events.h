@@ -34,7 +34,7 @@ struct Verdict {
 inline bool is_with_impulses(const World& world) {
   const std::vector<Island> islands = world.islands();  // each call makes its own list
   const auto advanced = [&](Method method) {
-    return world.report().islands[static_cast<std::size_t>(method)] > 0;
+    return world.report().costs.islands[static_cast<std::size_t>(method)] > 0;
   };
   return advanced(Method::kSequentialImpulses) || advanced(Method::kTimeStepping) ||
          std::any_of(islands.begin(), islands.end(),
@@ -111,14 +111,14 @@ inline void follow(const Scene& scene, Verdict* verdict) {
     const double before = world.time();
     const StepReport& report = world.step();
     const double now = world.time();
-    if (report.failed) verdict->find("failed", now, report.max_constraint_error);
-    booked += report.correction_work + report.driven_work;
+    if (report.outcome.failed) verdict->find("failed", now, report.joints.max_error);
+    booked += report.energy.correction_work + report.energy.driven_work;
     const double work = work_to_positions(world, speeds_before, &speeds);
     std::swap(speeds, speeds_before);
     least += power * (now - before) + work;
     const double energy = world.energy() - booked;
     // Joints that impulses left open are reported, and closing them does work.
-    if (was_by_impulses && (report.max_constraint_error > 1e-6 || is_closing(world))) return;
+    if (was_by_impulses && (report.joints.max_error > 1e-6 || is_closing(world))) return;
     if (has_servos(scene.kind) &&
         is_with_impulses(world)) {  // first order, without account of servos' work
       (has_given_up(world) ? verdict->is_given_up : verdict->is_left) = true;
@@ -132,25 +132,25 @@ inline void follow(const Scene& scene, Verdict* verdict) {
       continue;
     }
     verdict->is_back = verdict->is_back || was_by_impulses;
-    costs.push_back(report.substeps + report.rejected);
-    verdict->events += report.events;
+    costs.push_back(report.costs.substeps + report.costs.rejected);
+    verdict->events += report.costs.events;
     for (const Event& event : world.events()) {
       if (event.time < latest || event.time < before - 1e-12 || event.time > now + 1e-12)
         verdict->find("an event out of order", now, event.time);
       latest = event.time;
     }
     // The conditions are negated so that NaN is found.
-    if (!(report.max_constraint_error < (was_by_impulses ? 1e-6 : 1e-9)))
-      verdict->find("joints are off", now, report.max_constraint_error);
-    if (!(report.max_penetration < 1e-9))
-      verdict->find("bodies overlap", now, report.max_penetration);
+    if (!(report.joints.max_error < (was_by_impulses ? 1e-6 : 1e-9)))
+      verdict->find("joints are off", now, report.joints.max_error);
+    if (!(report.contacts.max_penetration < 1e-9))
+      verdict->find("bodies overlap", now, report.contacts.max_penetration);
     // A late event leaves an overlap, which is then corrected. Initial overlaps are corrected in
     // the first step, which is exempt.
     if (touches(scene.kind) && !was_by_impulses && before > 0.0 &&
-        !(std::abs(report.correction_work) < allowed))
-      verdict->find("bodies were moved apart", now, report.correction_work);
-    if (!was_by_impulses && power == 0.0 && work == 0.0 && report.energy_rise != 0.0)
-      verdict->find("energy_rise", now, report.energy_rise);
+        !(std::abs(report.energy.correction_work) < allowed))
+      verdict->find("bodies were moved apart", now, report.energy.correction_work);
+    if (!was_by_impulses && power == 0.0 && work == 0.0 && report.energy.rise != 0.0)
+      verdict->find("energy_rise", now, report.energy.rise);
   }
   verdict->worst_tick = worst_over_median(std::move(costs));
 }
@@ -190,7 +190,7 @@ inline bool place_elsewhere(const Scene& scene, Verdict* verdict) {
   const double until = touches(scene.kind) ? 1.0 : 0.5;
   unsigned events = 0;
   while (events < most && here.time() < until) {
-    events += here.step().events;
+    events += here.step().costs.events;
     there.step();
     if (is_with_impulses(here) || is_with_impulses(there)) return false;
   }
@@ -228,7 +228,7 @@ inline bool step_finer(const Scene& scene, Verdict* verdict) {
   const unsigned most = touches(scene.kind) ? 2 : 1000000;
   const double until = touches(scene.kind) ? 1.0 : 0.5;
   for (unsigned events = 0; events < most && coarse.time() < until;) {
-    events += coarse.step().events;
+    events += coarse.step().costs.events;
     if (is_with_impulses(coarse)) return false;
     for (int i = 0; i < 3; ++i) {
       fine.step();
@@ -250,16 +250,16 @@ inline void follow_closing(const Scene& scene, Verdict* verdict) {
   while (world.time() < 2.0 && verdict->findings.empty()) {
     const StepReport& report = world.step();
     const double now = world.time();
-    if (report.failed) verdict->find("failed", now, report.max_constraint_error);
+    if (report.outcome.failed) verdict->find("failed", now, report.joints.max_error);
     if (is_with_impulses(world)) {
       (has_given_up(world) ? verdict->is_given_up : verdict->is_left) = true;
       return;
     }
-    verdict->events += report.events;
-    if (!(report.max_penetration < 1e-9))
-      verdict->find("bodies overlap", now, report.max_penetration);
-    if (!is_closing(world) && !(report.max_constraint_error < 1e-9))
-      verdict->find("joints are off", now, report.max_constraint_error);
+    verdict->events += report.costs.events;
+    if (!(report.contacts.max_penetration < 1e-9))
+      verdict->find("bodies overlap", now, report.contacts.max_penetration);
+    if (!is_closing(world) && !(report.joints.max_error < 1e-9))
+      verdict->find("joints are off", now, report.joints.max_error);
   }
 }
 

@@ -125,11 +125,11 @@ inline Outcome run(const Mechanism& mechanism, double tick, double tolerance) {
   const auto steps = std::lround(mechanism.duration / tick);
   for (long i = 0; i < steps; ++i) {
     const StepReport& report = world.step();
-    run.has_failed = run.has_failed || report.failed || report.changes > 0;
-    run.dependent_rows = std::min(run.dependent_rows, report.dependent_rows);
-    run.joints = std::max(run.joints, report.max_constraint_error);
-    run.substeps += report.substeps;
-    run.rejected += report.rejected;
+    run.has_failed = run.has_failed || report.outcome.failed || report.costs.method_changes > 0;
+    run.dependent_rows = std::min(run.dependent_rows, report.joints.dependent_rows);
+    run.joints = std::max(run.joints, report.joints.max_error);
+    run.substeps += report.costs.substeps;
+    run.rejected += report.costs.rejected;
   }
   run.error = mechanism.error(world);
   return run;

@@ -86,9 +86,9 @@ inline Figures measure(World world, double duration, double joints_allowed, doub
   const auto ticks = std::lround(duration / world.options().time_step);
   for (long i = 0; i < ticks; ++i) {
     const StepReport& report = world.step();
-    figures.lost += report.projected_energy;
-    figures.has_failed = figures.has_failed || report.failed || has_conflict(world);
-    figures.changes += report.changes;
+    figures.lost += report.energy.projected;
+    figures.has_failed = figures.has_failed || report.outcome.failed || has_conflict(world);
+    figures.changes += report.costs.method_changes;
     const double kinetic = kinetic_energy(world);
     const double energy = world.energy();
     figures.joints = std::max(figures.joints, largest_joint_error(world));
@@ -99,7 +99,7 @@ inline Figures measure(World world, double duration, double joints_allowed, doub
         std::max(figures.scale, kinetic + size_of_potential_energy(world) + std::abs(start));
     figures.round_off =
         std::max(figures.round_off, 1e-12 + 4.0 * 2.22e-16 * largest_coordinate(world));
-    if (report.failed || figures.joints > std::max(joints_allowed, figures.round_off) ||
+    if (report.outcome.failed || figures.joints > std::max(joints_allowed, figures.round_off) ||
         figures.energy > std::max(energy_allowed, 1e-12 * figures.scale))
       break;
   }

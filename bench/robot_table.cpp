@@ -143,7 +143,7 @@ Figures run(World* world, double duration, double since,
   for (int i = 0; i < steps; ++i) {
     const double before = processor_time();
     before_step(world);
-    if (world->step().failed) throw std::runtime_error("a step failed");
+    if (world->step().outcome.failed) throw std::runtime_error("a step failed");
     taken += processor_time() - before;
     if (world->time() < since) continue;
     for (const JointId id : joints)

@@ -41,13 +41,13 @@ struct Finding {
 /// for impulses only; `own_error` is the error of joints.
 inline bool says_so(const World& world, Method method, double own_error) {
   const StepReport& report = world.report();
-  if (report.failed || report.unresolved_bodies > 0) return true;
+  if (report.outcome.failed || report.unresolved_bodies > 0) return true;
   for (const Island& island : world.islands()) {
     if (island.why == MethodReason::kInconsistent || island.why == MethodReason::kRefused)
       return true;
     if (uses_impulses(island.method)) method = island.method;
   }
-  return uses_impulses(method) && report.max_constraint_error >= 0.999 * own_error - 1e-12;
+  return uses_impulses(method) && report.joints.max_error >= 0.999 * own_error - 1e-12;
 }
 
 /// Motion by the reference, every tenth of a second, with its own error and the growth of a
@@ -252,10 +252,10 @@ class Judge {
       so_far->uses_impulses = so_far->uses_impulses || uses_impulses(island.method);
     if (error > joints_allowed(*so_far, t) / std::min(size, 1.0) && !so_far->has_said)
       return found("joints", mechanics_.scene().joints[joint].name + figure(" is off by", error));
-    if (std::abs(report.max_constraint_error / size - error) >
+    if (std::abs(report.joints.max_error / size - error) >
             (1e-6 + 4.0 * 2.3e-16 * coordinate_) / std::min(size, 1.0) + 1e-3 * error &&
-        !report.failed && so_far->knows_turns)
-      return found("report", figure("max_constraint_error", report.max_constraint_error) +
+        !report.outcome.failed && so_far->knows_turns)
+      return found("report", figure("max_constraint_error", report.joints.max_error) +
                                  figure(" while joints are off by", error));
     return has_wrong_energy(poses, error, so_far, finding);
   }

@@ -281,7 +281,7 @@ inline Seen run(Spinning& scene, double duration, double speed) {
     const StepReport& report = scene.world.step();
     seen.estimate += report.local_error;
     seen.is_named = seen.is_named || report.unresolved_bodies > 0;
-    seen.changes += report.changes;
+    seen.changes += report.costs.method_changes;
     for (const Island& island : scene.world.islands())
       seen.is_by_midpoint = seen.is_by_midpoint && island.method == Method::kEnergyMomentum;
     add_errors(scene, speed, &seen);

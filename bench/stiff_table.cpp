@@ -61,9 +61,9 @@ Result run(const World& scene, const Setting& setting,
       const auto start = std::chrono::steady_clock::now();
       for (int k = 0; k < ticks; ++k) {
         const StepReport& report = world.step();
-        iterations += report.iterations;
-        substeps += report.substeps;
-        result.drift = std::max(result.drift, std::abs(report.energy_drift));
+        iterations += report.costs.iterations;
+        substeps += report.costs.substeps;
+        result.drift = std::max(result.drift, std::abs(report.energy.drift));
       }
       taken += std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
                    .count();

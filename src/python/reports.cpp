@@ -10,8 +10,14 @@ py::dict islands_of(const NamedReport& report) {
   py::dict dict;
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)
     if (static_cast<engine::Method>(i) != engine::Method::kAuto)
-      dict[engine::name(static_cast<engine::Method>(i))] = report.islands[i];
+      dict[engine::name(static_cast<engine::Method>(i))] = report.costs.islands[i];
   return dict;
+}
+
+/// Returns a getter of a field in a part of the report.
+template <class Part, class Field>
+auto field_of(Part engine::StepReport::*part, Field Part::*field) {
+  return [part, field](const NamedReport& report) { return report.*part.*field; };
 }
 
 void define_step_report(py::module* module) {
@@ -21,79 +27,103 @@ void define_step_report(py::module* module) {
                      "values when the world steps on.")
       .def_readonly("step", &Report::step, "steps since the start, this one included")
       .def_readonly("time", &Report::time, "simulated time after the step [s]")
-      .def_readonly("max_constraint_error", &Report::max_constraint_error,
-                    "largest |error| of the joints, springs and closing_error excepted [m]")
+      .def_property_readonly(
+          "max_constraint_error", field_of(&Report::joints, &Report::Joints::max_error),
+          "largest |error| of the joints, springs and closing_error excepted [m]")
       .def_readonly("worst_joint", &Report::worst_joint_name, "joint whose error it is, or None")
-      .def_readonly("closing_error", &Report::closing_error,
-                    "largest |error| of joints that an edit, or a motor sent to a position, is "
-                    "closing [m]")
+      .def_property_readonly(
+          "closing_error", field_of(&Report::joints, &Report::Joints::closing_error),
+          "largest |error| of joints that an edit, or a motor sent to a position, is "
+          "closing [m]")
       .def_readonly("closing_joint", &Report::closing_joint_name,
                     "joint whose error it is, or None")
-      .def_readonly("unclosed_joints", &Report::unclosed_joints,
-                    "joints off by more than 1e-3 m that are not being closed")
-      .def_readonly("max_penetration", &Report::max_penetration, "deepest contact [m]")
-      .def_readonly("overlap", &Report::overlap,
-                    "deepest contact that impulses do not push out [m]; 0: none")
+      .def_property_readonly("unclosed_joints",
+                             field_of(&Report::joints, &Report::Joints::unclosed),
+                             "joints off by more than 1e-3 m that are not being closed")
+      .def_property_readonly("max_penetration",
+                             field_of(&Report::contacts, &Report::Contacts::max_penetration),
+                             "deepest contact [m]")
+      .def_property_readonly("overlap", field_of(&Report::contacts, &Report::Contacts::overlap),
+                             "deepest contact that impulses do not push out [m]; 0: none")
       .def_readonly("overlap_body", &Report::overlap_body_name, "a body of that contact, or None")
-      .def_readonly("creep", &Report::creep,
-                    "farthest that a contact by impulses has slid while friction holds it [m]; 0: "
-                    "none")
+      .def_property_readonly(
+          "creep", field_of(&Report::contacts, &Report::Contacts::creep),
+          "farthest that a contact by impulses has slid while friction holds it [m]; 0: "
+          "none")
       .def_readonly("creep_body", &Report::creep_body_name, "a body of that contact, or None")
       .def_readonly("unsolved_body", &Report::unsolved_body_name,
                     "with time_stepping, a body whose impulses were not solved, or None; "
                     "solver_residual says how far")
-      .def_readonly("energy", &Report::energy,
-                    "kinetic energy + potential energy of gravity and springs [J]")
-      .def_readonly("energy_drift", &Report::energy_drift,
-                    "change of energy since the last edit over the largest kinetic energy [1]")
-      .def_readonly("energy_rise", &Report::energy_rise,
-                    "rise of an island's energy without a cause [J]; 0: none")
+      .def_property_readonly("energy", field_of(&Report::energy, &Report::Energy::total),
+                             "kinetic energy + potential energy of gravity and springs [J]")
+      .def_property_readonly(
+          "energy_drift", field_of(&Report::energy, &Report::Energy::drift),
+          "change of energy since the last edit over the largest kinetic energy [1]")
+      .def_property_readonly("energy_rise", field_of(&Report::energy, &Report::Energy::rise),
+                             "rise of an island's energy without a cause [J]; 0: none")
       .def_property_readonly(
           "local_error", [](const Report& report) { return known(report.local_error); },
           "largest error estimate of an island for this step [m]; None where an island has none, "
           "as where impulses were not solved")
-      .def_readonly("dependent_rows", &Report::dependent_rows,
-                    "redundant equations, at most at once")
+      .def_property_readonly("dependent_rows",
+                             field_of(&Report::joints, &Report::Joints::dependent_rows),
+                             "redundant equations, at most at once")
       .def_readonly("unresolved_bodies", &Report::unresolved_bodies,
                     "bodies of stiff islands that move faster than the step resolves")
-      .def_readonly("torn_joints", &Report::torn_joints, "joints that broke in this step")
-      .def_readonly("projected_energy", &Report::projected_energy,
-                    "kinetic energy lost where velocities were projected onto the joints [J]")
-      .def_readonly("correction_work", &Report::correction_work,
-                    "work of closing errors where impulses advance islands: weight times the "
-                    "distance moved [J]")
-      .def_readonly(
-          "driven_work", &Report::driven_work,
-          "work of wrenches, motors and kinematic bodies where impulses advance islands [J]")
-      .def_readonly("solver_residual", &Report::solver_residual,
-                    "largest |J V - target| that the sweeps left [m/s]")
-      .def_readonly("failed", &Report::failed, "the world kept the state before the step")
+      .def_property_readonly("torn_joints", field_of(&Report::joints, &Report::Joints::broken),
+                             "joints that broke in this step")
       .def_property_readonly(
-          "failure", [](const Report& report) { return engine::to_string(report.failure); },
+          "projected_energy", field_of(&Report::energy, &Report::Energy::projected),
+          "kinetic energy lost where velocities were projected onto the joints [J]")
+      .def_property_readonly(
+          "correction_work", field_of(&Report::energy, &Report::Energy::correction_work),
+          "work of closing errors where impulses advance islands: weight times the "
+          "distance moved [J]")
+      .def_property_readonly(
+          "driven_work", field_of(&Report::energy, &Report::Energy::driven_work),
+          "work of wrenches, motors and kinematic bodies where impulses advance islands [J]")
+      .def_property_readonly("solver_residual",
+                             field_of(&Report::contacts, &Report::Contacts::solver_residual),
+                             "largest |J V - target| that the sweeps left [m/s]")
+      .def_property_readonly("failed", field_of(&Report::outcome, &Report::Outcome::failed),
+                             "the world kept the state before the step")
+      .def_property_readonly(
+          "failure", [](const Report& report) { return engine::to_string(report.outcome.failure); },
           "reason why the step failed; empty where it did not")
       .def_readonly("failed_body", &Report::failed_body_name,
                     "body whose motion failed, or None where the failure is not of a single body")
-      .def_readonly("stopped", &Report::stopped,
-                    "a stop flag ended the step early: the world kept the state before it; C++ "
-                    "alone can set one")
+      .def_property_readonly(
+          "stopped", field_of(&Report::outcome, &Report::Outcome::stopped),
+          "a stop flag ended the step early: the world kept the state before it; C++ "
+          "alone can set one")
       .def_property_readonly("islands", &islands_of, "islands advanced by each method")
-      .def_readonly("asleep", &Report::asleep, "islands at rest, left out")
-      .def_readonly("changes", &Report::changes, "changes of method")
-      .def_readonly("handed_over", &Report::handed_over,
-                    "islands whose contacts go from events to impulses")
-      .def_readonly("substeps", &Report::substeps, "substeps of all islands")
-      .def_readonly("rejected", &Report::rejected, "rejected substeps")
-      .def_readonly("iterations", &Report::iterations,
-                    "sweeps over the rows, and Newton iterations")
-      .def_readonly("events", &Report::events,
-                    "events at which a one-sided row began or ceased to act")
-      .def_readonly("hits", &Report::hits, "hits of fast bodies, at their times within the step")
-      .def_readonly("rows", &Report::rows, "scalar equations solved")
-      .def_readonly("contacts", &Report::contacts, "contact points of islands that are awake")
-      .def_readonly("candidate_pairs", &Report::candidate_pairs, "pairs after the broadphase")
+      .def_property_readonly("asleep", field_of(&Report::costs, &Report::Costs::asleep),
+                             "islands at rest, left out")
+      .def_property_readonly("changes", field_of(&Report::costs, &Report::Costs::method_changes),
+                             "changes of method")
+      .def_property_readonly("handed_over",
+                             field_of(&Report::contacts, &Report::Contacts::handed_over),
+                             "islands whose contacts go from events to impulses")
+      .def_property_readonly("substeps", field_of(&Report::costs, &Report::Costs::substeps),
+                             "substeps of all islands")
+      .def_property_readonly("rejected", field_of(&Report::costs, &Report::Costs::rejected),
+                             "rejected substeps")
+      .def_property_readonly("iterations", field_of(&Report::costs, &Report::Costs::iterations),
+                             "sweeps over the rows, and Newton iterations")
+      .def_property_readonly("events", field_of(&Report::costs, &Report::Costs::events),
+                             "events at which a one-sided row began or ceased to act")
+      .def_property_readonly("hits", field_of(&Report::contacts, &Report::Contacts::hits),
+                             "hits of fast bodies, at their times within the step")
+      .def_property_readonly("rows", field_of(&Report::costs, &Report::Costs::rows),
+                             "scalar equations solved")
+      .def_property_readonly("contacts", field_of(&Report::contacts, &Report::Contacts::points),
+                             "contact points of islands that are awake")
+      .def_property_readonly("candidate_pairs",
+                             field_of(&Report::costs, &Report::Costs::candidate_pairs),
+                             "pairs after the broadphase")
       .def("__repr__", [](const Report& report) {
         return py::str("<StepReport step {} time {} s: constraint error {:.3g} m, failed {}>")
-            .format(report.step, report.time, report.max_constraint_error, report.failed);
+            .format(report.step, report.time, report.joints.max_error, report.outcome.failed);
       });
 }
 

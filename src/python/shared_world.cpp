@@ -24,38 +24,39 @@ std::optional<std::string> name_among(const Ids& ids, const Id& id, NameOf name_
 
 void add(const engine::StepReport& step, const engine::World& world, RunReport* report) {
   ++report->steps;
-  report->max_constraint_error = std::max(report->max_constraint_error, step.max_constraint_error);
-  report->max_closing_error = std::max(report->max_closing_error, step.closing_error);
-  report->max_penetration = std::max(report->max_penetration, step.max_penetration);
+  report->max_constraint_error = std::max(report->max_constraint_error, step.joints.max_error);
+  report->max_closing_error = std::max(report->max_closing_error, step.joints.closing_error);
+  report->max_penetration = std::max(report->max_penetration, step.contacts.max_penetration);
   report->accumulated_local_error += step.local_error;
-  report->energy_drift = step.energy_drift;
-  report->substeps += step.substeps;
-  report->rejected += step.rejected;
-  report->iterations += step.iterations;
-  report->rows += step.rows;
-  report->contacts += step.contacts;
-  report->torn_joints += step.torn_joints;
-  report->changes += step.changes;
-  report->dependent_rows = std::max(report->dependent_rows, step.dependent_rows);
-  report->correction_work += step.correction_work;
-  report->driven_work += step.driven_work;
-  report->solver_residual = std::max(report->solver_residual, step.solver_residual);
+  report->energy_drift = step.energy.drift;
+  report->substeps += step.costs.substeps;
+  report->rejected += step.costs.rejected;
+  report->iterations += step.costs.iterations;
+  report->rows += step.costs.rows;
+  report->contacts += step.contacts.points;
+  report->torn_joints += step.joints.broken;
+  report->changes += step.costs.method_changes;
+  report->dependent_rows = std::max(report->dependent_rows, step.joints.dependent_rows);
+  report->correction_work += step.energy.correction_work;
+  report->driven_work += step.energy.driven_work;
+  report->solver_residual = std::max(report->solver_residual, step.contacts.solver_residual);
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)
-    if (step.islands[i] > 0) report->methods.insert(engine::name(static_cast<engine::Method>(i)));
-  report->energy_rise = std::max(report->energy_rise, step.energy_rise);
-  report->overlap = std::max(report->overlap, step.overlap);
-  report->creep = std::max(report->creep, step.creep);
+    if (step.costs.islands[i] > 0)
+      report->methods.insert(engine::name(static_cast<engine::Method>(i)));
+  report->energy_rise = std::max(report->energy_rise, step.energy.rise);
+  report->overlap = std::max(report->overlap, step.contacts.overlap);
+  report->creep = std::max(report->creep, step.contacts.creep);
   if (step.unresolved_bodies > 0)
     for (const engine::BodyId id : world.unresolved_bodies())
       report->unresolved_bodies.insert(world.body(id).name);
-  if (step.unclosed_joints > 0)
+  if (step.joints.unclosed > 0)
     for (const engine::JointId id : world.unclosed_joints())
       report->unclosed_joints.insert(world.joint(id).name);
 }
 
 void add_failure(const NamedReport& step, RunReport* report) {
   report->failed = true;
-  report->failure = engine::to_string(step.failure);
+  report->failure = engine::to_string(step.outcome.failure);
   report->failed_body = step.failed_body_name;
 }
 
@@ -81,13 +82,17 @@ std::uint64_t steps_in(double duration, double time_step) {
 NamedReport::NamedReport(const engine::World& world) : engine::StepReport(world.report()) {
   const auto name_of = [&](engine::JointId id) { return world.joint(id).name; };
   const auto name_of_body = [&](engine::BodyId id) { return world.body(id).name; };
-  if (worst_joint) worst_joint_name = name_among(world.joint_ids(), *worst_joint, name_of);
-  if (closing_joint) closing_joint_name = name_among(world.joint_ids(), *closing_joint, name_of);
-  if (failed_body) failed_body_name = name_among(world.body_ids(), *failed_body, name_of_body);
-  if (overlap_body) overlap_body_name = name_among(world.body_ids(), *overlap_body, name_of_body);
-  if (creep_body) creep_body_name = name_among(world.body_ids(), *creep_body, name_of_body);
-  if (unsolved_body)
-    unsolved_body_name = name_among(world.body_ids(), *unsolved_body, name_of_body);
+  if (joints.worst) worst_joint_name = name_among(world.joint_ids(), *joints.worst, name_of);
+  if (joints.worst_closing)
+    closing_joint_name = name_among(world.joint_ids(), *joints.worst_closing, name_of);
+  if (outcome.failed_body)
+    failed_body_name = name_among(world.body_ids(), *outcome.failed_body, name_of_body);
+  if (contacts.overlap_body)
+    overlap_body_name = name_among(world.body_ids(), *contacts.overlap_body, name_of_body);
+  if (contacts.creep_body)
+    creep_body_name = name_among(world.body_ids(), *contacts.creep_body, name_of_body);
+  if (contacts.unsolved_body)
+    unsolved_body_name = name_among(world.body_ids(), *contacts.unsolved_body, name_of_body);
 }
 
 class SharedWorld::Stepping {
@@ -187,7 +192,7 @@ void SharedWorld::run_released(std::uint64_t steps, std::uint64_t every, double 
     const engine::StepReport& step = world_.step();
     const auto end = SteadyClock::now();
     report->wall_time += seconds(end - start);
-    if (step.failed) {  // the report describes motion that was undone
+    if (step.outcome.failed) {  // the report describes motion that was undone
       add_failure(NamedReport(world_), report);
       return;
     }

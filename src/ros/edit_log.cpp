@@ -44,7 +44,7 @@ void EditLog::edited(const Stepper& stepper, const World& world) {
 
 void EditLog::stepped(const World& world) {
   if (!is_wanted() || newcomer_) return;
-  if (world.report().failed)
+  if (world.report().outcome.failed)
     publish("failed_step", {}, world);
   else if (world.step_count() % kCheckEvery == 0)
     publish("", {}, world);

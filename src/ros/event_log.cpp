@@ -64,8 +64,8 @@ std::string handing_over(const World& world) {
   const engine::StepReport& report = world.report();
   std::string why;
   for (const engine::Island& island : world.islands())
-    if (report.handed_over_body == island.first_body) why = engine::to_string(island.why);
-  return "contacts of '" + world.body(*report.handed_over_body).name +
+    if (report.contacts.handed_over_body == island.first_body) why = engine::to_string(island.why);
+  return "contacts of '" + world.body(*report.contacts.handed_over_body).name +
          "' and what it touches go from event_driven to time_stepping: " + why;
 }
 
@@ -77,8 +77,8 @@ std::optional<engine::BodyId> taken_back(const World& world) {
 }
 
 bool is_beyond_range(const engine::StepReport& report) {
-  return !std::isfinite(report.energy + report.energy_drift + report.max_constraint_error +
-                        report.max_penetration) ||
+  return !std::isfinite(report.energy.total + report.energy.drift + report.joints.max_error +
+                        report.contacts.max_penetration) ||
          std::isinf(report.local_error);  // NaN means no estimate
 }
 
@@ -94,22 +94,22 @@ struct Reported {
 const Reported kReported[] = {
     {[](const engine::StepReport& report) { return report.unresolved_bodies > 0; }, unresolved,
      "the tick shows the motion of all bodies again", kUnresolvedFor},
-    {[](const engine::StepReport& report) { return report.unclosed_joints > 0; }, unclosed,
+    {[](const engine::StepReport& report) { return report.joints.unclosed > 0; }, unclosed,
      "errors are closed, or are being closed, again"},
-    {[](const engine::StepReport& report) { return report.energy_rise > 0.0; }, gaining,
+    {[](const engine::StepReport& report) { return report.energy.rise > 0.0; }, gaining,
      "energy no longer rises without a cause"},
-    {[](const engine::StepReport& report) { return report.hits_left_body.has_value(); },
+    {[](const engine::StepReport& report) { return report.contacts.hits_left_body.has_value(); },
      hitting_too_often, "fast bodies no longer hit more often than a tick looks for"},
-    {[](const engine::StepReport& report) { return report.overlap_body.has_value(); },
+    {[](const engine::StepReport& report) { return report.contacts.overlap_body.has_value(); },
      [](const World& world) { return warning_of(world, engine::StepWarning::Kind::kOverlap); },
      "contacts by impulses no longer overlap"},
-    {[](const engine::StepReport& report) { return report.creep_body.has_value(); },
+    {[](const engine::StepReport& report) { return report.contacts.creep_body.has_value(); },
      [](const World& world) { return warning_of(world, engine::StepWarning::Kind::kCreep); },
      "contacts by impulses no longer creep"},
-    {[](const engine::StepReport& report) { return report.unsolved_body.has_value(); },
+    {[](const engine::StepReport& report) { return report.contacts.unsolved_body.has_value(); },
      [](const World& world) { return warning_of(world, engine::StepWarning::Kind::kUnsolved); },
      "impulses are solved again"},
-    {[](const engine::StepReport& report) { return report.handed_over > 0; }, handing_over,
+    {[](const engine::StepReport& report) { return report.contacts.handed_over > 0; }, handing_over,
      "no more contacts go from event_driven to time_stepping"},
     {is_beyond_range,
      [](const World&) {
@@ -129,7 +129,7 @@ EventLog::EventLog(const Parameters& parameters)
 
 void EventLog::stepped(const World& world) {
   const engine::StepReport& report = world.report();
-  if (report.failed) return;  // a failed step fills in no other field
+  if (report.outcome.failed) return;  // a failed step fills in no other field
   for (std::size_t i = 0; i < reported_.size(); ++i) {
     const bool is_now = kReported[i].holds(report);
     held_for_[i] = is_now ? held_for_[i] + world.options().time_step : 0.0;
@@ -146,7 +146,7 @@ void EventLog::stepped(const World& world) {
         break;
     }
   }
-  if (report.torn_joints > 0) report_broken(world);
+  if (report.joints.broken > 0) report_broken(world);
   tell_of_return(world);
 }
 

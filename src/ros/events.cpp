@@ -52,7 +52,7 @@ EventTopic::EventTopic(ros::NodeHandle& private_handle, const Publishers& publis
     : publishers_(publishers), topic_(private_handle.advertise<Event>("events", 1000)) {}
 
 void EventTopic::stepped(const World& world) {
-  if (world.report().failed) return;  // passed() reports the failure
+  if (world.report().outcome.failed) return;  // passed() reports the failure
   if (topic_.getNumSubscribers() == 0) {
     has_looked_ = false;
     return;
@@ -83,7 +83,7 @@ void EventTopic::passed(const World& world, const Stepper& stepper) {
   if (!has_failed_ || topic_.getNumSubscribers() == 0) return;
   std::vector<std::string> names;
   if (const auto joint = world.failed_joint()) names.push_back(world.joint(*joint).name);
-  if (const auto body = world.report().failed_body) names.push_back(world.body(*body).name);
+  if (const auto body = world.report().outcome.failed_body) names.push_back(world.body(*body).name);
   publish(world, Event::FAILED, std::move(names));
 }
 

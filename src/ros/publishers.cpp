@@ -94,11 +94,11 @@ void Publishers::stepped(const World& world, double seconds) {
   // The plan also changes without an edit: a joint breaks, a wrench ends, an island switches its
   // method, falls asleep or wakes.
   const engine::StepReport& report = world.report();
-  if (report.torn_joints > 0 || report.changes > 0 || report.asleep != asleep_ ||
-      world.wrenches().size() != wrenches_)
+  if (report.joints.broken > 0 || report.costs.method_changes > 0 ||
+      report.costs.asleep != asleep_ || world.wrenches().size() != wrenches_)
     plan_changed_ = true;
   wrenches_ = world.wrenches().size();
-  asleep_ = report.asleep;
+  asleep_ = report.costs.asleep;
 }
 
 void Publishers::edited(const World& world) {
@@ -189,7 +189,7 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
   message.max_constraint_error = finite(ticks_.max_constraint_error);
   message.worst_constraint = ticks_.worst_constraint;
   message.energy = finite(world.energy());
-  message.energy_drift = finite(report.energy_drift);
+  message.energy_drift = finite(report.energy.drift);
   message.local_error = ticks_.local_error;  // NaN where there is no estimate
   message.accumulated_local_error = ticks_.accumulated_local_error;
   message.wall_mean = ticks_.wall_sum / ticks;
@@ -197,7 +197,7 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
   const double passed = std::max(now - last_statistics_, 1e-9);
   message.real_time_factor = finite(ticks_.simulated / passed);
   message.dropped_ticks = stepper.dropped_ticks();
-  message.iterations = report.iterations + report.substeps;
+  message.iterations = report.costs.iterations + report.costs.substeps;
   message.failed = stepper.has_failed();
   message.stages.clear();
   message.stage_times.clear();
@@ -207,7 +207,7 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
   }
   message.methods.clear();
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)
-    if (report.islands[i] > 0)
+    if (report.costs.islands[i] > 0)
       message.methods.emplace_back(engine::name(static_cast<engine::Method>(i)));
   ticks_.clear();
   last_statistics_ = now;

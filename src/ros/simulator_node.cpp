@@ -243,7 +243,7 @@ StepperEvents SimulatorNode::Impl::events() {
     edit_log_.stepped(world);
     if (!plugins_.empty()) plugins_.stepped(world, publishers_.stamp(world));
     if (commands_.has_goals()) commands_.stepped(world, publishers_.stamp(world));
-    if (world.report().failed) commands_.end("a step that failed");
+    if (world.report().outcome.failed) commands_.end("a step that failed");
   };
   events.edited = [this](const World& world) {
 #ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE

@@ -44,7 +44,7 @@ Extent seen_extent(engine::World world) {
   Extent seen = first;
   const double start = world.time();
   for (int step = 0; step < kMostSteps && world.time() < start + kSeconds; ++step) {
-    if (world.step().failed) break;
+    if (world.step().outcome.failed) break;
     const Extent now = extent_of(world);
     seen.low = seen.low.cwiseMin(now.low.cwiseMax(first.low - around));
     seen.high = seen.high.cwiseMax(now.high.cwiseMin(first.high + around));

@@ -220,9 +220,9 @@ void stop_on_signals() {
 }
 
 struct Outcome {
-  double wall_time = 0.0;                           ///< spent in World::step [s]
-  double max_constraint_error = 0.0;                ///< over all steps [m]
-  double max_closing_error = 0.0;                   ///< largest StepReport::closing_error [m]
+  double wall_time = 0.0;             ///< spent in World::step [s]
+  double max_constraint_error = 0.0;  ///< over all steps [m]
+  double max_closing_error = 0.0;     ///< largest StepReport::Joints::closing_error [m]
   double energy_initial = 0.0, energy_final = 0.0;  ///< [J]
   double energy_drift = 0.0;                        ///< after the last step, dimensionless
   double accumulated_local_error =
@@ -261,28 +261,27 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv, OutputFile* cons
     const auto start = SteadyClock::now();
     const StepReport& report = world->step();
     outcome.wall_time += seconds_since(start);
-    outcome.max_constraint_error =
-        std::max(outcome.max_constraint_error, report.max_constraint_error);
-    outcome.max_closing_error = std::max(outcome.max_closing_error, report.closing_error);
-    outcome.energy_drift = report.energy_drift;
+    outcome.max_constraint_error = std::max(outcome.max_constraint_error, report.joints.max_error);
+    outcome.max_closing_error = std::max(outcome.max_closing_error, report.joints.closing_error);
+    outcome.energy_drift = report.energy.drift;
     outcome.accumulated_local_error += report.local_error;
-    outcome.correction_work += report.correction_work;
-    outcome.driven_work += report.driven_work;
-    outcome.solver_residual = std::max(outcome.solver_residual, report.solver_residual);
-    outcome.events += report.events;
-    outcome.substeps += report.substeps;
-    outcome.handed_over += report.handed_over;
+    outcome.correction_work += report.energy.correction_work;
+    outcome.driven_work += report.energy.driven_work;
+    outcome.solver_residual = std::max(outcome.solver_residual, report.contacts.solver_residual);
+    outcome.events += report.costs.events;
+    outcome.substeps += report.costs.substeps;
+    outcome.handed_over += report.contacts.handed_over;
     for (const engine::Event& event : world->events())
       outcome.taken_back += event.kind == engine::EventKind::kTakenBack;
     for (std::size_t i = 0; i < kMethodCount; ++i)
-      if (report.islands[i] > 0) outcome.methods.insert(name(static_cast<Method>(i)));
+      if (report.costs.islands[i] > 0) outcome.methods.insert(name(static_cast<Method>(i)));
     if (report.unresolved_bodies > 0)
       for (const BodyId id : world->unresolved_bodies())
         outcome.unresolved_bodies.insert(world->body(id).name);
-    if (report.unclosed_joints > 0 || report.energy_rise > 0.0 || report.hits_left_body ||
-        report.overlap_body || report.creep_body || report.unsolved_body)
+    if (report.joints.unclosed > 0 || report.energy.rise > 0.0 || report.contacts.hits_left_body ||
+        report.contacts.overlap_body || report.contacts.creep_body || report.contacts.unsolved_body)
       for (const StepWarning& now : step_warnings(*world)) add(now, &outcome);
-    outcome.failed = report.failed;
+    outcome.failed = report.outcome.failed;
     if (csv->is_wanted()) csv->write(csv_rows(*world));
     if (constraint_csv->is_wanted()) constraint_csv->write(constraint_csv_rows(*world));
     progress.update(step);
@@ -322,7 +321,7 @@ std::vector<std::string> warnings_of(const World& world, const Outcome& outcome)
 
 /// Returns the body whose motion failed; null where the failure is not of a single body.
 nlohmann::json failed_body(const World& world) {
-  const std::optional<BodyId>& body = world.report().failed_body;
+  const std::optional<BodyId>& body = world.report().outcome.failed_body;
   return body ? nlohmann::json(world.body(*body).name) : nlohmann::json();
 }
 
@@ -361,7 +360,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"solver_residual", outcome.solver_residual},
       {"unclosed_joints", unclosed_joints},
       {"energy_rise", energy_rise},
-      {"failure", to_string(world.report().failure)},
+      {"failure", to_string(world.report().outcome.failure)},
       {"failed_body", failed_body(world)},
       {"methods", outcome.methods},
       {"events", outcome.events},
@@ -440,7 +439,7 @@ int run(const Arguments& arguments) {
   if (verified) std::printf("\n%s", to_table(*verified).c_str());
   if (outcome.failed) {
     std::fprintf(stderr, "constraint_sim_run: the physics failed after %g s: %s\n", world.time(),
-                 to_string(world.report().failure));
+                 to_string(world.report().outcome.failure));
     return kPhysicsFailed;
   }
   for (const auto& [key, warning] : outcome.warnings)

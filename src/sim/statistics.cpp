@@ -9,19 +9,19 @@ void TickStatistics::add(const engine::World& world, double seconds) {
   const engine::StepReport& report = world.report();
   ++ticks;
   simulated += world.options().time_step;
-  if (report.worst_joint &&
-      (worst_constraint.empty() || report.max_constraint_error > max_constraint_error)) {
-    max_constraint_error = report.max_constraint_error;
-    worst_constraint = world.joint(*report.worst_joint).name;
+  if (report.joints.worst &&
+      (worst_constraint.empty() || report.joints.max_error > max_constraint_error)) {
+    max_constraint_error = report.joints.max_error;
+    worst_constraint = world.joint(*report.joints.worst).name;
   }
   wall_sum += seconds;
   wall_max = std::max(wall_max, seconds);
-  for (std::size_t i = 0; i < stage_sums.size(); ++i) stage_sums[i] += report.stage_times[i];
+  for (std::size_t i = 0; i < stage_sums.size(); ++i) stage_sums[i] += report.costs.stage_times[i];
   if (!std::isnan(local_error) && !(report.local_error <= local_error))
     local_error = report.local_error;  // a NaN stays until clear()
   accumulated_local_error += report.local_error;
-  events += report.events;
-  substeps += report.substeps;
+  events += report.costs.events;
+  substeps += report.costs.substeps;
 }
 
 void TickStatistics::clear() {

@@ -21,9 +21,9 @@ double run_time() {
 
 std::string why_failed(const World& world) {
   const engine::StepReport& report = world.report();
-  std::string why = engine::to_string(report.failure);
-  if (report.failure == engine::Failure::kCustom) why += ": " + world.failed_why();
-  if (report.failed_body) why += ": '" + world.body(*report.failed_body).name + "'";
+  std::string why = engine::to_string(report.outcome.failure);
+  if (report.outcome.failure == engine::Failure::kCustom) why += ": " + world.failed_why();
+  if (report.outcome.failed_body) why += ": '" + world.body(*report.outcome.failed_body).name + "'";
   return why;
 }
 
@@ -248,10 +248,10 @@ bool Stepper::step_once() {
   work_start_ = start;
   try {
     world_.step();
-    was_abandoned_ = world_.report().stopped;
+    was_abandoned_ = world_.report().outcome.stopped;
     const double seconds = run_time() - start;
     if (!was_abandoned_) {
-      if (world_.report().failed) fail(why_failed(world_));
+      if (world_.report().outcome.failed) fail(why_failed(world_));
       if (events_.stepped) events_.stepped(world_, seconds);  // calls plugins too
     }
   } catch (...) {

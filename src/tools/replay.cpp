@@ -65,7 +65,7 @@ class Replay {
     check_step(record);
     while (world_->step_count() < record.step && record.service != "reset_simulation") {
       ++steps_;
-      if (world_->step().failed) return differs(record, "a step fails before it");
+      if (world_->step().outcome.failed) return differs(record, "a step fails before it");
     }
     return true;
   }

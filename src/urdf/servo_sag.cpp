@@ -117,7 +117,7 @@ std::map<std::uint32_t, double> holding_efforts(World world, const std::vector<J
     world.set_motor(id, 0, rigid);
   }
   std::map<std::uint32_t, double> efforts;
-  if (world.step().failed) return efforts;
+  if (world.step().outcome.failed) return efforts;
   for (const JointId id : joints) efforts[id.value] = world.joint_state(id).coordinates[0].effort;
   return efforts;
 }

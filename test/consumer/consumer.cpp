@@ -14,7 +14,7 @@ int main() {
       "constraints: [{name: rod, body_b: bob}]\n");
   const double start = world.energy();
   while (world.time() < 1.0 - 1e-9) world.step();
-  const double error = world.report().max_constraint_error;
+  const double error = world.report().joints.max_error;
   const double drift = std::abs(world.energy() - start);
   std::printf("bob at z = %.6f m, rod off by %.1e m, energy by %.1e J\n",
               world.state(world.find_body("bob")).position.z(), error, drift);

@@ -136,8 +136,8 @@ inline std::vector<Event> of_kind(const std::vector<Event>& events, EventKind ki
 }
 
 inline bool is_by_impulses(const World& world) {
-  return world.report().islands[index_of(Method::kSequentialImpulses)] +
-             world.report().islands[index_of(Method::kTimeStepping)] >
+  return world.report().costs.islands[index_of(Method::kSequentialImpulses)] +
+             world.report().costs.islands[index_of(Method::kTimeStepping)] >
          0;
 }
 
@@ -148,7 +148,7 @@ inline std::vector<Event> advance(World* world, double seconds) {
   for (int i = 0; i < steps; ++i) {
     world->step();
     EXPECT_FALSE(is_by_impulses(*world)) << world->time();
-    EXPECT_LT(world->report().max_penetration, 1e-9) << world->time();
+    EXPECT_LT(world->report().contacts.max_penetration, 1e-9) << world->time();
     all.insert(all.end(), world->events().begin(), world->events().end());
   }
   return all;

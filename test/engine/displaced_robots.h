@@ -44,7 +44,7 @@ inline World displaced(const World& world, const RobotDynamics& robot, const Eig
     state.angular_velocity = twist.tail<3>();
     flow.set_state(body, state);
   }
-  EXPECT_FALSE(flow.step().failed);
+  EXPECT_FALSE(flow.step().outcome.failed);
   World moved = world;
   const BodyState base = is_on_base(world) ? world.state(world.find_body("base")) : BodyState{};
   for (const BodyId body : robot.bodies()) {

@@ -198,7 +198,7 @@ inline World after_steps(World world, int divisor = 1) {
   WorldOptions options = world.options();
   options.time_step /= divisor;
   world.set_options(options);
-  for (int i = 0; i < 20 * divisor; ++i) EXPECT_FALSE(world.step().failed);
+  for (int i = 0; i < 20 * divisor; ++i) EXPECT_FALSE(world.step().outcome.failed);
   return world;
 }
 
@@ -221,7 +221,7 @@ inline void expect_goes_on(RandomTree tree) {
   World copy = world, read = read_snapshot(write_snapshot(world));
   EXPECT_EQ(read.state_hash(), world.state_hash());
   for (int i = 0; i < 7; ++i)
-    for (World* each : {&world, &copy, &read}) ASSERT_FALSE(each->step().failed);
+    for (World* each : {&world, &copy, &read}) ASSERT_FALSE(each->step().outcome.failed);
   EXPECT_EQ(copy.state_hash(), world.state_hash());
   EXPECT_EQ(read.state_hash(), world.state_hash());
 }

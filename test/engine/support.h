@@ -65,7 +65,8 @@ inline double distance(const World& world, JointId id) {
 }
 
 inline void run(World& world, int steps) {
-  for (int i = 0; i < steps; ++i) ASSERT_FALSE(world.step().failed) << "at t = " << world.time();
+  for (int i = 0; i < steps; ++i)
+    ASSERT_FALSE(world.step().outcome.failed) << "at t = " << world.time();
 }
 
 // ---- methods and motors

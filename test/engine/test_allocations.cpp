@@ -89,7 +89,7 @@ TEST(Allocations, AreFewInStepsWithEvents) {
     std::size_t events = 0;
     for (int i = kFirst; i < kSteps; ++i) {
       EXPECT_LE(allocations_in(world, 1), 200u) << name << ", step " << i;
-      events += world.report().events;
+      events += world.report().costs.events;
     }
     EXPECT_GT(events, 0u) << name;
   }
@@ -150,7 +150,7 @@ TEST(Allocations, AreNoneWhileIslandsChangeTheirMethods) {
   options.method = Method::kRungeKutta;
   world.set_options(options);
   std::uint32_t changes = 0;
-  for (int i = 0; i < 200; ++i) changes += world.step().changes;
+  for (int i = 0; i < 200; ++i) changes += world.step().costs.method_changes;
   EXPECT_GT(changes, 4u);
   EXPECT_EQ(allocations_in(world, 200), 0u);
 }

@@ -52,8 +52,8 @@ TEST(ArticulatedTree, MovesFarAwayAsNearTheOrigin) {
     const Vector3d offset =
         there.state(there.body_ids().back()).position - here.state(here.body_ids().back()).position;
     for (int i = 0; i < 20; ++i) {
-      ASSERT_FALSE(here.step().failed);
-      ASSERT_FALSE(there.step().failed);
+      ASSERT_FALSE(here.step().outcome.failed);
+      ASSERT_FALSE(there.step().outcome.failed);
     }
     for (const BodyId id : here.body_ids())
       EXPECT_LE((there.state(id).position - here.state(id).position - offset).norm(), 2e-7);
@@ -67,7 +67,7 @@ TEST(ArticulatedTree, MeetsJointsToRounding) {
     RandomTree tree = random_tree(seed);
     tree.options.tolerance = 1e-6;
     World world = tree.world();
-    for (int i = 0; i < 50; ++i) ASSERT_FALSE(world.step().failed);
+    for (int i = 0; i < 50; ++i) ASSERT_FALSE(world.step().outcome.failed);
     for (const JointId id : world.joint_ids()) EXPECT_LE(opening(world, id), 1e-14);
   }
 }
@@ -110,7 +110,7 @@ TEST(ArticulatedTree, KeepsMomentaInFreeSpace) {
     for (const BodyId id : world.body_ids())
       size += world.body(id).mass * (1.0 + world.state(id).position.norm()) *
               (1.0 + world.state(id).linear_velocity.norm());
-    for (int i = 0; i < 200; ++i) ASSERT_FALSE(world.step().failed);
+    for (int i = 0; i < 200; ++i) ASSERT_FALSE(world.step().outcome.failed);
     EXPECT_LE((momentum(world) - p).norm(), 1e-12 * size);
     EXPECT_LE((angular_momentum(world) - L).norm(), 1e-11 * size);
     ++free_trees;
@@ -147,8 +147,8 @@ TEST(ArticulatedTree, TakesEditsOfBodies) {
     if (tree.has_base) tree.base.state = world.state(world.find_body("base"));
     World again = tree.world();
     for (int i = 0; i < 10; ++i) {
-      ASSERT_FALSE(world.step().failed);
-      ASSERT_FALSE(again.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
+      ASSERT_FALSE(again.step().outcome.failed);
     }
     EXPECT_LE(difference(world, again), 1e-7);
   }
@@ -165,7 +165,7 @@ TEST(ArticulatedTree, GoesOverToPivotsWhereItIsLong) {
     masses.resize(static_cast<std::size_t>(bars), 1e-12);
     World world = bars_on_hinges(options, masses, 0.1, 0.01);
     if (bars > 24) world.set_law(world.joint_ids().back(), 0, CoordinateLaw{});
-    for (int i = 0; i < 20; ++i) EXPECT_FALSE(world.step().failed);
+    for (int i = 0; i < 20; ++i) EXPECT_FALSE(world.step().outcome.failed);
     return world;
   };
   const World in_coordinates = chain(24), by_pivots = chain(25);
@@ -221,9 +221,9 @@ TEST(ArticulatedTree, GoesOnWithRowsWhereAPivotIsLost) {
     const double weight = 1.001 * world.options().gravity.norm();
     int events = 0;
     for (int i = 0; i < 60; ++i) {
-      ASSERT_FALSE(world.step().failed) << i;
+      ASSERT_FALSE(world.step().outcome.failed) << i;
       events += static_cast<int>(world.events().size());
-      EXPECT_LE(world.report().max_constraint_error, 1e-13) << i;
+      EXPECT_LE(world.report().joints.max_error, 1e-13) << i;
       EXPECT_NEAR(world.joint_wrench(world.joint_ids().front()).force.norm(), weight, 1e-3) << i;
       const World read = read_snapshot(write_snapshot(world));
       EXPECT_EQ(read.state_hash(), world.state_hash()) << i;
@@ -246,8 +246,9 @@ TEST(ArticulatedTree, GoesOnWithStiffDampersWithoutATolerance) {
       BodyState moving = world.state(world.body_ids().back());
       moving.angular_velocity = {0.0, 0.0, 3.0};
       world.set_state(world.body_ids().back(), moving);
-      for (int i = 0; i < 20; ++i) ASSERT_FALSE(world.step().failed) << order << ", " << damping;
-      EXPECT_LE(world.report().max_constraint_error, 1e-13);
+      for (int i = 0; i < 20; ++i)
+        ASSERT_FALSE(world.step().outcome.failed) << order << ", " << damping;
+      EXPECT_LE(world.report().joints.max_error, 1e-13);
     }
 }
 
@@ -262,8 +263,8 @@ TEST(ArticulatedTree, LeavesToTheRowsWhatTurnsMostly) {
     SCOPED_TRACE(seed);
     World world = tree.world(), rows = tree.world_by_rows();
     for (int i = 0; i < 10; ++i) {
-      ASSERT_FALSE(world.step().failed);
-      ASSERT_FALSE(rows.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
+      ASSERT_FALSE(rows.step().outcome.failed);
     }
     EXPECT_LE(difference(world, rows), 1e-6);
   }

@@ -192,8 +192,8 @@ TEST_P(AssumedPaths, EndAtTargets) {
       const BodyId id = world.add_body(shot.shot());
       shot.drive(GetParam(), id, &world);
       for (int i = 0; i < std::lround(0.2 / h); ++i) {
-        ASSERT_FALSE(world.step().failed);
-        ASSERT_FALSE(world.report().hits_left_body) << shot.text(GetParam(), seed, h);
+        ASSERT_FALSE(world.step().outcome.failed);
+        ASSERT_FALSE(world.report().contacts.hits_left_body) << shot.text(GetParam(), seed, h);
         ASSERT_LE(shot.frame.x(world.state(id).position), shot.gap + 1e-6)
             << shot.text(GetParam(), seed, h) << ", t = " << world.time();
       }
@@ -220,8 +220,9 @@ TEST_P(AssumedPaths, MeetTargetsByImpulses) {
         double x = 0.0;
         for (int i = 0; i <= std::lround(0.2 / h); ++i) {
           x = shot.frame.x(world.state(id).position);
-          ASSERT_FALSE(world.step().failed);
-          is_named = is_named || world.report().hits_left_body || world.report().overlap > 0.0;
+          ASSERT_FALSE(world.step().outcome.failed);
+          is_named = is_named || world.report().contacts.hits_left_body ||
+                     world.report().contacts.overlap > 0.0;
         }
         if (is_named) continue;
         EXPECT_LE(x, shot.gap + 0.5 * shot.thinner())
@@ -238,7 +239,7 @@ std::array<double, 2> places_at(const Shot& shot, Drive drive, double h, double 
   const BodyId id = world.add_body(shot.shot());
   shot.drive(drive, id, &world);
   for (int i = 0; i < std::lround(time / h); ++i)
-    EXPECT_FALSE(world.step().failed) << shot.text(drive, 0, h);
+    EXPECT_FALSE(world.step().outcome.failed) << shot.text(drive, 0, h);
   return {shot.frame.x(world.state(id).position), shot.frame.x(world.state(target).position)};
 }
 
@@ -321,7 +322,7 @@ TEST(AssumedPathsOfArms, EndAtPosts) {
         hinge.coordinates[0].motor = motor;
         const JointId id = world.add_joint(hinge);
         for (int i = 0; i < std::lround(0.3 / h); ++i) {
-          ASSERT_FALSE(world.step().failed);
+          ASSERT_FALSE(world.step().outcome.failed);
           ASSERT_LE(world.joint_state(id).coordinates[0].position, right + 1e-6)
               << torque << " N m at 1/" << 1.0 / h << (has_arm ? " on an arm" : "");
         }
@@ -350,7 +351,7 @@ TEST(AssumedPathsOfJoints, EndAtWallsThatOthersDragThemTo) {
       world.add_wrench(wrench);
       const double allowed = method == Method::kAuto ? 1e-6 : 0.01;
       for (int i = 0; i < std::lround(0.3 / h); ++i) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         ASSERT_LE(world.state(behind).position.x(), 0.03 + allowed)
             << name(method) << " at 1/" << 1.0 / h << ", t = " << world.time();
       }
@@ -378,7 +379,7 @@ TEST(RepeatedSteps, HaveTheBitsOfCopiesAndSnapshots) {
     for (int i = 0; i < 6; ++i) {
       World copy = world;
       World read = read_snapshot(write_snapshot(world));
-      for (World* other : {&world, &copy, &read}) ASSERT_FALSE(other->step().failed);
+      for (World* other : {&world, &copy, &read}) ASSERT_FALSE(other->step().outcome.failed);
       EXPECT_EQ(copy.state_hash(), world.state_hash()) << name(method) << ", step " << i;
       EXPECT_EQ(read.state_hash(), world.state_hash()) << name(method) << ", step " << i;
     }
@@ -401,8 +402,8 @@ TEST(RepeatedSteps, LeaveOtherIslandsAlone) {
   const BodyId id_alone = add_pendulum(&alone), id_beside = add_pendulum(&beside);
   int began = 0;
   for (int i = 0; i < 60; ++i) {
-    ASSERT_FALSE(alone.step().failed);
-    ASSERT_FALSE(beside.step().failed);
+    ASSERT_FALSE(alone.step().outcome.failed);
+    ASSERT_FALSE(beside.step().outcome.failed);
     for (const Event& event : beside.events()) began += event.kind == EventKind::kContactBegan;
     // the default tolerance of 1e-9 m/s over a second
     EXPECT_LE((alone.state(id_alone).position - beside.state(id_beside).position).norm(), 1e-9);
@@ -421,10 +422,11 @@ TEST(RepeatedSteps, NameBodiesThatMayStillPassThrough) {
   wrench.body = world.add_body(make_body("ball", Sphere{0.02}, 0.2, Vector3d::Zero()));
   wrench.force.x() = 2e5;
   world.add_wrench(wrench);
-  ASSERT_FALSE(world.step().failed);
-  ASSERT_TRUE(world.report().hits_left_body || world.state(wrench.body).position.x() < 0.08);
-  if (world.report().hits_left_body) {
-    EXPECT_EQ(world.report().hits_left_body, wrench.body);
+  ASSERT_FALSE(world.step().outcome.failed);
+  ASSERT_TRUE(world.report().contacts.hits_left_body ||
+              world.state(wrench.body).position.x() < 0.08);
+  if (world.report().contacts.hits_left_body) {
+    EXPECT_EQ(world.report().contacts.hits_left_body, wrench.body);
     EXPECT_EQ(step_warnings(world).size(), 1u);
   }
 }

@@ -43,7 +43,7 @@ struct Victim {
     EXPECT_EQ(world.state_hash(), hash) << field << " = " << value;
     EXPECT_EQ(world.body_ids().size(), bodies);
     EXPECT_EQ(world.joint_ids().size(), joints);
-    EXPECT_FALSE(world.step().failed) << field << " = " << value;
+    EXPECT_FALSE(world.step().outcome.failed) << field << " = " << value;
   }
 };
 

@@ -92,7 +92,7 @@ TEST(BodySettings, ANewFrictionLetsABodySlideThatWasAtRest) {
   const BodyId id = world.add_body(block);
   for (int i = 0; i < 300; ++i) world.step();
   EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-6);
-  EXPECT_EQ(world.report().asleep, 1u);  // at rest, and woken by the edit
+  EXPECT_EQ(world.report().costs.asleep, 1u);  // at rest, and woken by the edit
   Body smooth = world.body(id);
   smooth.friction = 0.04;  // a pair has the geometric mean, 0.2
   world.set_body(id, smooth);

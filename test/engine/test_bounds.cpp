@@ -137,11 +137,11 @@ TEST(Bounds, AcceptNothingWhoseStepsAreNotFinite) {
             for (int i = 0; i < 3; ++i) {
               const StepReport& report = world.step();
               ASSERT_FALSE(std::isinf(report.local_error));  // NaN where impulses have none
-              ASSERT_TRUE(std::isfinite(report.energy + report.energy_drift +
-                                        report.max_constraint_error + report.max_penetration +
-                                        report.projected_energy + world.energy()))
+              ASSERT_TRUE(std::isfinite(report.energy.total + report.energy.drift +
+                                        report.joints.max_error + report.contacts.max_penetration +
+                                        report.energy.projected + world.energy()))
                   << mass << " " << size << " " << speed << " " << tick << " " << name(method);
-              ASSERT_EQ(report.failed, report.failure != Failure::kNone);
+              ASSERT_EQ(report.outcome.failed, report.outcome.failure != Failure::kNone);
               for (const BodyId body : world.body_ids())
                 ASSERT_NO_THROW(validate(world.state(body)));
               const JointState& joint = world.joint_state(world.joint_ids().front());
@@ -161,9 +161,9 @@ TEST(Bounds, NameTheBodyThatLeavesThem) {
   state.linear_velocity.x() = 1e20;
   world.set_state(fast, state);
   const StepReport& report = world.step();
-  EXPECT_TRUE(report.failed);
-  EXPECT_EQ(report.failure, Failure::kOutOfRange);
-  EXPECT_EQ(report.failed_body, fast);
+  EXPECT_TRUE(report.outcome.failed);
+  EXPECT_EQ(report.outcome.failure, Failure::kOutOfRange);
+  EXPECT_EQ(report.outcome.failed_body, fast);
   EXPECT_EQ(world.state(fast).position.x(), 1e20);
   EXPECT_NO_THROW(load_scene(save_scene(world)));
 }
@@ -198,7 +198,7 @@ World far_rod_on_a_weld(double distance, double inertia, bool is_on_the_world) {
 TEST(Bounds, OfImpulsesEndAStep) {
   World world = far_rod_on_a_weld(1e20, 1.0, false);
   int steps = 0;
-  while (steps < 5 && !world.step().failed) ++steps;
+  while (steps < 5 && !world.step().outcome.failed) ++steps;
   EXPECT_LT(steps, 5);
   const std::string text = save_scene(world);
   EXPECT_EQ(save_scene(load_scene(text)), text);
@@ -240,7 +240,7 @@ TEST(Bounds, LeaveOutSavedNumbersThatFollowFromOthers) {
   ground.type = BodyType::kStatic;
   touching.add_body(ground);
   touching.add_body(make_body("ball", Sphere{1e20}, 1.0, {0.0, 0.0, -1e19}));
-  EXPECT_FALSE(touching.step().failed);
+  EXPECT_FALSE(touching.step().outcome.failed);
   ASSERT_EQ(touching.contacts().size(), 1u);
   EXPECT_GT(touching.contacts()[0].depth, 1e20);
 
@@ -276,7 +276,7 @@ TEST(Bounds, OfTimesThatHaveNoNextTick) {
   EXPECT_EQ(refusal_of([&] { world.set_options(fine); }),
             "time_step: a tick of 1e-08 s is lost beside a time of 1000000000 s");
   EXPECT_EQ(world.options().time_step, 0.01);
-  EXPECT_FALSE(world.step().failed);
+  EXPECT_FALSE(world.step().outcome.failed);
 }
 
 // Doubles beyond 2^46 s are 2^-6 s apart, more than the tick of 0.01 s.
@@ -286,11 +286,11 @@ TEST(Bounds, StopTheTimeBeforeATickIsLost) {
   world.set_time(std::ldexp(1.0, 46) - 0.05, 0);
   double before = world.time();
   int steps = 0;
-  while (!world.step().failed && ++steps < 100) {
+  while (!world.step().outcome.failed && ++steps < 100) {
     EXPECT_GT(world.time(), before);
     before = world.time();
   }
-  EXPECT_EQ(world.report().failure, Failure::kNoNextTick);
+  EXPECT_EQ(world.report().outcome.failure, Failure::kNoNextTick);
   EXPECT_LT(steps, 10);
   EXPECT_EQ(world.time(), before);
 }
@@ -305,9 +305,9 @@ TEST(Bounds, StopTheTimeBeforeNumbersThatCannotBeLoaded) {
   wrench.start = world.time();
   world.add_wrench(wrench);
   int steps = 0;
-  while (!world.step().failed && ++steps < 100)
+  while (!world.step().outcome.failed && ++steps < 100)
     EXPECT_EQ(save_scene(load_scene(save_scene(world))), save_scene(world));
-  EXPECT_EQ(world.report().failure, Failure::kNoNextTick);
+  EXPECT_EQ(world.report().outcome.failure, Failure::kNoNextTick);
   EXPECT_LE(steps, 3);
   EXPECT_LE(world.time(), 1e20);
   EXPECT_EQ(save_scene(load_scene(save_scene(world))), save_scene(world));
@@ -323,14 +323,14 @@ TEST(Bounds, OfContactsEndAStepOfAHeap) {
   World spheres;
   for (int i = 0; i < 3000; ++i)
     spheres.add_body(make_body("s" + std::to_string(i), Sphere{1.0}, 1.0, Vector3d::Zero()));
-  EXPECT_TRUE(spheres.step().failed);
-  EXPECT_EQ(spheres.report().failure, Failure::kTooManyPairs);
+  EXPECT_TRUE(spheres.step().outcome.failed);
+  EXPECT_EQ(spheres.report().outcome.failure, Failure::kTooManyPairs);
   World boxes;
   for (int i = 0; i < 700; ++i)
     boxes.add_body(
         make_body("b" + std::to_string(i), Box{{1.0, 1.0, 1.0}}, 1.0, {1e-4 * i, 0.0, 1e-5 * i}));
-  EXPECT_TRUE(boxes.step().failed);
-  EXPECT_EQ(boxes.report().failure, Failure::kTooManyContacts);
+  EXPECT_TRUE(boxes.step().outcome.failed);
+  EXPECT_EQ(boxes.report().outcome.failure, Failure::kTooManyContacts);
   EXPECT_EQ(boxes.step_count(), 0u);
   EXPECT_LT(seconds_since(start), 30.0);
   EXPECT_LT(memory.grown_by(), 1e9);
@@ -345,7 +345,7 @@ TEST(Bounds, OfSubstepsEndAStepOfBodiesThatTurnTooFast) {
     body.state.angular_velocity = Vector3d::Constant(1e6);
     world.add_body(body);
   }
-  EXPECT_FALSE(world.step().failed);
+  EXPECT_FALSE(world.step().outcome.failed);
   EXPECT_LT(seconds_since(start), 30.0 * kSanitizedShare);
   for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kRefused);
 }
@@ -362,7 +362,7 @@ TEST(Bounds, OfStagesKeepOrientationsOfUnitLength) {
     body.inertia = {0.01, 1.84, 1.32};
     body.state.angular_velocity = speed * Vector3d(-0.1, -0.05, 1.0);
     const BodyId id = world.add_body(body);
-    EXPECT_FALSE(world.step().failed) << speed;
+    EXPECT_FALSE(world.step().outcome.failed) << speed;
     EXPECT_NEAR(world.state(id).orientation.norm(), 1.0, 8 * kEpsilon) << speed;
   };
   for (double speed = 6.0e6; speed < 7.0e6; speed *= 1.01) expect_unit(1e-8, speed);
@@ -383,7 +383,7 @@ TEST(Bounds, OfThreadsThatCannotBeAreDoneWithout) {
   ASSERT_EQ(pthread_attr_getstacksize(&attributes, &usual), 0);
   ASSERT_EQ(pthread_attr_setstacksize(&attributes, std::size_t{1} << 46), 0);
   ASSERT_EQ(pthread_setattr_default_np(&attributes), 0);
-  EXPECT_FALSE(world.step().failed);
+  EXPECT_FALSE(world.step().outcome.failed);
   ASSERT_EQ(pthread_attr_setstacksize(&attributes, usual), 0);
   ASSERT_EQ(pthread_setattr_default_np(&attributes), 0);
   alone.step();

@@ -319,7 +319,7 @@ TEST(BoxContacts, PairsKeepTheirMomentumAndGainNoEnergy) {
     while (world.time() < 2.0) {
       world.step();
       if (is_by_impulses(world)) break;
-      has_hit = has_hit || world.report().events > 0;
+      has_hit = has_hit || world.report().costs.events > 0;
       ASSERT_LT((momentum() - start).norm(), 1e-11) << seed;
       ASSERT_LT(world.energy(), least + 1e-7 * begin) << seed;
       least = std::min(least, world.energy());
@@ -357,7 +357,7 @@ TEST(BoxContacts, TwoBoxesThatFallOnATableGainNoEnergy) {
     while (world.time() < 1.2) {
       world.step();
       if (is_by_impulses(world)) break;
-      events += world.report().events;
+      events += world.report().costs.events;
       ASSERT_LT(world.energy(), least + 1e-8) << seed << " at " << world.time();
       least = std::min(least, world.energy());
       for (std::size_t i = 0; i < ids.size(); ++i)
@@ -386,7 +386,7 @@ TEST(BoxContacts, PairsDoNotDependOnPlaceAndOrder) {
     BoxPair there = random_pair(seed, 0.3, 0.5, placing);
     unsigned events = 0;
     while (events < 2 && here.world.time() < 1.5) {
-      events += here.world.step().events;
+      events += here.world.step().costs.events;
       there.world.step();
     }
     hit += events > 0;

@@ -198,8 +198,8 @@ TEST(Capsules, RollDownASlopeByEvents) {
     const BodyId roller = world.find_body("capsule");
     const double a = kGravity * std::sin(slope) / (1.0 + I);
     while (world.time() < 2.0) {
-      ASSERT_FALSE(world.step().failed);
-      ASSERT_EQ(world.report().handed_over, 0);
+      ASSERT_FALSE(world.step().outcome.failed);
+      ASSERT_EQ(world.report().contacts.handed_over, 0);
       const double t = world.time();
       const Vector3d way = 0.5 * a * t * t * (turn * Vector3d::UnitX());
       ASSERT_LT((world.state(roller).position - start.position - way).norm(), 1e-9);
@@ -220,7 +220,7 @@ TEST(Capsules, ComeToRestOnBothEnds) {
   EXPECT_NE(explain(with_ball).find("events of capsules: time_stepping"), std::string::npos);
   double energy = world.energy();
   while (world.time() < 8.0) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     // tolerance of a step: 1e-8 of lengths and speeds
     ASSERT_LT(world.energy() - energy, 1e-8) << world.time();
     energy = world.energy();

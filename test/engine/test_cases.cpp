@@ -22,7 +22,8 @@ World load_case(const std::string& name, double time_step) {
 /// Steps to a time [s].
 void run_case_until(World& world, double time) {
   const auto steps = std::lround((time - world.time()) / world.options().time_step);
-  for (long i = 0; i < steps; ++i) ASSERT_FALSE(world.step().failed) << "at t = " << world.time();
+  for (long i = 0; i < steps; ++i)
+    ASSERT_FALSE(world.step().outcome.failed) << "at t = " << world.time();
 }
 
 /// Position of a body after a time [s].
@@ -67,7 +68,7 @@ TEST(Case, GrippersStopAtTheirBox) {
     for (const char* const finger : {"l", "r"}) {
       const double right = finger[0] == 'l' ? -0.06 : 0.06;
       const double x = world.state(world.find_body(finger)).position.x();
-      if (h > 0.9e-3 && world.report().unclosed_joints > 0)
+      if (h > 0.9e-3 && world.report().joints.unclosed > 0)
         EXPECT_NEAR(x, right, 0.02) << finger << " at 1/" << 1.0 / h;
       else
         EXPECT_NEAR(x, right, 0.005) << finger << " at 1/" << 1.0 / h;
@@ -92,7 +93,7 @@ TEST(Case, MotorsRestOnTheirStops) {
   const JointId finger = world.find_joint("finger_joint");
   int events = 0, reached = 0;
   for (int i = 0; i < 400; ++i) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     for (const Event& event : world.events()) {
       ++events;
       if (event.joint == finger && event.kind == EventKind::kLimitReached) ++reached;
@@ -127,7 +128,7 @@ TEST(Case, MotorsGoFromStopToStop) {
         motor.position = goal;
         world.set_motor(id, 0, motor);
         for (int i = 0; i < static_cast<int>(std::lround(2.0 / h)); ++i) {
-          ASSERT_FALSE(world.step().failed);
+          ASSERT_FALSE(world.step().outcome.failed);
           events += static_cast<int>(world.events().size());
         }
         const bool is_weak = max_force > 0.0 && max_force < 9.81;  // weaker than its weight
@@ -157,7 +158,7 @@ TEST(Case, RepeatedTargetsAreReached) {
     motor.position = 0.3;
     for (int i = 0; i < static_cast<int>(std::lround(1.0 / h)); ++i) {
       world.set_motor(id, 0, motor);
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
     }
     EXPECT_NEAR(world.joint_state(id).coordinates[0].position, 0.3, 1e-9) << "at 1/" << 1.0 / h;
   }
@@ -180,7 +181,7 @@ TEST(Case, SpringAndStopsKeepTheEnergy) {
   for (const double h : kCaseTimeSteps) {
     World world = load_case("spring_and_stops_gain", h);
     for (int i = 0; i < static_cast<int>(std::lround(2.0 / h)); ++i) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       ASSERT_NEAR(world.energy(), 300.0, 300.0 * 1e-6) << "at 1/" << 1.0 / h;
     }
   }

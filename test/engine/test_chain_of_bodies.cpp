@@ -195,9 +195,9 @@ TEST(ChainOfBodies, KeepsJointsAndEnergy) {
     world.set_options(options);
     for (int i = 0; i < 300 / kSeedShare; ++i) {
       const StepReport& report = world.step();
-      ASSERT_EQ(report.dependent_rows, 0);
-      ASSERT_LE(report.max_constraint_error, 1e-12 + 4.0 * kEpsilon * links) << i;
-      ASSERT_LE(std::abs(report.energy_drift), 1e-8) << i;  // energy drift by the tolerance
+      ASSERT_EQ(report.joints.dependent_rows, 0);
+      ASSERT_LE(report.joints.max_error, 1e-12 + 4.0 * kEpsilon * links) << i;
+      ASSERT_LE(std::abs(report.energy.drift), 1e-8) << i;  // energy drift by the tolerance
     }
   }
 }

@@ -82,13 +82,13 @@ TEST_P(Closing, EndsInTheSolutionThatIsMeantAndKeepsMomenta) {
       world.step();
       const Vector3d p = momentum(world), L = angular_momentum(world);
       for (int i = 0; i < 40; ++i) {
-        ASSERT_FALSE(world.step().failed) << name(method) << trial;
+        ASSERT_FALSE(world.step().outcome.failed) << name(method) << trial;
         ASSERT_NE(world.islands().front().why, MethodReason::kInconsistent)
             << name(method) << trial;
       }
       EXPECT_FALSE(world.joint_state(joint).closing) << name(method) << trial;
       EXPECT_LE(world.joint_state(joint).angle_error, 1e-7) << name(method) << trial;
-      EXPECT_LE(world.report().max_constraint_error, 1e-13) << name(method) << trial;
+      EXPECT_LE(world.report().joints.max_error, 1e-13) << name(method) << trial;
       EXPECT_LE((momentum(world) - p).norm(), 1e-11) << name(method) << trial;
       const bool is_exact = method == Method::kEnergyMomentum;
       EXPECT_LE((angular_momentum(world) - L).norm(), is_exact ? 1e-10 : 1e-8)
@@ -146,11 +146,11 @@ TEST(ClosingBall, KeepsMomentaAndGoesOnFromWhatWasSaved) {
       World loaded;
       for (int i = 0; i < 40; ++i) {
         if (i == 10) loaded = load_scene(save_scene(world), "saved");
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         if (i >= 10) loaded.step();
       }
       EXPECT_FALSE(world.joint_state(joint).closing);
-      EXPECT_LE(world.report().max_constraint_error, 1e-13);
+      EXPECT_LE(world.report().joints.max_error, 1e-13);
       EXPECT_LE((momentum(world) - p).norm(), 1e-11);
       const bool is_exact = method == Method::kEnergyMomentum;
       EXPECT_LE((angular_momentum(world) - L).norm(), is_exact ? 1e-10 : 1e-8);
@@ -192,9 +192,9 @@ TEST(ClosingBall, OfRandomTreesKeepsMomenta) {
       }
       world.step();
       const Vector3d p = momentum(world), L = angular_momentum(world);
-      for (int i = 0; i < 40; ++i) ASSERT_FALSE(world.step().failed);
+      for (int i = 0; i < 40; ++i) ASSERT_FALSE(world.step().outcome.failed);
       for (const JointId id : world.joint_ids()) EXPECT_FALSE(world.joint_state(id).closing);
-      EXPECT_LE(world.report().max_constraint_error, 1e-12);
+      EXPECT_LE(world.report().joints.max_error, 1e-12);
       EXPECT_LE((momentum(world) - p).norm(), 1e-10);
       EXPECT_LE((angular_momentum(world) - L).norm(), 1e-7);
     }
@@ -214,9 +214,9 @@ TEST(ClosingPoint, KeepsMomenta) {
         ASSERT_TRUE(world.joint_state(joint).closing);
         world.step();
         const Vector3d p = momentum(world), L = angular_momentum(world);
-        for (int i = 0; i < 40; ++i) ASSERT_FALSE(world.step().failed);
+        for (int i = 0; i < 40; ++i) ASSERT_FALSE(world.step().outcome.failed);
         EXPECT_FALSE(world.joint_state(joint).closing);
-        EXPECT_LE(world.report().max_constraint_error, 1e-13);
+        EXPECT_LE(world.report().joints.max_error, 1e-13);
         EXPECT_LE((momentum(world) - p).norm(), 1e-11);
         const bool is_exact = method == Method::kEnergyMomentum;
         EXPECT_LE((angular_momentum(world) - L).norm(), is_exact ? 1e-10 : 1e-8);
@@ -281,8 +281,8 @@ TEST(ClosingFrame, GoesHomeOnFixedBodiesWhileAMotorRuns) {
       hinge.coordinates[0].motor->bias = 0.5;
       const JointId joint = world.add_joint(hinge);
       const double start = world.joint_state(joint).coordinates[0].position;
-      for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().failed);
-      EXPECT_LE(world.report().max_constraint_error, 1e-13) << name(method) << world_is_b;
+      for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().outcome.failed);
+      EXPECT_LE(world.report().joints.max_error, 1e-13) << name(method) << world_is_b;
       EXPECT_NEAR(world.joint_state(joint).coordinates[0].position, start + 0.5, 1e-12);
     }
   }

@@ -81,7 +81,7 @@ TEST(CollisionGroups, DecideWhichBodiesTouch) {
     for (const Contact& contact : world.contacts())
       found.emplace(world.body(contact.body_a).name, world.body(contact.body_b).name);
     EXPECT_EQ(found, expected);
-    EXPECT_EQ(world.report().candidate_pairs, expected.size());
+    EXPECT_EQ(world.report().costs.candidate_pairs, expected.size());
     touching += static_cast<int>(expected.size());
   }
   EXPECT_GT(apart, 100);
@@ -96,7 +96,7 @@ TEST(CollisionGroups, LetABodyFallThroughAFloor) {
     EXPECT_NEAR(lies.z(), 0.5, 1.01 * slop(lies.world));  // impulses leave that much overlap
     EXPECT_NEAR(falls.speed(), -10.0, 1e-12);             // rounding of 100 steps
     EXPECT_TRUE(falls.world.contacts().empty());
-    EXPECT_EQ(falls.world.report().candidate_pairs, 0u);
+    EXPECT_EQ(falls.world.report().costs.candidate_pairs, 0u);
   }
 }
 
@@ -212,8 +212,8 @@ TEST(CollisionGroups, CrowdsInOnePlaceMoveAsEachAlone) {
     bool any_hit = false;
     for (int step = 0; step < 400 && !any_hit; ++step)
       for (World* world : {&alone[0], &alone[1], &both}) {
-        ASSERT_FALSE(world->step().failed) << "scene " << scene << " step " << step;
-        any_hit = any_hit || world->report().hits > 0;
+        ASSERT_FALSE(world->step().outcome.failed) << "scene " << scene << " step " << step;
+        any_hit = any_hit || world->report().contacts.hits > 0;
       }
     if (any_hit) continue;
     ++compared;

@@ -173,8 +173,8 @@ TEST(Compounds, OfTwoHalvesTumbleAsABox) {
       const BodyId id = box.find_body("body");
       const double tolerance = method == Method::kTimeStepping ? 1e-6 : 1e-9;
       for (int i = 0; i < 600; ++i) {
-        ASSERT_FALSE(box.step().failed);
-        ASSERT_FALSE(compound.step().failed);
+        ASSERT_FALSE(box.step().outcome.failed);
+        ASSERT_FALSE(compound.step().outcome.failed);
         ASSERT_LT((box.state(id).position - compound.state(id).position).norm(), tolerance) << i;
         ASSERT_LT(box.state(id).orientation.angularDistance(compound.state(id).orientation),
                   100.0 * tolerance)
@@ -296,8 +296,8 @@ TEST(Compounds, MoveAsWeldedBodies) {
   welded.add_joint(weld);
   const auto& first = parts[0].pose;
   for (int i = 0; i < 600; ++i) {
-    ASSERT_FALSE(welded.step().failed);
-    ASSERT_FALSE(whole.step().failed);
+    ASSERT_FALSE(welded.step().outcome.failed);
+    ASSERT_FALSE(whole.step().outcome.failed);
     const BodyState& state = whole.state(id);
     ASSERT_LT((welded.state(ids[0]).position - state.position - state.orientation * first.position)
                   .norm(),
@@ -381,13 +381,13 @@ TEST(CompoundContacts, RestOnEachOtherAndFallAsleep) {
       world.add_body(body);
     }
     run(world, 600);
-    EXPECT_EQ(world.report().asleep, 3u);
+    EXPECT_EQ(world.report().costs.asleep, 3u);
     const BodyId top = world.find_body("body2");
     EXPECT_NEAR(world.state(top).position.z(), 0.5, 3.0 * slop(world));
     Body ball = make_body("ball", Sphere{0.1}, 1.0, {0, 0, 0.9});
     world.add_body(ball);
     run(world, 100);
-    EXPECT_EQ(world.report().asleep, 0u);  // the ball has landed on the pile
+    EXPECT_EQ(world.report().costs.asleep, 0u);  // the ball has landed on the pile
     EXPECT_GT(world.state(world.find_body("ball")).position.z(), 0.65);
   }
 }
@@ -421,11 +421,11 @@ TEST(CompoundContacts, NeverRaiseEnergy) {
     }
     double before = energy(world);
     for (int i = 0; i < 1000; ++i) {
-      ASSERT_FALSE(world.step().failed);
-      const double now = energy(world) - world.report().correction_work;
+      ASSERT_FALSE(world.step().outcome.failed);
+      const double now = energy(world) - world.report().energy.correction_work;
       ASSERT_LT(now, before + 1e-9 * std::abs(before)) << "scene " << scene << ", step " << i;
       before = energy(world);
-      ASSERT_EQ(world.report().energy_rise, 0.0);
+      ASSERT_EQ(world.report().energy.rise, 0.0);
     }
   }
 }

@@ -165,8 +165,8 @@ TEST(ContactControl, WhatRestsIsSolvedOnceAStep) {
   run(&world, 0.5);
   for (int k = 0; k < 30; ++k) {
     const StepReport& report = world.step();
-    EXPECT_EQ(report.substeps, 1u);
-    EXPECT_EQ(report.rejected, 0u);
+    EXPECT_EQ(report.costs.substeps, 1u);
+    EXPECT_EQ(report.costs.rejected, 0u);
     EXPECT_LT(report.local_error, 1e-8);
   }
   EXPECT_NEAR(world.state(world.find_body("cube_9")).position.z(), 1.9, 1e-8);
@@ -176,8 +176,8 @@ TEST(ContactControl, WithoutAToleranceAStepIsOnePart) {
   World world = on_floor(controlled(0.01, 0.0), {ball(0.1, {1.0, 0.0, 0.0})});
   const StepReport& report = world.step();
   EXPECT_GT(report.local_error, 0.0);
-  EXPECT_EQ(report.substeps, 0u);
-  EXPECT_EQ(report.hits, 0u);
+  EXPECT_EQ(report.costs.substeps, 0u);
+  EXPECT_EQ(report.contacts.hits, 0u);
 }
 
 // A deck that rises at a constant speed takes a ball along from the instant at which it reaches it.
@@ -234,7 +234,7 @@ TEST(ContactControl, AnImpactAtAnyTimeOfTheStepIsLocated) {
       World world = on_floor(weightless_and_controlled(kStep, 1e-5),
                              {ball(0.1 + share * kStep * speed, {0.0, 0.0, -speed})});
       world.step();
-      EXPECT_EQ(world.report().hits, 1u) << speed << ' ' << share;
+      EXPECT_EQ(world.report().contacts.hits, 1u) << speed << ' ' << share;
       EXPECT_LT(world.report().local_error, 1e-5 * kStep) << speed << ' ' << share;
       EXPECT_NEAR(world.state(world.find_body("ball")).position.z(), 0.1, 1e-8)
           << speed << ' ' << share;
@@ -248,7 +248,7 @@ TEST(ContactControl, AnImpactOnAMovingDeckIsLocated) {
     world.add_body(rising_deck(0.5));
     world.add_body(ball(0.1 + gap, {0.0, 0.0, -1.0}));
     world.step();
-    EXPECT_EQ(world.report().hits, 1u) << gap;
+    EXPECT_EQ(world.report().contacts.hits, 1u) << gap;
     EXPECT_LT(deepest_contact(world), 1e-8) << gap;
     EXPECT_LT(world.report().local_error, 1e-4 * kStep) << gap;
   }
@@ -274,7 +274,7 @@ TEST(ContactControl, ReportedForcesAreTheChangeOfMomentum) {
   low.restitution = high.restitution = 1.0;
   World world = on_floor(weightless_and_controlled(kStep, 1e-4), {low, high});
   world.step();
-  EXPECT_GE(world.report().hits, 3u);
+  EXPECT_GE(world.report().contacts.hits, 3u);
   double by_floor = 0.0, between = 0.0;
   for (const Contact& contact : world.contacts())
     (contact.body_a == world.find_body("floor") ? by_floor : between) +=
@@ -312,7 +312,7 @@ TEST(ContactControl, ABodyThatIsHitDoesNotPassAThinWall) {
     world.set_state(world.find_body("bullet"), shot);
     for (int k = 0; k < 12; ++k) {
       world.step();
-      const bool is_named = world.report().hits_left_body.has_value();
+      const bool is_named = world.report().contacts.hits_left_body.has_value();
       EXPECT_TRUE(world.state(world.find_body("ball_0")).position.x() < 0.18 || is_named) << count;
     }
   }

@@ -267,7 +267,7 @@ TEST_P(ContactEventsAt, PointsShareFrictionAsTheLoadGoesFromOneToTheOther) {
   unsigned events = 0;  // including events that change nothing
   while (world.time() < 2.0 - 1e-9) {
     advance(&world, GetParam());
-    events += world.report().events;
+    events += world.report().costs.events;
     ASSERT_LT((world.state(box).position - Vector3d(0.0, 0.0, half.z())).norm(), kPlace);
     const Vector3d place = start + kSpeed * world.time() * Vector3d::UnitX();
     ASSERT_LT((world.state(on_it).position - place).norm(), kPlace);
@@ -322,8 +322,8 @@ TEST_P(ContactEventsAt, ABoxThatBeginsInTheFloorIsLiftedAtACostThatIsBooked) {
   double lifted = 0.0;
   for (int i = 0; i < 40; ++i) {
     world.step();
-    lifted += world.report().correction_work;
-    EXPECT_EQ(world.report().energy_rise, 0.0) << world.time();
+    lifted += world.report().energy.correction_work;
+    EXPECT_EQ(world.report().energy.rise, 0.0) << world.time();
   }
   EXPECT_NEAR(world.state(id).position.z(), 0.2, kPlace);
   EXPECT_NEAR(lifted, 1e6 * kGravity * kOverlap, 1e6 * kGravity * kPlace);
@@ -393,11 +393,11 @@ TEST(ContactEvents, EnergyNeverRisesOfBoxesAndBallsThatFall) {
     double least = world.energy();
     for (int i = 0; i < 120; ++i) {
       const StepReport& report = world.step();
-      ASSERT_FALSE(report.failed);
+      ASSERT_FALSE(report.outcome.failed);
       if (is_by_impulses(world)) break;
       ASSERT_LT(world.energy(), least + 1e-7 * 50.0) << scene << ' ' << world.time();
       least = std::min(least, world.energy());
-      ASSERT_LT(report.max_penetration, 1e-9) << scene;
+      ASSERT_LT(report.contacts.max_penetration, 1e-9) << scene;
     }
   }
 }

@@ -44,7 +44,7 @@ TEST(ContactHandover, WhatIsFastFarAwayChangesNothing) {
     bird.state.linear_velocity.y() = speed;
     world.add_body(bird);
     for (int i = 0; i < 20; ++i) {
-      EXPECT_FALSE(world.step().failed);
+      EXPECT_FALSE(world.step().outcome.failed);
       EXPECT_FALSE(is_by_impulses(world)) << speed << ", " << world.time();
     }
     for (const BodyId box : boxes) EXPECT_EQ(world.state(box).position.z(), 0.2) << speed;
@@ -85,11 +85,12 @@ TEST(ContactHandover, WhatIsPutDownTooDeepIsLiftedAndBooked) {
     EXPECT_TRUE(is_by_events(world)) << depth;
     EXPECT_NEAR(world.state(below).position.z(), 0.2, 2e-9) << depth;
     EXPECT_NEAR(world.state(above).position.z(), 0.6, 4e-9) << depth;
-    EXPECT_NEAR(report.correction_work, kGravity * (2.0 * depth + 3.0 * depth), 1e-7) << depth;
-    EXPECT_NEAR(world.energy() - report.correction_work, before, 1e-10) << depth;
+    EXPECT_NEAR(report.energy.correction_work, kGravity * (2.0 * depth + 3.0 * depth), 1e-7)
+        << depth;
+    EXPECT_NEAR(world.energy() - report.energy.correction_work, before, 1e-10) << depth;
     for (int i = 0; i < 100; ++i) {
       world.step();
-      EXPECT_EQ(world.report().energy_rise, 0.0);
+      EXPECT_EQ(world.report().energy.rise, 0.0);
       EXPECT_TRUE(is_by_events(world)) << depth;
     }
     EXPECT_LT(world.state(above).linear_velocity.norm(), 1e-12);
@@ -103,7 +104,7 @@ TEST(ContactHandover, WhatIsMuchTooDeepIsLeftAndToldSo) {
   world.add_body(box_at("box", {0.0, 0.0, 0.19}));
   world.step();
   EXPECT_EQ(world.islands().front().why, MethodReason::kOverlap);
-  EXPECT_EQ(world.report().handed_over, 0u);  // the contact was never event-driven
+  EXPECT_EQ(world.report().contacts.handed_over, 0u);  // the contact was never event-driven
   for (int i = 0; i < 500; ++i) world.step();
   EXPECT_TRUE(is_by_events(world));
 }
@@ -137,7 +138,7 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
     World copy = world, again = world;
     for (int i = 0; world.time() < 10.0; ++i) {
       const StepReport& report = world.step();
-      handed_over += report.handed_over;
+      handed_over += report.contacts.handed_over;
       const bool is_now = is_by_impulses(world);
       // switches alternate for each body, at the beginning of a step
       std::array<unsigned, 2> told{};
@@ -150,11 +151,11 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
         const std::uint32_t body = event.body_a.value;
         EXPECT_TRUE(goes ? away.insert(body).second : away.erase(body) > 0) << world.time();
       }
-      EXPECT_EQ(told[0], report.handed_over);
+      EXPECT_EQ(told[0], report.contacts.handed_over);
       taken_back += told[1];
       switches += is_now != was_by_impulses;
       was_by_impulses = is_now;
-      booked += report.correction_work + report.driven_work;
+      booked += report.energy.correction_work + report.energy.driven_work;
       EXPECT_LT(world.energy() - booked, least + 1e-9 * weight) << h << ", " << world.time();
       least = std::min(least, world.energy() - booked);
       for (World* each : {&copy, &again})
@@ -185,13 +186,13 @@ TEST(ContactHandover, NothingFallsAsleepInAnOverlap) {
     options.sleep_after = sleep_after;
     world.set_options(options);
     unsigned handed_over = 0;
-    while (world.time() < 4.0) handed_over += world.step().handed_over;
+    while (world.time() < 4.0) handed_over += world.step().contacts.handed_over;
     EXPECT_GE(handed_over, 6u);
     for (int i = 0; i < 6; ++i) {
       const BodyId ball = world.find_body("lies" + std::to_string(i));
       EXPECT_NEAR(world.state(ball).position.z(), 0.1, 1e-9) << sleep_after;
     }
-    EXPECT_GE(world.report().asleep, 1u) << sleep_after;
+    EXPECT_GE(world.report().costs.asleep, 1u) << sleep_after;
   }
 }
 

@@ -58,7 +58,7 @@ TEST(Resting, BallOnAPlane) {
   }
   EXPECT_EQ(world.contacts()[0].normal.z(), world.contacts()[0].body_a == ball ? 1.0 : -1.0);
   EXPECT_EQ(world.state(ball).position.x(), 0.0);
-  EXPECT_EQ(world.report().max_penetration, world.contacts()[0].depth);
+  EXPECT_EQ(world.report().contacts.max_penetration, world.contacts()[0].depth);
 }
 
 TEST(Resting, BoxOnBoxOnAPlane) {
@@ -122,7 +122,7 @@ TEST(Bouncing, WithoutRestitutionItStays) {
   double highest_after_impact = 0.0;
   bool touched = false;
   for (int step = 0; step < 500; ++step) {
-    touched = world.step().contacts > 0 || touched;
+    touched = world.step().contacts.points > 0 || touched;
     if (touched)
       highest_after_impact = std::max(highest_after_impact, world.state(ball).position.z());
   }
@@ -294,13 +294,13 @@ TEST(Rows, OfAFrictionlessContactIsOneAndOtherwiseThree) {
     Body ball = make_body("ball", Sphere{0.2}, 3.0, {0.0, 0.0, 0.199});
     ball.friction = friction;
     world.add_body(ball);
-    EXPECT_EQ(world.step().rows, friction == 0.0 ? 1u : 3u);
-    EXPECT_EQ(world.report().contacts, 1u);
+    EXPECT_EQ(world.step().costs.rows, friction == 0.0 ? 1u : 3u);
+    EXPECT_EQ(world.report().contacts.points, 1u);
     Body box = make_body("box", Box{{1.0, 1.0, 1.0}}, 3.0, {5.0, 0.0, 0.499});
     box.friction = friction;
     world.add_body(box);
-    EXPECT_EQ(world.step().rows, friction == 0.0 ? 5u : 15u);
-    EXPECT_EQ(world.report().contacts, 5u);
+    EXPECT_EQ(world.step().costs.rows, friction == 0.0 ? 5u : 15u);
+    EXPECT_EQ(world.report().contacts.points, 5u);
   }
 }
 
@@ -312,8 +312,8 @@ TEST(Rows, BodiesThatCannotTouchAreNotTested) {
   ghost.no_collision = true;
   world.add_body(ghost);
   world.add_body(make_body("lonely", Sphere{1.0}, 1.0, Vector3d::Zero()));
-  EXPECT_EQ(world.step().broadphase_tests, 0u);
-  EXPECT_EQ(world.report().contacts, 0u);
+  EXPECT_EQ(world.step().costs.broadphase_tests, 0u);
+  EXPECT_EQ(world.report().contacts.points, 0u);
 }
 
 TEST(NoCollision, FallsThroughTheFloor) {
@@ -335,9 +335,9 @@ TEST(Joined, BodiesCollideOnlyWhenAskedTo) {
     Joint joint = make_joint("rod", a, Vector3d::Zero(), b, Vector3d::Zero());
     joint.collide_connected = collide;
     const JointId id = world.add_joint(joint);
-    EXPECT_EQ(world.step().contacts, collide ? 1u : 0u);
+    EXPECT_EQ(world.step().contacts.points, collide ? 1u : 0u);
     world.remove_joint(id);
-    EXPECT_EQ(world.step().contacts, 1u);
+    EXPECT_EQ(world.step().contacts.points, 1u);
   }
 }
 
@@ -362,8 +362,8 @@ TEST(Rows, AreThreeForAContactWithFrictionAndOneWithout) {
     ball.friction = friction;
     world.add_body(ball);
     const StepReport& report = world.step();
-    EXPECT_EQ(report.contacts, 1u);
-    EXPECT_EQ(report.rows, friction == 0.0 ? 1u : 3u);
+    EXPECT_EQ(report.contacts.points, 1u);
+    EXPECT_EQ(report.costs.rows, friction == 0.0 ? 1u : 3u);
   }
 }
 

@@ -400,8 +400,8 @@ TEST(ContactsWithLaws, AnEventCostsAtMostFiveSubsteps) {
     int substeps = 0, events = 0, ticks = 0;
     for (; ticks < 2400; ++ticks) {
       const StepReport& report = world.step();
-      substeps += static_cast<int>(report.substeps + report.rejected);
-      events += static_cast<int>(report.events);
+      substeps += static_cast<int>(report.costs.substeps + report.costs.rejected);
+      events += static_cast<int>(report.costs.events);
     }
     ASSERT_GT(events, 5) << on_rope;
     EXPECT_LE(substeps - ticks, 5 * events) << on_rope;
@@ -434,7 +434,7 @@ TEST(ContactsWithLaws, AStepTakesNoMoreThanItsWork) {
       if (is_given_up) {
         EXPECT_EQ(island.why, has_floor ? MethodReason::kContactsGivenUp : MethodReason::kRefused);
       } else {
-        EXPECT_GT(report.events, 10u);
+        EXPECT_GT(report.costs.events, 10u);
       }
     }
   }
@@ -463,7 +463,7 @@ TEST(ContactsWithLaws, AMotorThatAnotherOneMovesHasNoDeceleration) {
     ball.state.linear_velocity.z() = -1.0;
     world.add_body(with_surface(ball, 0.0, 0.5));
     world.step();
-    EXPECT_GT(world.report().events, 0u);
+    EXPECT_GT(world.report().costs.events, 0u);
     EXPECT_EQ(world.joint_state(motor).coordinates[0].braking, 0.0) << mass;
   }
 }

@@ -105,7 +105,7 @@ TEST(ControlLoop, MovesALoadAgainstFriction) {
       ASSERT_NEAR(on_rail.position(), x, 1e-9 * (k + 1) * h + 1e-12) << h << ", tick " << k;
       ASSERT_NEAR(on_rail.velocity(), v, 2e-9 * (k + 1)) << h << ", tick " << k;
     }
-    EXPECT_EQ(on_rail.world.report().changes, 0u);
+    EXPECT_EQ(on_rail.world.report().costs.method_changes, 0u);
   }
 }
 

@@ -47,7 +47,7 @@ std::vector<Event> advance_to(World* world, double time) {
   while (world->time() < time - 1e-9) {
     world->step();
     EXPECT_FALSE(is_by_impulses(*world)) << world->time();
-    EXPECT_LT(world->report().max_penetration, 1e-9) << world->time();
+    EXPECT_LT(world->report().contacts.max_penetration, 1e-9) << world->time();
     all.insert(all.end(), world->events().begin(), world->events().end());
   }
   return all;
@@ -276,11 +276,11 @@ TEST(CoupledContacts, AFaultOfAnotherPackageIsReported) {
   run(world, 4);
   EXPECT_FALSE(is_by_impulses(world));
   const BodyState before = world.state(ball);
-  EXPECT_EQ(world.step().failure, Failure::kCustom);
+  EXPECT_EQ(world.step().outcome.failure, Failure::kCustom);
   EXPECT_EQ(world.failed_joint(), joint);
   EXPECT_EQ(world.state(ball).position, before.position);
   world.remove_joint(joint);
-  EXPECT_FALSE(world.step().failed);
+  EXPECT_FALSE(world.step().outcome.failed);
 }
 
 // ---- joints that close

@@ -109,7 +109,7 @@ TEST(Gear, CountsWholeTurns) {
     EXPECT_NEAR(wheels.angle(0), 120.0, 1e-8);
     const double constant = wheels.angle(0) + std::sqrt(2.0) * wheels.angle(1);
     for (int i = 0; i < 1000; ++i) {
-      ASSERT_FALSE(wheels.world.step().failed);
+      ASSERT_FALSE(wheels.world.step().outcome.failed);
       ASSERT_NEAR(wheels.angle(0) + std::sqrt(2.0) * wheels.angle(1), constant,
                   8.0 * kEpsilon * 600.0);
     }
@@ -118,11 +118,11 @@ TEST(Gear, CountsWholeTurns) {
 
     World loaded = load_scene(save_scene(wheels.world), "saved");
     for (int i = 0; i < 100; ++i) loaded.step();
-    EXPECT_LE(loaded.report().max_constraint_error, 8.0 * kEpsilon * 700.0);
+    EXPECT_LE(loaded.report().joints.max_error, 8.0 * kEpsilon * 700.0);
 
     wheels.world.reset();
     EXPECT_EQ(wheels.world.joint_state(wheels.world.find_joint("gear_0_1")).closing, false);
-    EXPECT_FALSE(wheels.world.step().failed);
+    EXPECT_FALSE(wheels.world.step().outcome.failed);
   }
 }
 
@@ -157,8 +157,8 @@ TEST(Gear, CountsTurnsOfLongSteps) {
   wheels.spin(1, -200.0 / std::sqrt(2.0));
   wheels.gear(0, 1, std::sqrt(2.0));
   for (int i = 0; i < 60; ++i) {
-    ASSERT_FALSE(wheels.world.step().failed);
-    ASSERT_LE(wheels.world.report().max_constraint_error, 8.0 * kEpsilon * 200.0) << i;
+    ASSERT_FALSE(wheels.world.step().outcome.failed);
+    ASSERT_LE(wheels.world.report().joints.max_error, 8.0 * kEpsilon * 200.0) << i;
   }
   EXPECT_NEAR(wheels.angle(0), 200.0, 0.1);
 }
@@ -252,10 +252,10 @@ TEST(Gear, MayBeRedundantOrLock) {
     twice.spin(0, 3.0);
     const JointId one = twice.gear(0, 1, 2.0);
     twice.gear(1, 0, 0.5);
-    for (int i = 0; i < 100; ++i) ASSERT_FALSE(twice.world.step().failed);
-    EXPECT_EQ(twice.world.report().dependent_rows, 1u);
+    for (int i = 0; i < 100; ++i) ASSERT_FALSE(twice.world.step().outcome.failed);
+    EXPECT_EQ(twice.world.report().joints.dependent_rows, 1u);
     EXPECT_NEAR(twice.angle(0), 3.0 / 1.25, 1e-9);
-    EXPECT_LE(twice.world.report().max_constraint_error, 1e-13);
+    EXPECT_LE(twice.world.report().joints.max_error, 1e-13);
     // no remainder of the initial impulse; with Cayley's rotations a share of rounding over h
     EXPECT_NEAR(twice.world.joint_state(one).force, 0.0, 1e-4);
 
@@ -264,7 +264,7 @@ TEST(Gear, MayBeRedundantOrLock) {
     locked.gear(0, 1, 1.0);
     locked.gear(1, 2, 1.0);
     locked.gear(0, 2, 1.0);
-    for (int i = 0; i < 10; ++i) ASSERT_FALSE(locked.world.step().failed);
+    for (int i = 0; i < 10; ++i) ASSERT_FALSE(locked.world.step().outcome.failed);
     for (int i = 0; i < 3; ++i) EXPECT_NEAR(locked.angle(i), 0.0, 1e-12);
   }
 }
@@ -315,7 +315,7 @@ TEST(Gear, RefusesALoopThatContradicts) {
   wheels.world.remove_joint(idle);
   wheels.gear(0, 2, 1.0, 0.3);  // stops all of them, the first at 0.15
   wheels.gear(3, 0, 1.0, 7.0);  // closes no loop
-  for (int i = 0; i < 100; ++i) ASSERT_FALSE(wheels.world.step().failed);
+  for (int i = 0; i < 100; ++i) ASSERT_FALSE(wheels.world.step().outcome.failed);
   EXPECT_NEAR(wheels.angle(0), 0.15, 1e-12);
   EXPECT_NEAR(wheels.angle(3), 6.85, 1e-12);
   EXPECT_EQ(refused(1, 0, 3.0, 0.0),
@@ -414,15 +414,15 @@ TEST(Coupling, EndsWithWhatItCouples) {
   EXPECT_TRUE(wheels.world.joint_state(other).broken);
   EXPECT_EQ(refusal([&] { wheels.world.set_broken(other, false); }),
             "name: 'hinge_1', which 'gear_1_2' couples, is broken");
-  EXPECT_FALSE(wheels.world.step().failed);
+  EXPECT_FALSE(wheels.world.step().outcome.failed);
   const std::string saved = save_scene(wheels.world);
   EXPECT_EQ(save_scene(load_scene(saved, "saved")), saved);
   wheels.world.set_broken(wheels.hinges[1], false);
   wheels.world.set_broken(other, false);
-  EXPECT_FALSE(wheels.world.step().failed);
+  EXPECT_FALSE(wheels.world.step().outcome.failed);
   wheels.world.remove_joint(other);
   wheels.world.remove_joint(wheels.hinges[1]);
-  EXPECT_FALSE(wheels.world.step().failed);
+  EXPECT_FALSE(wheels.world.step().outcome.failed);
 }
 
 TEST(Coupling, ActsWhileWhatItCouplesDoes) {
@@ -441,7 +441,7 @@ TEST(Coupling, ActsWhileWhatItCouplesDoes) {
   EXPECT_NEAR(wheels.angle(1), 0.0, 1e-12);
   wheels.world.set_enabled(gear, true);  // closes the error since
   EXPECT_NEAR(wheels.world.joint_state(gear).error, 1.0, 1e-9);
-  for (int i = 0; i < 60; ++i) ASSERT_FALSE(wheels.world.step().failed);
+  for (int i = 0; i < 60; ++i) ASSERT_FALSE(wheels.world.step().outcome.failed);
   EXPECT_LE(wheels.world.joint_state(gear).error, 1e-12);
   EXPECT_FALSE(wheels.world.joint_state(gear).closing);
 }
@@ -462,17 +462,17 @@ TEST(Coupling, EndsWithWhatItCouplesWhereAResetEndsThat) {
       wheels.world.set_enabled(wheels.hinges[1], true);
       wheels.world.set_broken(wheels.hinges[1], false);
       const JointId gear = wheels.gear(0, 1, 1.0);
-      ASSERT_FALSE(wheels.world.step().failed);
+      ASSERT_FALSE(wheels.world.step().outcome.failed);
       wheels.world.reset();
       EXPECT_EQ(wheels.world.joint(gear).enabled, is_broken);
       EXPECT_EQ(wheels.world.joint_state(gear).broken, is_broken);
-      ASSERT_FALSE(wheels.world.step().failed) << name(method);
+      ASSERT_FALSE(wheels.world.step().outcome.failed) << name(method);
       wheels.world.set_enabled(wheels.hinges[1], true);
       wheels.world.set_broken(wheels.hinges[1], false);
       wheels.world.set_enabled(gear, true);
       wheels.world.set_broken(gear, false);
       wheels.spin(0, 2.0);
-      ASSERT_FALSE(wheels.world.step().failed) << name(method);
+      ASSERT_FALSE(wheels.world.step().outcome.failed) << name(method);
       // a gear of ratio 1 between wheels of 0.5 and 0.004 kg m²: both turn by opposite angles
       EXPECT_NEAR(wheels.angle(0), -wheels.angle(1), 1e-9) << name(method);
       EXPECT_GT(wheels.angle(0), 0.01) << name(method);
@@ -638,8 +638,8 @@ TEST(Pulley, TellsWhatALengthOfZeroLoses) {
     const double energy = world.energy();
     double told = 0.0;
     for (double t = 0.0; t < 0.87; t += h) {
-      ASSERT_FALSE(world.step().failed);
-      told += world.report().projected_energy;
+      ASSERT_FALSE(world.step().outcome.failed);
+      told += world.report().energy.projected;
     }
     EXPECT_NEAR(energy - world.energy(), told, 1e-4 * told + 1e-9) << h;
     largest = std::max(largest, told);

@@ -65,7 +65,7 @@ double error_of_drag(Method method, int order, double time_step, bool* failed) {
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, kMass, {0.0, 0.0, 10.0}));
   world.add_joint(custom("test/drag", {{"wind", kWind}, {"c", kDrag}}, ball));
   const auto steps = std::lround(kTime / time_step);
-  for (int i = 0; i < steps; ++i) *failed = *failed || world.step().failed;
+  for (int i = 0; i < steps; ++i) *failed = *failed || world.step().outcome.failed;
   const Vector3d terminal(kWind, 0.0, -kMass * kGravity / kDrag);
   const Vector3d v = terminal - std::exp(-kDrag * kTime / kMass) * terminal;
   return (world.state(ball).linear_velocity - v).norm();
@@ -115,7 +115,7 @@ TEST_F(Custom, ForcesDependOnTimeAndTurnBodies) {
                 100.0 * allowed);
     EXPECT_NEAR(world.joint_state(world.find_joint("custom")).force,
                 kForce * std::abs(std::cos(kOmega)), 1e-9);
-    EXPECT_EQ(world.report().energy_rise, 0.0);  // explained by the force
+    EXPECT_EQ(world.report().energy.rise, 0.0);  // explained by the force
   }
 }
 
@@ -244,9 +244,9 @@ TEST_F(Custom, BowlKeepsEnergyAndItsEquation) {
     double drift = 0.0, error = 0.0;
     for (int i = 0; i < 400; ++i) {
       const StepReport& report = world.step();
-      ASSERT_FALSE(report.failed);
+      ASSERT_FALSE(report.outcome.failed);
       drift = std::max(drift, std::abs(world.energy() - energy));
-      error = std::max(error, report.max_constraint_error);
+      error = std::max(error, report.joints.max_error);
     }
     // energy of a few joules: rounding of a discrete gradient, and the tolerance of runge_kutta
     EXPECT_LE(drift, method == Method::kEnergyMomentum ? 1e-10 : 1e-8) << name(method);
@@ -340,7 +340,7 @@ TEST_F(Custom, ValuesBeyondTheBoundFail) {
   world.set_state(id, there);
   const std::string text = save_scene(world);
   EXPECT_EQ(save_scene(load_scene(text)), text);
-  EXPECT_EQ(world.step().failure, Failure::kCustom);
+  EXPECT_EQ(world.step().outcome.failure, Failure::kCustom);
 }
 
 // An error that does not exist is not 0: it is infinite where the function of the joint fails, and
@@ -362,11 +362,11 @@ TEST_F(Custom, HasNoErrorWhereItsFunctionFails) {
       EXPECT_EQ(state.initial_error, 0.0);
       EXPECT_FALSE(state.closing);
     }
-    EXPECT_EQ(world.step().failure, is_enabled ? Failure::kCustom : Failure::kNone);
+    EXPECT_EQ(world.step().outcome.failure, is_enabled ? Failure::kCustom : Failure::kNone);
     there.position.x() = 0.5;
     world.set_state(id, there);
     EXPECT_EQ(world.joint_state(joint).error, 0.5);
-    EXPECT_EQ(world.step().failure, Failure::kNone);
+    EXPECT_EQ(world.step().outcome.failure, Failure::kNone);
   }
 }
 
@@ -412,7 +412,7 @@ TEST_F(Custom, WhereItsFunctionFailsIsSavedAndLoaded) {
       reset.reset();
       EXPECT_EQ(save_scene(load_scene(save_scene(reset))), save_scene(reset));
       for (World* of : {&world, &loaded, &read}) {
-        EXPECT_EQ(of->step().failure, Failure::kCustom);
+        EXPECT_EQ(of->step().outcome.failure, Failure::kCustom);
         EXPECT_EQ(of->failed_joint(), of->find_joint("custom"));
       }
     }
@@ -435,15 +435,15 @@ TEST_F(Custom, WhatFailsIsToldByItsNameAndKeepsTheStateBefore) {
       }
       int steps = 0;
       World before = world;
-      while (steps < 20 && !world.step().failed) {
+      while (steps < 20 && !world.step().outcome.failed) {
         before = world;
         ++steps;
       }
       const StepReport& report = world.report();
-      ASSERT_TRUE(report.failed);
+      ASSERT_TRUE(report.outcome.failed);
       EXPECT_GE(steps, 3);
       EXPECT_LE(steps, 5);
-      EXPECT_EQ(report.failure, Failure::kCustom);
+      EXPECT_EQ(report.outcome.failure, Failure::kCustom);
       EXPECT_EQ(world.failed_joint(), world.find_joint("faulty5"));
       EXPECT_NE(world.failed_why().find(
                     "'faulty5' of type 'test/faulty': wrench " +

@@ -204,7 +204,7 @@ TEST(Cylinders, InHeapsGainNoEnergyAndStayApart) {
     const double start = energy;
     for (int step = 0; step < 1200; ++step) {
       world.step();
-      ASSERT_FALSE(world.report().failed) << seed;
+      ASSERT_FALSE(world.report().outcome.failed) << seed;
       // weights of 12 kg sunk in by a few slops
       ASSERT_LT(world.energy(), energy + 12.0 * kGravity * 20.0 * slop(world)) << seed << step;
       energy = std::min(energy, world.energy());

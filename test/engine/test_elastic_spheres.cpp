@@ -39,10 +39,10 @@ TEST(ElasticSpheres, AHeapKeepsItsEnergy) {
   unsigned events = 0;
   const unsigned steps = kSanitizedShare > 1 ? 200 : 1000;
   for (unsigned i = 0; i < steps; ++i) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     ASSERT_FALSE(is_by_impulses(world)) << world.time();
-    events += world.report().events;
-    largest = std::max(largest, world.report().max_penetration);
+    events += world.report().costs.events;
+    largest = std::max(largest, world.report().contacts.max_penetration);
     squares += std::pow(world.energy() - start, 2);
   }
   EXPECT_GT(events, steps);
@@ -65,7 +65,7 @@ TEST(ElasticSpheres, FortyNineBallsBounceForTwentySeconds) {
     double squares = 0.0, worst = 0.0;
     const int steps = static_cast<int>(20.0 / options.time_step / kSanitizedShare);
     for (int i = 0; i < steps; ++i) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       ASSERT_FALSE(is_by_impulses(world)) << world.time();
       squares += std::pow(world.energy() - start, 2);
       for (const BodyId id : world.body_ids()) {
@@ -88,7 +88,7 @@ TEST(ElasticSpheres, AHeapKeepsItsEnergyInLongTicks) {
     double largest = 0.0;
     const double end = kSanitizedShare > 1 ? 2.0 : 5.0;  // covers faults at 1.3 s and 1.9 s
     while (world.time() < end) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       ASSERT_FALSE(is_by_impulses(world)) << time_step << " s: " << world.time();
       largest = std::max(largest, std::abs(world.energy() - start));
     }
@@ -168,7 +168,7 @@ TEST(ElasticSpheres, KeepMomentumAndTurnOn) {
     world.add_body(ball);
   }
   unsigned events = 0;
-  for (int i = 0; i < 30; ++i) events += world.step().events;
+  for (int i = 0; i < 30; ++i) events += world.step().costs.events;
   EXPECT_GT(events, 20u);
   EXPECT_LT((engine::momentum(world) - momentum).norm(), 1e-11);
   for (const BodyId id : world.body_ids()) {

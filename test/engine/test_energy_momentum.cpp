@@ -57,20 +57,20 @@ Record run_and_record(World& world, double duration) {
   const auto ticks = std::lround(duration / world.options().time_step);
   for (long i = 0; i < ticks; ++i) {
     const StepReport& report = world.step();
-    const bool is_exact = !report.failed &&
-                          report.islands[index_of(Method::kSequentialImpulses)] == 0 &&
-                          report.max_constraint_error <= round_off(world);
+    const bool is_exact = !report.outcome.failed &&
+                          report.costs.islands[index_of(Method::kSequentialImpulses)] == 0 &&
+                          report.joints.max_error <= round_off(world);
     if (!is_exact) {
       ADD_FAILURE() << "at t = " << world.time() << ": " << to_string(world.islands().front().why)
-                    << ", joints off by " << report.max_constraint_error;
+                    << ", joints off by " << report.joints.max_error;
       return record;
     }
-    record.drift = std::max(record.drift, std::abs(report.energy_drift));
-    record.changes += report.changes;
-    if (report.islands[index_of(Method::kEnergyMomentum)] == 0) continue;
+    record.drift = std::max(record.drift, std::abs(report.energy.drift));
+    record.changes += report.costs.method_changes;
+    if (report.costs.islands[index_of(Method::kEnergyMomentum)] == 0) continue;
     ++record.stiff_steps;
-    iterations += report.iterations;
-    steps += report.substeps;
+    iterations += report.costs.iterations;
+    steps += report.costs.substeps;
     if (i == 0) record.first = iterations / steps;
   }
   record.iterations = steps > 0.0 ? iterations / steps : 0.0;
@@ -292,7 +292,7 @@ TEST(EnergyMomentum, DissipationTakesOutWhatIsTooFastToBeShown) {
     double energy = world.energy();
     const double at_first = energy;
     for (int i = 0; i < 100; ++i) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       EXPECT_TRUE(!dissipation || i < 2 || world.energy() <= energy + 1e-9) << i;
       energy = world.energy();
     }
@@ -459,14 +459,14 @@ TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
   world.step();
   EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);  // found stiff at once
   EXPECT_EQ(world.islands().front().why, MethodReason::kStiff);
-  EXPECT_EQ(world.report().changes, 1u);
+  EXPECT_EQ(world.report().costs.method_changes, 1u);
   run_and_record(world, 1.0);
 
   // ω is 2e4/s: at shorter ticks h ω is 5
   const double energy = world.energy();
   world = with_method(world, 1.0 / 4000.0);
   double projected = 0.0;
-  for (int i = 0; i < 300; ++i) projected += world.step().projected_energy;
+  for (int i = 0; i < 300; ++i) projected += world.step().energy.projected;
   EXPECT_EQ(world.islands().front().method, Method::kRungeKutta);
   // the change costs the reported energy
   EXPECT_NEAR(world.energy(), energy - projected, 1e-9 * 5e5);
@@ -600,7 +600,7 @@ TEST(EnergyMomentum, KeepsEnergyAndMomentaWhereSubstepsTakeOver) {
 TEST(EnergyMomentum, RemembersWhatSubstepsCost) {
   World world = with_method(redundant::crane_boom(), 0.01);
   std::uint32_t changes = 0;
-  for (int i = 0; i < 300; ++i) changes += world.step().changes;
+  for (int i = 0; i < 300; ++i) changes += world.step().costs.method_changes;
   EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);
   EXPECT_EQ(changes, 1u);
 }
@@ -631,9 +631,9 @@ TEST(EnergyMomentum, ComesAndGoesAsAnIslandGrowsStiffAndCalmAgain) {
   std::uint32_t changes = 0;
   std::array<int, kMethodCount> ticks{};
   for (int i = 0; i < 2000; ++i) {
-    changes += world.step().changes;
+    changes += world.step().costs.method_changes;
     ++ticks[index_of(world.islands().front().method)];
-    ASSERT_LE(world.report().max_constraint_error, round_off(world));
+    ASSERT_LE(world.report().joints.max_error, round_off(world));
   }
   EXPECT_GT(ticks[index_of(Method::kEnergyMomentum)], 100);
   EXPECT_GT(ticks[index_of(Method::kRungeKutta)], 100);
@@ -716,7 +716,7 @@ TEST(EnergyMomentum, AStiffDamperTakesEnergyAndNeverGivesAny) {
     EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);
     double energy = world.energy();
     for (int i = 0; i < 200; ++i) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       EXPECT_LE(world.energy(), energy + 1e-10);
       energy = world.energy();
     }
@@ -746,8 +746,8 @@ TEST(EnergyMomentum, AThirdUprightChangesNothingAndIsReported) {
     std::uint32_t dependent = 0;
     for (int i = 0; i < 500; ++i) {
       two.step();
-      dependent = std::max(dependent, three.step().dependent_rows);
-      ASSERT_LE(three.report().max_constraint_error, round_off(three)) << three.time();
+      dependent = std::max(dependent, three.step().joints.dependent_rows);
+      ASSERT_LE(three.report().joints.max_error, round_off(three)) << three.time();
     }
     EXPECT_LE(problems::largest_difference(two, three), 1e-9) << name(method);
     EXPECT_GE(dependent, 1u) << name(method);
@@ -765,7 +765,7 @@ TEST(EnergyMomentum, DoubledRodsOfAHeavyChainChangeNothing) {
   run_and_record(single, 3.0);
   const Record record = run_and_record(doubled, 3.0);
   EXPECT_GE(record.stiff_steps, 86u);  // the first few ticks use substeps, to measure their cost
-  EXPECT_EQ(doubled.report().dependent_rows, 3u);
+  EXPECT_EQ(doubled.report().joints.dependent_rows, 3u);
   EXPECT_LE(problems::largest_difference(single, doubled), 1e-9);
 }
 
@@ -783,7 +783,7 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
   const double middle = 1.1;  // mean length in metres; both rods pull the mass equally
   double highest = -kInfinity, lowest = kInfinity;
   for (int i = 0; i < 1000; ++i) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     EXPECT_NEAR(world.joint_state(shorter).error, middle - 1.0, 1e-9);
     EXPECT_NEAR(world.joint_state(longer).error, middle - 1.2, 1e-9);
     highest = std::max(highest, world.energy());
@@ -820,7 +820,7 @@ TEST(EnergyMomentum, MotorsAgainstEachOtherShareTheDifference) {
   in.motor.bias = -0.1;
   const JointId a = world.add_joint(out), b = world.add_joint(in);
   for (int i = 0; i < 100; ++i) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
   }
   EXPECT_NEAR(world.joint_state(a).error, -0.1, 1e-9);
@@ -867,8 +867,8 @@ TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
   const double energy = world.energy();
   double force = 0.0;
   for (int i = 0; i < 300; ++i) {
-    ASSERT_EQ(world.step().islands[index_of(Method::kRungeKutta)], 1u);
-    ASSERT_LE(world.report().max_constraint_error, round_off(world));
+    ASSERT_EQ(world.step().costs.islands[index_of(Method::kRungeKutta)], 1u);
+    ASSERT_LE(world.report().joints.max_error, round_off(world));
     force = std::max(force, std::abs(world.joint_state(world.joint_ids().front()).force));
   }
   EXPECT_GT(force, 1e7);
@@ -883,10 +883,10 @@ TEST(EnergyMomentum, LongTicksAreBounded) {
       World world = with_method(problems::heavy_chain(mass, false), time_step);
       for (int i = 0; i < 100; ++i) {
         const StepReport& report = world.step();
-        ASSERT_FALSE(report.failed);
-        ASSERT_LE(report.max_constraint_error, round_off(world)) << mass << " " << time_step;
+        ASSERT_FALSE(report.outcome.failed);
+        ASSERT_LE(report.joints.max_error, round_off(world)) << mass << " " << time_step;
       }
-      EXPECT_LE(std::abs(world.report().energy_drift), 1e-6) << mass << " " << time_step;
+      EXPECT_LE(std::abs(world.report().energy.drift), 1e-6) << mass << " " << time_step;
     }
   }
 }
@@ -956,7 +956,7 @@ TEST(EnergyMomentum, WhereASceneLiesDoesNotDecideWhenNewtonsStepsEnd) {
     rod.anchor_b = {-0.4, 0.07, 0.47};
     world.add_joint(rod);
     double worst = 0.0;
-    for (int i = 0; i < 60; ++i) worst = std::max(worst, world.step().max_constraint_error);
+    for (int i = 0; i < 60; ++i) worst = std::max(worst, world.step().joints.max_error);
     // rounding of coordinates, as for every mechanism (docs/mechanisms.md)
     EXPECT_LE(worst, 1e-12 + 4.0 * 2.3e-16 * off) << off;
   }
@@ -977,7 +977,7 @@ TEST(EnergyMomentum, ABodySpinningAboutItsMiddleAxisKeepsItsEnergy) {
     const auto ticks = std::lround(1.0 / time_step);
     const Vector3d L = angular_momentum(world);
     for (long i = 0; i < ticks; ++i) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       ASSERT_EQ(world.islands().front().method, Method::kRungeKutta);
     }
     EXPECT_NEAR(world.energy(), energy, 1e-10 * energy) << time_step;
@@ -1030,8 +1030,8 @@ TEST(EnergyMomentum, WhatStandsInForItKeepsTheEnergy) {
     std::uint32_t changes = 0;
     for (int i = 0; i < 9; ++i) {
       const StepReport& report = world.step();
-      ASSERT_FALSE(report.failed);
-      changes += report.changes;
+      ASSERT_FALSE(report.outcome.failed);
+      changes += report.costs.method_changes;
       scale = std::max({scale, std::abs(world.energy()), 1e6 * kGravity});
       EXPECT_NEAR(world.energy(), before, 1e-6 * scale) << name(kind) << " at " << world.time();
       before = world.energy();

@@ -131,7 +131,7 @@ TEST_P(EventList, AMotorThatPushesIntoItsLimitIsNotReleased) {
     const std::vector<Event> events = events_of(&world, 1.0);
     EXPECT_TRUE(world.joint_state(slider).saturated) << name(method);
     EXPECT_NEAR(world.joint_state(slider).coordinates[0].position, 0.2, 1e-6) << name(method);
-    if (world.report().islands[index_of(Method::kEventDriven)] == 0) continue;  // no times
+    if (world.report().costs.islands[index_of(Method::kEventDriven)] == 0) continue;  // no times
     ASSERT_EQ(events.size(), 1u) << name(method);
     EXPECT_EQ(events[0].kind, EventKind::kLimitReached);
     EXPECT_NEAR(events[0].time, kPushed, kTimeAtTicks);
@@ -265,7 +265,7 @@ TEST_P(EventList, ALiftIsToldOfWhatSleptWithoutFriction) {
   world.add_body(make_floor(0.0));
   const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.1}));
   EXPECT_TRUE(events_of(&world, 3.0).empty());
-  EXPECT_EQ(world.report().asleep, 1u);
+  EXPECT_EQ(world.report().costs.asleep, 1u);
   Wrench wrench;
   wrench.body = id;
   wrench.force = {0.0, 0.0, 50.0};

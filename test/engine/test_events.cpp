@@ -41,9 +41,9 @@ void expect_same_bits(World* alone, World* beside, const std::string& body, doub
   while (alone->time() < seconds) {
     alone->step();
     beside->step();
-    ASSERT_EQ(beside->report().events, 0u) << beside->time();
-    ASSERT_EQ(beside->report().substeps, alone->report().substeps) << beside->time();
-    ASSERT_EQ(beside->report().rejected, alone->report().rejected) << beside->time();
+    ASSERT_EQ(beside->report().costs.events, 0u) << beside->time();
+    ASSERT_EQ(beside->report().costs.substeps, alone->report().costs.substeps) << beside->time();
+    ASSERT_EQ(beside->report().costs.rejected, alone->report().costs.rejected) << beside->time();
     const BodyState& one = alone->state(alone->find_body(body));
     const BodyState& other = beside->state(beside->find_body(body));
     ASSERT_EQ(one.position, other.position) << beside->time();
@@ -122,7 +122,7 @@ TEST_P(AtTicks, APendulumAboveAFloorThatItDoesNotTouchIsThePendulum) {
     while (alone.time() < 2.0) {
       alone.step();
       beside.step();
-      ASSERT_EQ(beside.report().events, 0u) << beside.time();
+      ASSERT_EQ(beside.report().costs.events, 0u) << beside.time();
       const Vector3d& place = alone.state(alone.find_body("bob")).position;
       worst = std::max(worst, (beside.state(beside.find_body("bob")).position - place).norm());
     }
@@ -139,7 +139,7 @@ TEST_P(AtTicks, ABallFallsIntoItsRope) {
   std::uint32_t events = 0;
   for (int i = 0; i * GetParam() < 1.0; ++i) {
     world.step();
-    events += world.report().events;
+    events += world.report().costs.events;
     const double t = world.time();
     const double z = t < taut ? -0.3 - 0.5 * kGravity * t * t : -1.0;
     ASSERT_NEAR(world.state(id).position.z(), z, kPlaceAtTicks) << t;
@@ -344,7 +344,7 @@ TEST_P(AtTicks, AHeavyLoadOnARopeBesideALightBobOnARod) {
   for (int i = 0; i * GetParam() < 2.0; ++i) {
     world.step();
     ASSERT_EQ(only(world.islands()).method, Method::kEventDriven);
-    ASSERT_LT(world.report().max_constraint_error, 1e-12);
+    ASSERT_LT(world.report().joints.max_error, 1e-12);
     ASSERT_NEAR(distance(world, rod_id), 1.0, 1e-12);
     ASSERT_LT(world.energy(), least + 1e-4);  // 1e-9 of the energy
     least = std::min(least, world.energy());

@@ -35,7 +35,7 @@ TEST(FalseAlarms, CorrectionsAgainstAWrenchGiveNoEnergy) {
       for (const double overlap : {-0.03, 0.002, 0.005}) {
         World world = pressed_ball(method, time_step, overlap);
         for (double t = 0.0; t < 0.5; t += time_step)
-          ASSERT_EQ(world.step().energy_rise, 0.0)
+          ASSERT_EQ(world.step().energy.rise, 0.0)
               << name(method) << ' ' << time_step << ' ' << overlap << ' ' << world.time();
       }
 }
@@ -47,8 +47,8 @@ TEST(FalseAlarms, CorrectionsDoTheWorkThatAWrenchLoses) {
   const double start = world.state(world.find_body("ball")).position.x();
   for (int i = 0; i < 100; ++i) {
     const StepReport& report = world.step();
-    driven += report.driven_work;
-    corrections += report.correction_work;
+    driven += report.energy.driven_work;
+    corrections += report.energy.correction_work;
   }
   const double moved = world.state(world.find_body("ball")).position.x() - start;
   EXPECT_LT(moved, -0.004);
@@ -91,18 +91,18 @@ TEST(FalseAlarms, AMotorOnItsWayIsReportedApart) {
       double largest = 0.0;
       for (int i = 0; i < 100; ++i) {
         const StepReport& report = world.step();
-        ASSERT_LE(report.max_constraint_error, 1e-9) << name(method) << max_force << " step " << i;
-        ASSERT_EQ(report.unclosed_joints, 0u);
-        if (report.closing_error > 0.0) {
-          ASSERT_EQ(report.closing_joint, world.find_joint("hinge"));
+        ASSERT_LE(report.joints.max_error, 1e-9) << name(method) << max_force << " step " << i;
+        ASSERT_EQ(report.joints.unclosed, 0u);
+        if (report.joints.closing_error > 0.0) {
+          ASSERT_EQ(report.joints.worst_closing, world.find_joint("hinge"));
         }
-        largest = std::max(largest, report.closing_error);
+        largest = std::max(largest, report.joints.closing_error);
       }
       const JointState& state = world.joint_state(world.find_joint("hinge"));
       EXPECT_NEAR(state.coordinates[0].position, -0.4, 1e-6) << name(method) << max_force;
       // the path of 0.4 rad at the radius of gyration, less the first tick
       EXPECT_GT(largest, 0.9 * 0.4 * state.radius);
-      EXPECT_LE(world.report().closing_error, 1e-6);
+      EXPECT_LE(world.report().joints.closing_error, 1e-6);
     }
 }
 
@@ -111,8 +111,8 @@ TEST(FalseAlarms, AMotorWithoutTheForceIsNoUnclosedJoint) {
   World world = motorized_arm(Method::kAuto, 1.0);
   for (int i = 0; i < 300; ++i) {
     const StepReport& report = world.step();
-    ASSERT_LE(report.max_constraint_error, 1e-9) << i;
-    ASSERT_EQ(report.unclosed_joints, 0u) << i;
+    ASSERT_LE(report.joints.max_error, 1e-9) << i;
+    ASSERT_EQ(report.joints.unclosed, 0u) << i;
   }
   const JointState& state = world.joint_state(world.find_joint("hinge"));
   EXPECT_GT(std::abs(state.coordinates[0].position), 0.1);
@@ -126,8 +126,8 @@ TEST(FalseAlarms, AnErrorThatNothingClosesIsNone) {
   world.add_joint(hang("short", bob, rod(1.0)));
   world.add_joint(hang("long", bob, rod(1.2)));
   for (int i = 0; i < 100; ++i) world.step();
-  EXPECT_EQ(world.report().unclosed_joints, 2u);
-  EXPECT_NEAR(world.report().max_constraint_error, 0.1, 0.01);
+  EXPECT_EQ(world.report().joints.unclosed, 2u);
+  EXPECT_NEAR(world.report().joints.max_error, 0.1, 0.01);
 }
 
 // ---- estimates

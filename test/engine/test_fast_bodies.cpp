@@ -53,7 +53,7 @@ TEST(FastBodies, BallOf500MetresASecondMeetsAWallOfAMillimetreAtItsPlace) {
       const double left = 2.0 * kFastTick - (at_wall - start) / 500.0;
       EXPECT_NEAR(world.state(ball).position.x(), at_wall - e * 500.0 * left, kMet) << e << start;
       EXPECT_NEAR(world.state(ball).linear_velocity.x(), -e * 500.0, 1e-9) << e << start;
-      EXPECT_FALSE(world.report().hits_left_body);
+      EXPECT_FALSE(world.report().contacts.hits_left_body);
     }
   }
 }
@@ -63,10 +63,10 @@ TEST(FastBodies, HitIsToldWithItsForce) {
   add_wall(&world, Vector3d::Zero());
   add_ball(&world, {-1.0, 0.0, 0.0}, {500.0, 0.0, 0.0}, 1.0);
   const StepReport& report = world.step();
-  EXPECT_EQ(report.hits, 1u);
+  EXPECT_EQ(report.contacts.hits, 1u);
   ASSERT_EQ(world.contacts().size(), 1u);
   EXPECT_NEAR(world.contacts()[0].normal_force, 2.0 * 500.0 / kFastTick, 1e-6 * 500.0 / kFastTick);
-  EXPECT_EQ(world.step().hits, 0u);
+  EXPECT_EQ(world.step().contacts.hits, 0u);
 }
 
 // A ball that misses the edge of the wall by a centimetre moves straight on.
@@ -77,8 +77,8 @@ TEST(FastBodies, MissStaysAMiss) {
   const Vector3d velocity(500.0, 0.0, 0.0);
   const BodyId ball = add_ball(&world, start, velocity);
   for (int step = 1; step <= 3; ++step) {
-    EXPECT_EQ(world.step().hits, 0u);
-    EXPECT_EQ(world.report().contacts, 0u);
+    EXPECT_EQ(world.step().contacts.hits, 0u);
+    EXPECT_EQ(world.report().contacts.points, 0u);
     EXPECT_EQ(world.state(ball).linear_velocity, velocity);
     EXPECT_LT((world.state(ball).position - (start + step * kFastTick * velocity)).norm(), 1e-13);
   }
@@ -87,7 +87,7 @@ TEST(FastBodies, MissStaysAMiss) {
   add_wall(&other, Vector3d::Zero());
   const BodyId grazing = add_ball(&other, {-1.0, 2.0 + kFastRadius - 1e-6, 0.0}, velocity);
   other.step();
-  EXPECT_EQ(other.report().hits, 1u);
+  EXPECT_EQ(other.report().contacts.hits, 1u);
   EXPECT_NE(other.state(grazing).linear_velocity.y(), 0.0);
 }
 
@@ -101,7 +101,7 @@ TEST(FastBodies, BounceSeveralTimesInAStep) {
   const double width = 0.5 - kWall - 2.0 * kFastRadius;
   std::uint32_t hits = 0;
   for (int step = 1; step <= 50; ++step) {
-    hits += world.step().hits;
+    hits += world.step().contacts.hits;
     const double way = 0.1 + 0.5 * width + speed * step * kFastTick;
     const double folded = std::fmod(way, 2.0 * width);
     const double x = (folded < width ? folded : 2.0 * width - folded) - 0.5 * width;
@@ -116,12 +116,12 @@ TEST(FastBodies, TooManyHitsAreToldAndNothingIsPassedThrough) {
   add_wall(&world, {-0.06, 0.0, 0.0});
   add_wall(&world, {0.06, 0.0, 0.0});
   const BodyId ball = add_ball(&world, {0.0, 0.0, 0.0}, {500.0, 0.0, 0.0}, 1.0);
-  EXPECT_EQ(world.step().hits, kMostHits);
+  EXPECT_EQ(world.step().contacts.hits, kMostHits);
   ASSERT_EQ(step_warnings(world).size(), 1u);
   EXPECT_EQ(to_string(step_warnings(world)[0]),
             "body 'ball2': it and what it hits met 20 times in a step, and may pass through each "
             "other: take a shorter time_step");
-  EXPECT_EQ(world.report().hits_left_body, ball);
+  EXPECT_EQ(world.report().contacts.hits_left_body, ball);
   EXPECT_TRUE(std::isfinite(world.state(ball).position.x()));
 }
 
@@ -151,7 +151,7 @@ TEST(FastBodies, NoneLeavesARoomOfThinWallsAndNoneGainsEnergy) {
         now += 0.5 * world.state(ball).linear_velocity.squaredNorm();
       }
       EXPECT_LE(now, energy + 1e-9 * first) << e << ", step " << step;
-      EXPECT_FALSE(world.report().hits_left_body);
+      EXPECT_FALSE(world.report().contacts.hits_left_body);
       energy = now;
     }
     if (e == 1.0) {
@@ -177,14 +177,14 @@ TEST(FastBodies, TurningBoxesStayOnTheirSideAndGainNoEnergy) {
     const BodyId id = world.add_body(box);
     double energy = world.energy();
     for (int step = 0; step < 10; ++step) {
-      hits += world.step().hits;
-      if (world.report().hits_left_body) {  // corners that strike alternately, too often
+      hits += world.step().contacts.hits;
+      if (world.report().contacts.hits_left_body) {  // corners that strike alternately, too often
         ++told;
         break;
       }
       EXPECT_LT(world.state(id).position.x(), 0.0) << trial << ", step " << step;
-      EXPECT_LE(world.report().energy, energy * (1.0 + 1e-9)) << trial << ", step " << step;
-      energy = world.report().energy;
+      EXPECT_LE(world.report().energy.total, energy * (1.0 + 1e-9)) << trial << ", step " << step;
+      energy = world.report().energy.total;
     }
   }
   EXPECT_GE(hits, 100u);
@@ -224,7 +224,7 @@ TEST(FastBodies, WakeWhatTheyHit) {
   World world(sleepy);
   const BodyId target = add_ball(&world, {0.0, 0.0, 0.0}, Vector3d::Zero(), 1.0);
   run(world, 20);
-  ASSERT_EQ(world.report().asleep, 1u);
+  ASSERT_EQ(world.report().costs.asleep, 1u);
   const BodyId ball = add_ball(&world, {-1.0, 0.0, 0.0}, {500.0, 0.0, 0.0}, 1.0);
   world.step();
   EXPECT_NEAR(world.state(target).linear_velocity.x(), 500.0, 1e-9);
@@ -276,7 +276,7 @@ TEST(FastBodies, AStepOfManyLongPolesIsStoppedAtOnce) {
   });
   world.set_stop_flag(&flag);
   const std::clock_t start = std::clock();
-  const bool was_stopped = world.step().stopped;
+  const bool was_stopped = world.step().outcome.stopped;
   EXPECT_LT(static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC, 10.0);
   setter.join();
   EXPECT_TRUE(was_stopped);
@@ -319,8 +319,8 @@ TEST(FastBodies, AStepOfAWideDiscSaysThatItMayMissHits) {
   bool is_any_left = false;
   for (int k = 0; k < 40 && !is_any_left; ++k) {
     const StepReport& report = world.step();
-    EXPECT_FALSE(report.failed);
-    if (!report.hits_left_body) continue;
+    EXPECT_FALSE(report.outcome.failed);
+    if (!report.contacts.hits_left_body) continue;
     is_any_left = true;
     bool is_named = false;
     for (const StepWarning& warning : step_warnings(world))

@@ -93,7 +93,7 @@ TEST(FastJointedBodies, ABobStaysOnAPlateWhoeverCarriesIt) {
         while (world.time() < 0.05) {
           world.step();
           EXPECT_LE(world.energy(), (1.0 + 1e-9) * before) << name(method) << ' ' << tick;
-          EXPECT_FALSE(world.report().hits_left_body) << name(method) << ' ' << tick;
+          EXPECT_FALSE(world.report().contacts.hits_left_body) << name(method) << ' ' << tick;
         }
         EXPECT_GT(world.state(bob).position.z(), -0.5) << name(method) << ' ' << tick;
         EXPECT_GT(world.state(bob).position.x(), 0.5) << name(method) << ' ' << tick;
@@ -115,7 +115,7 @@ TEST(FastJointedBodies, JoinedBallsStayOnTheirSideOfAWall) {
           for (const BodyId ball : balls)
             EXPECT_LT(world.state(ball).position.x(), 0.0) << name(method) << e << ' ' << tick;
           EXPECT_LE(world.energy(), (1.0 + 1e-9) * before) << name(method) << e << ' ' << tick;
-          EXPECT_FALSE(world.report().hits_left_body);
+          EXPECT_FALSE(world.report().contacts.hits_left_body);
         }
       }
     }
@@ -141,7 +141,7 @@ TEST(FastJointedBodies, ABarOnAHingeStopsAtAPlate) {
       while (world.time() < 0.05) {
         world.step();
         EXPECT_LE(world.energy(), (1.0 + 1e-9) * before) << name(method) << ' ' << tick;
-        EXPECT_FALSE(world.report().hits_left_body) << name(method) << ' ' << tick;
+        EXPECT_FALSE(world.report().contacts.hits_left_body) << name(method) << ' ' << tick;
       }
       const Vector3d arm = world.state(id).orientation * Vector3d::UnitX();
       EXPECT_GT(arm.x(), 0.8) << name(method) << ' ' << tick;
@@ -164,11 +164,11 @@ TEST(FastJointedBodies, AMissStaysAMiss) {
         world.step();
         without.step();
         EXPECT_TRUE(world.contacts().empty()) << name(method) << ' ' << tick;
-        EXPECT_FALSE(world.report().hits_left_body) << name(method) << ' ' << tick;
+        EXPECT_FALSE(world.report().contacts.hits_left_body) << name(method) << ' ' << tick;
         if (method == Method::kSequentialImpulses) continue;
         EXPECT_LT((world.state(bob).position - without.state(free).position).norm(), 1e-7)
             << name(method) << ' ' << tick;
-        EXPECT_EQ(world.report().islands[index_of(Method::kSequentialImpulses)], 0u);
+        EXPECT_EQ(world.report().costs.islands[index_of(Method::kSequentialImpulses)], 0u);
       }
     }
   }
@@ -199,9 +199,9 @@ TEST(FastJointedBodies, WakeWhatTheyMayHit) {
       world.add_body(make_body("plate", Box{{kPlate, 4.0, 4.0}}, 1.0, Vector3d(20.0, 0.0, 0.0)));
   const std::vector<BodyId> balls = add_joined_balls(&world, 0.0, 0.0, 0.0);
   run(world, 8);
-  EXPECT_EQ(world.report().asleep, 1u);
+  EXPECT_EQ(world.report().costs.asleep, 1u);
   run(world, 8);
-  EXPECT_EQ(world.report().asleep, 0u);
+  EXPECT_EQ(world.report().costs.asleep, 0u);
   // all three kilograms move on together, within the sweeps' residual
   EXPECT_NEAR(world.state(plate).linear_velocity.x(), kSpeed * 2.0 / 3.0, 0.01 * kSpeed);
   EXPECT_GT(world.state(plate).position.x(), world.state(balls[0]).position.x());

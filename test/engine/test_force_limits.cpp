@@ -215,7 +215,7 @@ TEST_P(ForceLimitsAt, AServoBelowItsLimitIsTheOneWithout) {
     without.world.step();
     ASSERT_EQ(with.q(), without.q());
     ASSERT_EQ(with.rate(), without.rate());
-    ASSERT_EQ(with.world.report().events, 0u);
+    ASSERT_EQ(with.world.report().costs.events, 0u);
   }
 }
 
@@ -257,7 +257,7 @@ TEST_P(ForceLimitsAt, AMotorBelowItsLimitIsTheOneWithout) {
     ASSERT_NEAR(with.rate(), without.rate(), 1e-13);
     ASSERT_NEAR(with.state().force, without.state().force, 1e-9);
     ASSERT_EQ(with.state().error, without.state().error);
-    ASSERT_EQ(with.world.report().events, 0u);
+    ASSERT_EQ(with.world.report().costs.events, 0u);
   }
   EXPECT_EQ(with.q(), 0.4);
 }
@@ -336,7 +336,7 @@ TEST_P(ForceLimitsAt, AMotorThatArrivesBeforeItsMotionRestsThere) {
   Slider slider(automatic(GetParam()), to_position(kGoal, 200.0));
   slider.push(-400.0, 0.1, 0.01);
   for (int i = 0; i < steps(1.0); ++i) {
-    ASSERT_FALSE(slider.world.step().failed);
+    ASSERT_FALSE(slider.world.step().outcome.failed);
     ASSERT_NE(slider.world.islands().front().why, MethodReason::kRefused) << i;
     // 0.15 s with accelerations of 100 and 50 m/s² from rest over the whole way
     if (slider.world.time() < 0.1 + 0.01 + 0.02 + 0.15) continue;
@@ -407,7 +407,7 @@ TEST_P(ForceLimitsAt, AnArmWithWeakMotorsComesToItsPosition) {
     most[0] = std::max(most[0], world.joint_state(shoulder).coordinates[0].position - 1.2);
     most[1] = std::max(most[1], -0.9 - world.joint_state(elbow).coordinates[0].position);
     was_saturated = was_saturated || world.joint_state(shoulder).saturated;
-    events += world.report().events;
+    events += world.report().costs.events;
   }
   EXPECT_TRUE(was_saturated);
   EXPECT_LT(most[0], 0.1);
@@ -415,7 +415,7 @@ TEST_P(ForceLimitsAt, AnArmWithWeakMotorsComesToItsPosition) {
   EXPECT_LT(events, 30u);
   EXPECT_NEAR(world.joint_state(shoulder).coordinates[0].position, 1.2, 1e-9);
   EXPECT_NEAR(world.joint_state(elbow).coordinates[0].position, -0.9, 1e-9);
-  EXPECT_LT(world.report().max_constraint_error, 1e-9);
+  EXPECT_LT(world.report().joints.max_error, 1e-9);
 }
 
 // Between two steps only, the demand of a motor turns away from a stop, and a spring needs more

@@ -58,7 +58,7 @@ struct Grasp {
 
   void run_for(double time) {
     const int n = static_cast<int>(std::round(time / world.options().time_step));
-    for (int i = 0; i < n; ++i) ASSERT_FALSE(world.step().failed);
+    for (int i = 0; i < n; ++i) ASSERT_FALSE(world.step().outcome.failed);
   }
 };
 
@@ -123,7 +123,7 @@ TEST(WeakMotors, ReachTheirPositionByImpulses) {
       double most = 0.0;
       const int n = static_cast<int>(std::round(20.0 / time_step));
       for (int i = 0; i < n; ++i) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         most = std::max(most, world.joint_state(joint).coordinates[0].position);
         ASSERT_LE(std::abs(world.joint_state(joint).force), force * (1.0 + 1e-12));
       }

@@ -62,7 +62,7 @@ TEST(GravityCompensation, HalfOfTheWeightIsHalfOfGravity) {
         EXPECT_EQ(lighter.state(id).position, weaker.state(id).position);
         EXPECT_EQ(lighter.state(id).linear_velocity, weaker.state(id).linear_velocity);
       }
-      EXPECT_EQ(lighter.report().energy, weaker.report().energy);
+      EXPECT_EQ(lighter.report().energy.total, weaker.report().energy.total);
     }
 }
 
@@ -73,8 +73,8 @@ double drift_of(World& world, int steps) {
   const double before = world.energy();
   for (int i = 0; i < steps; ++i) {
     const StepReport& report = world.step();
-    EXPECT_FALSE(report.failed);
-    booked += report.correction_work + report.driven_work;
+    EXPECT_FALSE(report.outcome.failed);
+    booked += report.energy.correction_work + report.energy.driven_work;
   }
   return world.energy() - before - booked;
 }
@@ -129,8 +129,8 @@ TEST(GravityCompensation, ElasticBouncesKeepTheEnergyOfTheRest) {
       const double since_top = fall - std::abs(world.time() - fall);
       EXPECT_NEAR(world.state(id).position.z(), 1.1 - 0.5 * g * since_top * since_top, 1e-9);
     }
-    EXPECT_NEAR(world.report().energy, before, 1e-9 * before);
-    EXPECT_EQ(world.report().islands[index_of(Method::kSequentialImpulses)], 0u);
+    EXPECT_NEAR(world.report().energy.total, before, 1e-9 * before);
+    EXPECT_EQ(world.report().costs.islands[index_of(Method::kSequentialImpulses)], 0u);
   }
 }
 

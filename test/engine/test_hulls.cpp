@@ -41,8 +41,8 @@ TEST(Hulls, ACubeTumblesAsABox) {
     // corners
     const double tolerance = method == Method::kTimeStepping ? 1e-6 : 1e-9;
     for (int i = 0; i < 600; ++i) {
-      ASSERT_FALSE(box.step().failed);
-      ASSERT_FALSE(hull.step().failed);
+      ASSERT_FALSE(box.step().outcome.failed);
+      ASSERT_FALSE(hull.step().outcome.failed);
       ASSERT_LT((box.state(id).position - hull.state(id).position).norm(), tolerance) << i;
       ASSERT_LT(box.state(id).orientation.angularDistance(hull.state(id).orientation),
                 100.0 * tolerance)

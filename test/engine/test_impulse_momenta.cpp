@@ -49,8 +49,8 @@ TEST(ImpulseMomenta, AreKeptWhereContactsPushBodiesApart) {
       bool is_by_impulses = false;
       for (double t = 0.0; t < 2.0; t += h) {
         const StepReport& report = world.step();
-        ASSERT_FALSE(report.failed);
-        is_by_impulses |= report.islands[index_of(Method::kTimeStepping)] > 0;
+        ASSERT_FALSE(report.outcome.failed);
+        is_by_impulses |= report.costs.islands[index_of(Method::kTimeStepping)] > 0;
         lost = std::max(lost, (momentum(world) - p).norm());
         turned = std::max(turned, (angular_momentum(world) - L).norm());
       }

@@ -38,7 +38,7 @@ TEST_P(ImpulseStacks, StandOrAreReported) {
     std::set<std::string> reported;
     double moved = 0.0;
     for (int i = 0; i < static_cast<int>(std::lround(GetParam().duration / h)); ++i) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       for (const StepWarning& warning : step_warnings(world)) reported.insert(warning.whose);
       for (std::size_t k = 0; k < start.size(); ++k)
         moved = std::max(moved, (world.state(world.body_ids()[k]).position - start[k]).norm());

@@ -572,7 +572,7 @@ TEST(Inconsistent, ClosingAddsNoEnergy) {
         double before = world.energy(), scale = std::abs(before);
         for (long k = 0; k < ticks(1.0, h); ++k) {
           const StepReport& report = world.step();
-          ASSERT_FALSE(report.failed) << seed;
+          ASSERT_FALSE(report.outcome.failed) << seed;
           const double now = world.energy();
           scale = std::max(scale, std::abs(now));
           const auto islands = world.islands();
@@ -580,7 +580,7 @@ TEST(Inconsistent, ClosingAddsNoEnergy) {
                 return island.why == MethodReason::kInconsistent;
               })) {
             ++ticks_seen;
-            ASSERT_LE(now - before, report.correction_work + 1e-9 * scale)
+            ASSERT_LE(now - before, report.energy.correction_work + 1e-9 * scale)
                 << seed << " closes in " << closing_time << " s by " << h << " s, at "
                 << world.time();
           }
@@ -607,9 +607,9 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
   const JointId shorter = world.add_joint(hang("shorter", bob, rod(1.0)));
   const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
   for (int k = 0; k < 100; ++k) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     if (k > 55) {
-      ASSERT_LE(world.report().projected_energy, 1e-3)
+      ASSERT_LE(world.report().energy.projected, 1e-3)
           << world.time();  // 1e-4 of the energy of 10 J
     }
   }
@@ -641,7 +641,7 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceMotorsAgree) {
   }
   run(world, 5);
   EXPECT_EQ(world.islands().front().why, MethodReason::kSmooth);
-  EXPECT_LE(world.report().max_constraint_error, 1e-9);
+  EXPECT_LE(world.report().joints.max_error, 1e-9);
 }
 
 // ---- with forces of other packages, whose joints have no rows
@@ -699,7 +699,7 @@ TEST(Inconsistent, AForceBeyondAllNumbersFailsTheStep) {
     run(world, 100);
     world.add_joint(custom_force("push", kWorldBody, bob, "test/power", {{"exponent", exponent}}));
     const BodyState before = world.state(bob);
-    if (world.step().failed)
+    if (world.step().outcome.failed)
       EXPECT_EQ(world.state(bob).position, before.position) << exponent;
     else  // a finite force pulls the bob to where both rods have equal errors
       EXPECT_NEAR(world.state(bob).position.norm(), 1.1, 1e-6) << exponent;
@@ -733,7 +733,7 @@ TEST(Inconsistent, RandomScenesBearForcesWithoutRows) {
       world.add_joint(force);
     }
     for (int k = 0; k < 60; ++k) {
-      ASSERT_FALSE(world.step().failed)
+      ASSERT_FALSE(world.step().outcome.failed)
           << scene << " at " << world.time() << ": " << world.failed_why();
       const auto islands = world.islands();
       inconsistent += std::any_of(islands.begin(), islands.end(), [](const auto& island) {

@@ -174,14 +174,14 @@ TEST(Islands, AreImpulsesWhileTheyTouchAndTheReportSaysSo) {
   bool has_bounced = false;
   for (int i = 0; i < 60; ++i) {
     const StepReport& report = world.step();
-    const bool touches = report.contacts > 0;
+    const bool touches = report.contacts.points > 0;
     has_bounced = has_bounced || touches;
     const std::vector<Island> islands = world.islands();
     EXPECT_EQ(islands[0].why, touches ? MethodReason::kContact : MethodReason::kSmooth) << i;
     EXPECT_EQ(islands[1].why, MethodReason::kSmooth);
-    EXPECT_EQ(report.islands[index_of(Method::kTimeStepping)], touches ? 1 : 0);
-    EXPECT_EQ(report.islands[index_of(Method::kRungeKutta)], touches ? 1 : 2);
-    changes += report.changes;
+    EXPECT_EQ(report.costs.islands[index_of(Method::kTimeStepping)], touches ? 1 : 0);
+    EXPECT_EQ(report.costs.islands[index_of(Method::kRungeKutta)], touches ? 1 : 2);
+    changes += report.costs.method_changes;
   }
   EXPECT_TRUE(has_bounced);
   EXPECT_EQ(changes, 2u);  // into the contact and out of it
@@ -244,7 +244,7 @@ TEST(Islands, ComeBackFromImpulsesByClosingWhatTheseLeftOpen) {
   bool was_closing = false;
   for (int i = 0; i < 100; ++i) {
     const Vector3d before = world.state(bob).position;
-    const bool touched = world.step().contacts > 0;
+    const bool touched = world.step().contacts.points > 0;
     const double moved = (world.state(bob).position - before).norm();
     if (i > 0 && !touched) {  // no jump: the body moves by its speed, within a tick's gravity
       EXPECT_LE(moved, 0.01 * (speed + 0.2)) << i;

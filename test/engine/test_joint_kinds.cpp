@@ -248,11 +248,11 @@ TEST_P(EachKind, KeepsRowsEnergyAndMomentaInFreeSpace) {
     const Vector3d p = momentum(world), L = angular_momentum(world);
     for (int i = 0; i < 300; ++i) {
       const StepReport& report = world.step();
-      ASSERT_FALSE(report.failed);
+      ASSERT_FALSE(report.outcome.failed);
       // four roundings of coordinates of some metres
-      ASSERT_LE(report.max_constraint_error, 4e-15 + 4.0 * kEpsilon * 10.0) << name(method);
-      ASSERT_EQ(report.changes, 0u);
-      ASSERT_EQ(report.dependent_rows, 0u);
+      ASSERT_LE(report.joints.max_error, 4e-15 + 4.0 * kEpsilon * 10.0) << name(method);
+      ASSERT_EQ(report.costs.method_changes, 0u);
+      ASSERT_EQ(report.joints.dependent_rows, 0u);
     }
     // tolerance of 1e-10 m in 300 ticks at a few m/s, and rounding
     EXPECT_NEAR(world.energy(), energy, 2e-8 * energy) << name(method);
@@ -452,7 +452,7 @@ TEST(Universal, TurnsAShaftUnevenly) {
   world.add_joint(join_at(JointKind::kCylindrical, kWorldBody, second.state.position, driven,
                           Vector3d::Zero(), axis));
   for (int i = 0; i < 120; ++i) {
-    ASSERT_LE(world.step().max_constraint_error, 1e-12);
+    ASSERT_LE(world.step().joints.max_error, 1e-12);
     const double theta = speed * world.time();
     const double sine = std::sin(beta) * std::sin(theta);
     const double expected = speed * std::cos(beta) / (1.0 - sine * sine);
@@ -469,10 +469,10 @@ void expect_kept(World world, double seconds, std::uint32_t dependent, double en
   const int steps = static_cast<int>(std::lround(seconds / world.options().time_step));
   for (int i = 0; i < steps; ++i) {
     const StepReport& report = world.step();
-    ASSERT_FALSE(report.failed);
-    ASSERT_EQ(report.dependent_rows, dependent) << i;
-    ASSERT_EQ(report.changes, 0u) << i;
-    largest = std::max(largest, report.max_constraint_error);
+    ASSERT_FALSE(report.outcome.failed);
+    ASSERT_EQ(report.joints.dependent_rows, dependent) << i;
+    ASSERT_EQ(report.costs.method_changes, 0u) << i;
+    largest = std::max(largest, report.joints.max_error);
   }
   EXPECT_LE(largest, 1e-12);
   EXPECT_NEAR(world.energy(), energy, energy_tolerance);
@@ -645,9 +645,9 @@ TEST(JointFrames, LeftOpenInAngleAreToldAtAnySize) {
       world.step();
       EXPECT_GT(world.joint_state(joint).angle_error, 0.5);
     }
-    EXPECT_EQ(world.report().unclosed_joints, 1u) << size;
-    ASSERT_TRUE(world.report().unclosed_joint) << size;
-    EXPECT_EQ(*world.report().unclosed_joint, joint) << size;
+    EXPECT_EQ(world.report().joints.unclosed, 1u) << size;
+    ASSERT_TRUE(world.report().joints.worst_unclosed) << size;
+    EXPECT_EQ(*world.report().joints.worst_unclosed, joint) << size;
   }
 }
 
@@ -668,7 +668,7 @@ TEST(JointFrames, LeftOpenByImpulsesCloseToTheSolutionThatIsMeant) {
     const JointState& state = world.joint_state(world.joint_ids().front());
     EXPECT_LE(state.angle_error, 1e-12) << size;
     EXPECT_FALSE(state.closing) << size;
-    EXPECT_EQ(world.report().unclosed_joints, 0u) << size;
+    EXPECT_EQ(world.report().joints.unclosed, 0u) << size;
   }
 }
 
@@ -684,7 +684,7 @@ TEST(JointFrames, AResetClosesWhatItLeavesOpen) {
                                                   id, {-0.5, 0.0, 0.0}, Vector3d::UnitY()));
     world.reset();
     EXPECT_NEAR(world.joint_state(hinge).angle_error, 0.4, 1e-12);
-    for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().failed);
+    for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().outcome.failed);
     EXPECT_FALSE(world.joint_state(hinge).closing);
     EXPECT_LE(world.joint_state(hinge).angle_error, 1e-12) << name(method);
   }

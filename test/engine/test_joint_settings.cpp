@@ -57,7 +57,7 @@ TEST(DisabledJoint, DoesNotAct) {
     run(without, 20);
     EXPECT_TRUE(are_equal(world, without)) << name(method);
     EXPECT_EQ(world.islands().size(), 2u);
-    EXPECT_EQ(world.report().max_constraint_error, 0.0);
+    EXPECT_EQ(world.report().joints.max_error, 0.0);
     const JointId id = world.joint_ids().front();
     EXPECT_EQ(world.joint_wrench(id).force, Vector3d(Vector3d::Zero()));
     EXPECT_TRUE(world.unclosed_joints().empty());

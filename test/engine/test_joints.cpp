@@ -207,7 +207,7 @@ TEST(Motor, WindingInStopsAtOneHundredthOfTheLength) {
 TEST(Motor, WindingInARopeStopsThereToo) {
   Hanging hanging(options(0.01), 5.0, 2.0, rope(2.0), rate_motor(-1.0));
   for (int step = 0; step < 1000; ++step) {
-    ASSERT_FALSE(hanging.world.step().failed);
+    ASSERT_FALSE(hanging.world.step().outcome.failed);
     ASSERT_LT(hanging.length(), std::max(2.0 - 0.01 * (step + 1), 0.02) + kRoundOff);
   }
   EXPECT_NEAR(hanging.length(), 0.02, kRoundOff);
@@ -222,7 +222,7 @@ TEST(Motor, SinusoidAtTheEndOfItsTravelStaysFinite) {
   sinusoid.phase = kPi;
   Hanging hanging(options(0.01), 5.0, 1.0, rod(1.0), sinusoid);
   for (int step = 0; step < 1000; ++step) {
-    ASSERT_FALSE(hanging.world.step().failed);
+    ASSERT_FALSE(hanging.world.step().outcome.failed);
     ASSERT_GT(hanging.length(), 0.0099);
     ASSERT_LT(hanging.length(), 0.0101 + 10.0 / kPi + 1.0);
   }
@@ -347,7 +347,7 @@ TEST(Spring, FrequencyIsThatOfTheEffectiveMass) {
 TEST(Spring, StaysBoundedAtAnyStiffness) {
   Hanging hanging(options(0.01), 1.0, 1.1, spring(1.0, 1e12, 0.0));
   for (int step = 0; step < 1000; ++step) {
-    ASSERT_FALSE(hanging.world.step().failed);
+    ASSERT_FALSE(hanging.world.step().outcome.failed);
     ASSERT_LE(std::abs(hanging.state().error), 0.1);
   }
   EXPECT_NEAR(hanging.state().error, kGravity / 1e12,
@@ -480,8 +480,8 @@ TEST(Breaking, HoldsBelowAndTearsAbove) {
   EXPECT_EQ(tears.state().force, 0.0);
   // free fall from rest for 100 steps after the step in which it broke: g h² Σk
   EXPECT_NEAR(tears.length(), 1.0 + kGravity * 1e-4 * 5050.0, kRoundOff);
-  EXPECT_EQ(tears.world.report().rows, 0u);
-  EXPECT_FALSE(tears.world.report().worst_joint.has_value());
+  EXPECT_EQ(tears.world.report().costs.rows, 0u);
+  EXPECT_FALSE(tears.world.report().joints.worst.has_value());
 }
 
 TEST(Breaking, CanBeMendedAndClosesAgain) {
@@ -617,14 +617,14 @@ TEST(Breaking, LetsItsBodiesCollide) {
   joint.break_force = 10.0;
   const JointId id = world.add_joint(joint);
   run(world, 5);
-  EXPECT_EQ(world.report().contacts, 0u);
+  EXPECT_EQ(world.report().contacts.points, 0u);
   BodyState state = world.state(b);
   state.linear_velocity.x() = 1.0;  // stopping half of the mass takes 50 N
   world.set_state(b, state);
   world.step();
   EXPECT_TRUE(world.joint_state(id).broken);
   world.step();
-  EXPECT_EQ(world.report().contacts, 1u);
+  EXPECT_EQ(world.report().contacts.points, 1u);
 }
 
 // ---- joints of zero length
@@ -674,7 +674,7 @@ TEST(Coincident, RodAtRunTimeOpensAgain) {
       world.add_joint(make_joint("rod", a, Vector3d::Zero(), b, Vector3d::Zero()));
   world.set_state(b, world.state(a));
   for (int step = 1; step <= 100; ++step) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     EXPECT_NEAR(world.joint_state(joint).error, -std::pow(0.9, step), kRoundOff);
   }
 }

@@ -62,7 +62,7 @@ TEST(LeastNormForces, OfAHangingTableAreSharedByItsLegs) {
       wrench.body = world.find_body("table");
       wrench.torque.y() = torque;
       if (torque != 0.0) world.add_wrench(wrench);
-      for (int i = 0; i < 3; ++i) EXPECT_EQ(world.step().dependent_rows, 1u);
+      for (int i = 0; i < 3; ++i) EXPECT_EQ(world.step().joints.dependent_rows, 1u);
       const double weight = 8.0 * kGravity;
       for (std::size_t j = 0; j < 4; ++j) {
         const double x = j < 2 ? -0.5 : 0.5;

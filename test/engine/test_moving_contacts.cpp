@@ -38,8 +38,8 @@ Told go_on(World* world, double seconds) {
   for (int i = 0; i < steps; ++i) {
     const std::vector<Event> now = advance(world, world->options().time_step);
     told.events.insert(told.events.end(), now.begin(), now.end());
-    told.driven += world->report().driven_work;
-    EXPECT_EQ(world->report().energy_rise, 0.0) << world->time();
+    told.driven += world->report().energy.driven_work;
+    EXPECT_EQ(world->report().energy.rise, 0.0) << world->time();
   }
   return told;
 }

@@ -143,11 +143,11 @@ TEST(NewTargets, AreReachedFromTheMotionThatIs) {
             course = Quintic(t, T, course.at(t), sent[next].second);
             moved.send(sent[next++].second);
           }
-          ASSERT_FALSE(moved.world.step().failed);
+          ASSERT_FALSE(moved.world.step().outcome.failed);
           const PlannedMotion now = course.at(moved.world.time());
           ASSERT_NEAR(moved.now().position, now[0], by.position_error) << moved.world.time();
           ASSERT_NEAR(moved.now().velocity, now[1], by.rate_error) << moved.world.time();
-          ASSERT_EQ(moved.world.report().unclosed_joints, 0u);
+          ASSERT_EQ(moved.world.report().joints.unclosed, 0u);
         }
         ASSERT_EQ(next, sent.size());
         EXPECT_NEAR(moved.now().position, sent.back().second, by.position_error);
@@ -180,7 +180,7 @@ TEST(NewTargets, StartFromTheRateOfACoordinateWithoutTarget) {
                            {moved.now().position, 0.8, 0.0}, 0.9);
       moved.send(0.9);
       while (moved.world.time() < 1.0) {
-        ASSERT_FALSE(moved.world.step().failed);
+        ASSERT_FALSE(moved.world.step().outcome.failed);
         ASSERT_NEAR(moved.now().position, course.at(moved.world.time())[0], 1e-9);
         ASSERT_NEAR(moved.now().velocity, course.at(moved.world.time())[1], 1e-8);
       }
@@ -202,9 +202,9 @@ TEST(NewTargets, OfADraggedSliderEndOnItsLimit) {
       double before = 0.0, largest = 0.0, jump = 0.0, last = 0.0;
       while (moved.world.time() < 0.1 + kDrag + T + 2.0 * h) {
         moved.send(std::min(hand.at(moved.world.time())[0], kStop));
-        ASSERT_FALSE(moved.world.step().failed);
+        ASSERT_FALSE(moved.world.step().outcome.failed);
         ASSERT_LE(moved.now().position, kStop + 1e-9) << moved.world.time();
-        ASSERT_LE(moved.world.report().max_constraint_error, 1e-9);
+        ASSERT_LE(moved.world.report().joints.max_error, 1e-9);
         const double rate = moved.now().velocity, acceleration = (rate - before) / h;
         largest = std::max(largest, std::abs(acceleration));
         jump = std::max(jump, std::abs(acceleration - last));
@@ -231,7 +231,7 @@ TEST(NewTargets, ThatChangeAtEachTickEndAtTheLast) {
     const double T = options.closing_time;
     while (moved.world.time() < 3.0) {
       moved.send(0.5 + 0.5 * random());
-      ASSERT_FALSE(moved.world.step().failed);
+      ASSERT_FALSE(moved.world.step().outcome.failed);
       ASSERT_LE(std::abs(moved.now().position - 0.5), 0.75) << moved.world.time();
       ASSERT_LE(std::abs(moved.now().velocity), 2.0 * 1.875 / T);
     }
@@ -275,7 +275,7 @@ TEST(NewTargets, LeaveOtherCoordinatesOnTheirWay) {
       anew = Quintic(0.3, T, first.at(0.3), 0.8);
       send(0, 0.8);
     }
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     if (i < 10) continue;
     ASSERT_NEAR(at(0), anew.at(world.time())[0], 1e-9) << i;
     ASSERT_NEAR(at(1), second.at(world.time())[0], 1e-9) << i;
@@ -302,7 +302,7 @@ TEST(NewTargets, AreNotMadeByEditsThatKeepTheMotor) {
         changed.break_force = 1e6;
         moved.world.set_joint(moved.joint, changed);
       }
-      ASSERT_FALSE(moved.world.step().failed);
+      ASSERT_FALSE(moved.world.step().outcome.failed);
       ASSERT_NEAR(moved.now().position, course.at(moved.world.time())[0], 1e-9)
           << force << ' ' << i;
     }

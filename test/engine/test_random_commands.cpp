@@ -84,8 +84,8 @@ TEST(RandomCommands, RepeatedTargetsKeepTheirMotion) {
     for (int i = 0; i < steps; ++i) {
       if (i == 3) once.send();
       if (i >= 3) repeated.send();
-      ASSERT_FALSE(once.world.step().failed) << seed;
-      ASSERT_FALSE(repeated.world.step().failed) << seed;
+      ASSERT_FALSE(once.world.step().outcome.failed) << seed;
+      ASSERT_FALSE(repeated.world.step().outcome.failed) << seed;
       for (std::size_t k = 0; k < once.joints.size(); ++k)
         ASSERT_EQ(once.coordinate(k).position, repeated.coordinate(k).position)
             << seed << " step " << i << " joint " << k;
@@ -101,11 +101,11 @@ TEST(RandomCommands, MotorsRestOnTheirStops) {
   for (int seed = 0; seed < command_seeds(); ++seed) {
     CommandedArm arm(&random, kCommandTimeSteps[seed % 4], true);
     const double h = arm.world.options().time_step;
-    for (int i = 0; i < 3; ++i) ASSERT_FALSE(arm.world.step().failed) << seed;
+    for (int i = 0; i < 3; ++i) ASSERT_FALSE(arm.world.step().outcome.failed) << seed;
     arm.send();
     std::size_t events = 0;
     for (int i = 0; i < static_cast<int>(std::lround(1.0 / h)); ++i) {
-      ASSERT_FALSE(arm.world.step().failed) << seed << " at 1/" << 1.0 / h;
+      ASSERT_FALSE(arm.world.step().outcome.failed) << seed << " at 1/" << 1.0 / h;
       events += arm.world.events().size();
     }
     // reached, saturated and released once or twice per joint
@@ -138,11 +138,11 @@ TEST(RandomCommands, AreNoErrors) {
       if (i == sent_again) arm.send(0.5);
       if (i == switched) arm.world.set_options(options);
       const StepReport& report = arm.world.step();
-      ASSERT_FALSE(report.failed) << seed;
-      ASSERT_LE(report.max_constraint_error, 1e-9)
+      ASSERT_FALSE(report.outcome.failed) << seed;
+      ASSERT_LE(report.joints.max_error, 1e-9)
           << seed << " step " << i << " of " << steps << ", sent at " << sent << " and "
           << sent_again << ", switched at " << switched << " to " << name(options.method);
-      ASSERT_EQ(report.unclosed_joints, 0u) << seed << " step " << i;
+      ASSERT_EQ(report.joints.unclosed, 0u) << seed << " step " << i;
       const std::vector<StepWarning> warnings = step_warnings(arm.world);
       ASSERT_TRUE(warnings.empty()) << seed << " step " << i << " of " << steps << ", switched at "
                                     << switched << ": " << to_string(warnings.front());

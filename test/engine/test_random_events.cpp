@@ -356,7 +356,7 @@ TEST(RandomEvents, BeginAndEndInTurn) {
     for (unsigned seed = 0; seed < kScenes / 8; ++seed) {
       World world = world_of(scene_of(kind, seed));
       std::map<std::string, bool> has_begun;
-      while (world.time() < 2.0 && !world.step().failed && !is_with_impulses(world)) {
+      while (world.time() < 2.0 && !world.step().outcome.failed && !is_with_impulses(world)) {
         for (const Event& event : world.events()) {
           if (!event.joint &&
               event.kind == EventKind::kContactBegan)  // slipping or sticking starts anew

@@ -284,7 +284,7 @@ void run_and_check(World* world, const std::string& what, bool* told = nullptr) 
   const int steps = static_cast<int>(std::lround(kSpan / world->options().time_step));
   for (int i = 0; i < steps; ++i) {
     const StepReport& report = world->step();
-    ASSERT_FALSE(report.failed) << what;
+    ASSERT_FALSE(report.outcome.failed) << what;
     if (told != nullptr) *told = *told || is_told(*world);
     double size = 1.0;
     for (const BodyId id : world->body_ids())

@@ -75,17 +75,17 @@ TEST(DependentRows, AreCounted) {
   World world = with(dome(), kAuto, 100);
   EXPECT_EQ(world.body_ids().size(), 67u);
   EXPECT_EQ(world.joint_ids().size(), 258u);
-  EXPECT_EQ(world.step().dependent_rows, 63u);
+  EXPECT_EQ(world.step().joints.dependent_rows, 63u);
   // 6 hinges, each of 6 rows with a redundant one, leave one of 30 degrees of freedom: 36 − 29
   world = with(bricard(), kRk, 100);
-  EXPECT_EQ(world.step().dependent_rows, 7u);
+  EXPECT_EQ(world.step().joints.dependent_rows, 7u);
   // 24 rows leave one of 18 degrees of freedom
   world = with(bennett(), kRk, 100);
-  EXPECT_EQ(world.step().dependent_rows, 7u);
+  EXPECT_EQ(world.step().joints.dependent_rows, 7u);
   world = with(door(), kRk, 100);
-  EXPECT_EQ(world.step().dependent_rows, 1u);
+  EXPECT_EQ(world.step().joints.dependent_rows, 1u);
   world = with(ball_and_dependent_rod(), kRk, 100);
-  EXPECT_EQ(world.step().dependent_rows, 1u);
+  EXPECT_EQ(world.step().joints.dependent_rows, 1u);
 }
 
 // A hinge of two balls leaves the door one degree of freedom, θ̈ = 0 about the vertical: it turns
@@ -132,7 +132,7 @@ TEST(ProjectedEnergy, OfVelocitiesThatDoNotFitIsWhatTheyLose) {
             world.set_state(id, state);
           }
           const double before = world.energy();
-          const double told = world.step().projected_energy;
+          const double told = world.step().energy.projected;
           const double scale = kinetic_energy(world) + size_of_potential_energy(world);
           ASSERT_NEAR(told, before - world.energy(), 1e-8 * scale)
               << name(method) << " at 1/" << rate << " s";
@@ -157,8 +157,8 @@ TEST(ProjectedEnergy, OfContradictoryJointsIsWhatTheyLose) {
         const StepReport& report = world.step();
         if (!has_conflict(world)) continue;
         ++ticks;
-        ASSERT_NEAR(world.energy() - before, report.correction_work - report.projected_energy,
-                    1e-12 * 30.0)
+        ASSERT_NEAR(world.energy() - before,
+                    report.energy.correction_work - report.energy.projected, 1e-12 * 30.0)
             << "1/" << rate << " s, t = " << world.time();
       }
       EXPECT_GT(ticks, 3) << rate;
@@ -178,7 +178,7 @@ TEST_P(Bridge, OfPairedBallsComesBackFromImpulses) {
   const double start = world.energy();
   const double joints = rate < 100 ? 0.14 : (rate < 500 ? 0.024 : 0.013);
   for (int i = 0; i < 2 * rate; ++i) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     ASSERT_LE(largest_joint_error(world), joints) << "at t = " << world.time();
     const double scale = kinetic_energy(world) + size_of_potential_energy(world);
     ASSERT_LE(world.energy() - start, 1e-9 * scale) << "at t = " << world.time();
@@ -197,13 +197,13 @@ TEST_P(Contradiction, OfFiveRodsEndsAtRestAndGainsNothing) {
   double peak = 0.0, gain = 0.0, before = world.energy();
   while (world.time() < 4.0 - 0.5 / GetParam()) {
     const StepReport& report = world.step();
-    ASSERT_FALSE(report.failed);
+    ASSERT_FALSE(report.outcome.failed);
     peak = std::max(peak, kinetic_energy(world));
     if (world.time() > 1.0) gain = std::max(gain, world.energy() - before);
     before = world.energy();
     if (world.time() < 0.6)
       continue;  // closed as far as possible; with a long tick it is at rest then
-    ASSERT_GT(report.unclosed_joints, 0u) << "at t = " << world.time();
+    ASSERT_GT(report.joints.unclosed, 0u) << "at t = " << world.time();
   }
   EXPECT_LE(peak, 71.0);
   EXPECT_LE(gain, 7e-8);
@@ -217,7 +217,7 @@ TEST_P(Contradiction, OfATumblingBodyGainsNothing) {
   const Vector3d start = momentum(world);
   double gain = 0.0, before = kinetic_energy(world);
   while (world.time() < 4.0 - 0.5 / GetParam()) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     const double now = kinetic_energy(world);
     if (world.time() > 0.6) gain = std::max(gain, now - before);
     before = now;
@@ -260,7 +260,7 @@ TEST(Unresolved, SpinIsReported) {
         world.step();
         for (const Island& island : world.islands())
           EXPECT_NE(island.why, MethodReason::kInconsistent);
-        is_reported = world.report().failed || world.report().unresolved_bodies > 0;
+        is_reported = world.report().outcome.failed || world.report().unresolved_bodies > 0;
         if (is_reported) break;
         ASSERT_LE(std::abs(world.energy() - start), 1e-6 * start) << name(method);
       }
@@ -279,7 +279,7 @@ TEST(Unresolved, MassRatioIsReported) {
       bool is_reported = false;
       for (int i = 0; i < 10; ++i) {
         world.step();
-        is_reported = is_reported || world.report().failed ||
+        is_reported = is_reported || world.report().outcome.failed ||
                       world.report().unresolved_bodies > 0 || has_conflict(world);
         if (is_reported) continue;
         ASSERT_LE(largest_joint_error(world), 1e-6) << name(method);
@@ -298,7 +298,7 @@ TEST(Impulses, OfAHangingChainGainNothing) {
       const double start = world.energy();
       const double scale = (load + 1.1) * kGravity;
       for (int i = 0; i < rate; ++i) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         ASSERT_LE(world.energy() - start, 1e-9 * scale)
             << load << " kg at 1/" << rate << " s, t = " << world.time();
       }

@@ -140,7 +140,7 @@ INSTANTIATE_TEST_SUITE_P(Edits, RepeatedIntervals, testing::ValuesIn(kEdits));
 TEST_P(RepeatedIntervals, AreWhatAComputedOneWouldBe) {
   ArmOnFloor arm;
   run(arm.world, 5);
-  EXPECT_EQ(arm.world.report().substeps, 0u);
+  EXPECT_EQ(arm.world.report().costs.substeps, 0u);
   ASSERT_EQ(arm.world.contacts().size(), 4u);
   for (int edits = 0; edits < 2; ++edits) {
     for (int i = 0; i < 5; ++i) {

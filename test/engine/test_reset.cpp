@@ -64,7 +64,7 @@ void expect_same_motion(World reset, World fresh) {
   EXPECT_EQ(reset.state_hash(), fresh.state_hash());
   std::uint32_t contacts = 0;
   for (int step = 0; step < 200; ++step) {
-    contacts += reset.step().contacts;
+    contacts += reset.step().contacts.points;
     fresh.step();
     ASSERT_EQ(reset.state_hash(), fresh.state_hash()) << step;
   }
@@ -202,18 +202,18 @@ TEST(Reset, EndsAFailure) {
   BodyState state = world.state(id);
   state.position.x() = state.linear_velocity.x() = kMostMagnitude;
   world.set_state(id, state);
-  ASSERT_TRUE(world.step().failed);
+  ASSERT_TRUE(world.step().outcome.failed);
   world.reset();
-  EXPECT_FALSE(world.step().failed);
+  EXPECT_FALSE(world.step().outcome.failed);
 }
 
 TEST(Reset, RestartsTheCountOfDrift) {
   World world(options(0.01));
   world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 1.0}));
-  const double first = world.step().energy_drift;
+  const double first = world.step().energy.drift;
   run(world, 20);
   world.reset();
-  EXPECT_EQ(world.step().energy_drift, first);
+  EXPECT_EQ(world.step().energy.drift, first);
 }
 
 }  // namespace

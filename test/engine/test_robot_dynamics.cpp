@@ -33,7 +33,7 @@ std::optional<World> robot_of(int seed, double far = 0.0) {
   for (RandomTree::Link& link : tree.links)
     for (CoordinateLaw& law : link.joint.coordinates) law.motor.reset();
   World world = tree.world();
-  EXPECT_FALSE(world.step().failed);
+  EXPECT_FALSE(world.step().outcome.failed);
   const std::string why =
       refusal([&] { RobotDynamics(world, world.find_body(tree.bodies.back().name)); });
   if (why.empty()) return world;

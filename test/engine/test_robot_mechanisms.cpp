@@ -274,7 +274,7 @@ TEST(RobotMechanisms, LongChains) {
     EXPECT_EQ(robot.size(), has_balls ? 180u : 60u);
     const VectorXd qdd = robot.forward_dynamics(VectorXd::Zero(static_cast<Index>(robot.size())));
     World stepped = world;
-    ASSERT_FALSE(stepped.step().failed);
+    ASSERT_FALSE(stepped.step().outcome.failed);
     for (const BodyId id : robot.bodies()) {
       const auto motion = robot.motion_of(id);
       const VectorXd a = motion.J * qdd + motion.bias;

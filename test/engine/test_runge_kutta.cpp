@@ -36,9 +36,9 @@ void run_exactly(World& world, double duration) {
   const auto steps = std::lround(duration / world.options().time_step);
   for (long i = 0; i < steps; ++i) {
     const StepReport& report = world.step();
-    ASSERT_FALSE(report.failed);
-    ASSERT_EQ(report.islands[index_of(Method::kSequentialImpulses)], 0u);
-    ASSERT_LE(report.max_constraint_error, round_off(world)) << "at t = " << world.time();
+    ASSERT_FALSE(report.outcome.failed);
+    ASSERT_EQ(report.costs.islands[index_of(Method::kSequentialImpulses)], 0u);
+    ASSERT_LE(report.joints.max_error, round_off(world)) << "at t = " << world.time();
   }
 }
 
@@ -186,7 +186,7 @@ TEST(RungeKutta, AChainWithDependentRodsStays) {
   last.anchor_b = {0.0, 0.0, -3.0};
   world.add_joint(last);
   run_exactly(world, 1.0);
-  EXPECT_EQ(world.step().dependent_rows, 1u);
+  EXPECT_EQ(world.step().joints.dependent_rows, 1u);
   EXPECT_LE((world.state(top).position - Vector3d(0.0, 0.0, -1.0)).norm(), 1e-12);
   EXPECT_LE((world.state(bottom).position - Vector3d(0.0, 0.0, -2.0)).norm(), 1e-12);
 }
@@ -336,7 +336,7 @@ TEST(FreeBody, TumblesAsPublished) {
     const double energy = world.energy();
     const Vector3d L = angular_momentum_about_centre(world);
     for (int i = 0; i < 10 * rate; ++i) {
-      EXPECT_EQ(world.step().substeps, 1u);
+      EXPECT_EQ(world.step().costs.substeps, 1u);
       // L is not integrated; its error is the rounding of I⁻¹ and I
       ASSERT_LE((angular_momentum_about_centre(world) - L).norm(), 16.0 * kEpsilon * L.norm());
     }
@@ -512,7 +512,7 @@ TEST(RungeKutta, OneRodMovesAsTheFirstOfTwo) {
   World one = make(false, false), reversed = make(false, true), two = make(true, false);
   const auto at = [](const World& world) { return world.state(world.find_body("load")).position; };
   for (int i = 0; i < 100; ++i) {
-    for (World* world : {&one, &reversed, &two}) ASSERT_FALSE(world->step().failed);
+    for (World* world : {&one, &reversed, &two}) ASSERT_FALSE(world->step().outcome.failed);
     ASSERT_LE((at(one) - at(reversed)).norm(), 1e-13) << i;  // equal except for signs
     ASSERT_LE((at(one) - at(two)).norm(), 1e-9) << i;        // tolerances, for 2 s
     const double force = one.joint_state(one.find_joint("line")).force;
@@ -545,7 +545,7 @@ TEST(RungeKutta, ANetKeepsItsRodsAndEnergy) {
   for (const double sag : {0.0, 0.1}) {
     World world = with_tolerance(problems::net(32, sag), 1.0 / 60.0, 1e-6);
     run_exactly(world, 0.5);
-    EXPECT_LE(std::abs(world.report().energy_drift), 1e-9) << sag;
+    EXPECT_LE(std::abs(world.report().energy.drift), 1e-9) << sag;
   }
 }
 
@@ -556,9 +556,9 @@ TEST(RungeKutta, DoubledRodsAreReportedAndChangeNothing) {
   problems::add_rod(&twice, ids[0], ids[1]);
   problems::add_rod(&twice, ids[2], ids[1]);
   for (int i = 0; i < 150; ++i) {
-    EXPECT_EQ(once.step().dependent_rows, 0u);
-    EXPECT_EQ(twice.step().dependent_rows, 2u);
-    ASSERT_LE(twice.report().max_constraint_error, round_off(twice));
+    EXPECT_EQ(once.step().joints.dependent_rows, 0u);
+    EXPECT_EQ(twice.step().joints.dependent_rows, 2u);
+    ASSERT_LE(twice.report().joints.max_error, round_off(twice));
   }
   for (const BodyId id : ids)
     EXPECT_LE((once.state(id).position - twice.state(id).position).norm(), 1e-9);
@@ -576,7 +576,7 @@ TEST(RungeKutta, TwoRodsBetweenTwoFreeMassesAreAsOne) {
   problems::add_rod(&world, ids[0], ids[1]);
   problems::add_rod(&world, ids[0], ids[1]);
   run_exactly(world, 1.0);
-  EXPECT_EQ(world.report().dependent_rows, 1u);
+  EXPECT_EQ(world.report().joints.dependent_rows, 1u);
   EXPECT_LE((world.state(ids[1]).position - Vector3d(std::cos(3.0), std::sin(3.0), 0.0)).norm(),
             3e-8);
   double force = 0.0;
@@ -598,7 +598,7 @@ TEST(RungeKutta, AWheelOnTwoBallJointsSpins) {
       world.add_joint(make_joint(side < 0.0 ? "left" : "right", kWorldBody, place + side * axle, id,
                                  side * Vector3d::UnitX(), JointKind::kBall));
     run_exactly(world, 5.0);
-    EXPECT_EQ(world.report().dependent_rows, 1u);
+    EXPECT_EQ(world.report().joints.dependent_rows, 1u);
     EXPECT_LE((world.state(id).angular_velocity - 4.0 * axle).norm(), 1e-9);
     EXPECT_LE((world.state(id).position - place).norm(), round_off(world));
   }
@@ -625,7 +625,7 @@ TEST(RungeKutta, OrientationsHaveUnitLengthHoweverLongTheSteps) {
     body.state.orientation = random.orientation();
     body.state.angular_velocity = std::exp(44.0 * random()) * random.vector();
     world.add_body(body);
-    for (int k = 0; k < 3 && !world.step().failed; ++k) {
+    for (int k = 0; k < 3 && !world.step().outcome.failed; ++k) {
       ++integrated;
       const Quaterniond& q = world.state(world.body_ids().front()).orientation;
       // rounding of a quotient in each of its numbers
@@ -809,8 +809,8 @@ TEST(RungeKutta, TheTickMayChangeBetweenSteps) {
     world = with_tolerance(world, tick, 1e-9);
     const auto steps = static_cast<int>(std::lround(0.6 / tick));
     for (int i = 0; i < steps; ++i) {
-      ASSERT_FALSE(world.step().failed);
-      ASSERT_LE(world.report().max_constraint_error, round_off(world));
+      ASSERT_FALSE(world.step().outcome.failed);
+      ASSERT_LE(world.report().joints.max_error, round_off(world));
     }
   }
   EXPECT_LE(largest_distance(world, reference), 3e-8);
@@ -844,7 +844,7 @@ TEST(RungeKutta, AMotorTravelsOnceWhoeverCarriesItsIsland) {
   world.add_body(make_body("other", Sphere{0.1}, 1.0, {0.05, 0.0, 3.0}));
   std::uint32_t changes = 0;
   for (int i = 1; i <= 150; ++i) {
-    changes += world.step().changes;
+    changes += world.step().costs.method_changes;
     // the travel is the sum of 0.3 mm a tick, in any rounding
     ASSERT_NEAR(world.joint_state(id).travel, -0.003 * i, 1e-13) << i;
   }

@@ -144,7 +144,7 @@ TEST_F(Runner, ReportsWhatTheEngineGivesInTheSameRun) {
   const double energy_initial = world.energy();
   double largest_error = 0.0;
   for (int i = 0; i < 50; ++i)
-    largest_error = std::max(largest_error, world.step().max_constraint_error);
+    largest_error = std::max(largest_error, world.step().joints.max_error);
 
   const auto json = report();
   EXPECT_EQ(json.at("steps"), 50);
@@ -411,9 +411,9 @@ TEST_F(Runner, ReportsWorkAndWhatTheSweepsLeft) {
   double correction_work = 0.0, driven_work = 0.0, residual = 0.0;
   for (int i = 0; i < 100; ++i) {
     const StepReport& step = world.step();
-    correction_work += step.correction_work;
-    driven_work += step.driven_work;
-    residual = std::max(residual, step.solver_residual);
+    correction_work += step.energy.correction_work;
+    driven_work += step.energy.driven_work;
+    residual = std::max(residual, step.contacts.solver_residual);
   }
   ASSERT_NE(correction_work, 0.0);
   ASSERT_NE(driven_work, 0.0);

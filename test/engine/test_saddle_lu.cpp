@@ -336,7 +336,7 @@ TEST(SaddleLu, LetsNewtonConvergeInLoopsThroughTheWorld) {
       double iterations = 0.0, substeps = 0.0;
       for (int i = 0; i < 100; ++i) {
         const StepReport& report = world.step();
-        EXPECT_LE(report.max_constraint_error, round_off(world));
+        EXPECT_LE(report.joints.max_error, round_off(world));
         const Island island = world.islands().front();
         ASSERT_EQ(island.method, Method::kEnergyMomentum) << sides << " sides, " << time_step;
         iterations += island.iterations;

@@ -253,7 +253,7 @@ TEST(Saved, KeepsSelfStressWhereAStepIsStopped) {
   const std::string before = save_scene(world);
   std::atomic<bool> stop{true};
   world.set_stop_flag(&stop);
-  EXPECT_TRUE(world.step().stopped);
+  EXPECT_TRUE(world.step().outcome.stopped);
   EXPECT_EQ(save_scene(world), before);
 }
 
@@ -430,8 +430,8 @@ TEST(Saved, KeepsWhoSleeps) {
         make_body("box_" + std::to_string(i), Box{{1.0, 1.0, 1.0}}, 1.0, {0.0, 0.0, 0.5 + i}));
   world.add_body(make_body("late", Sphere{0.2}, 1.0, {0.0, 0.0, 100.0}));
   int steps = 0;
-  while (world.report().asleep < 3 && ++steps < 400) world.step();
-  ASSERT_EQ(world.report().asleep, 3u);
+  while (world.report().costs.asleep < 3 && ++steps < 400) world.step();
+  ASSERT_EQ(world.report().costs.asleep, 3u);
   World again = load_scene(save_scene(world));
   EXPECT_EQ(save_scene(again), save_scene(world));
   EXPECT_EQ(again.state_hash(), world.state_hash());
@@ -440,9 +440,9 @@ TEST(Saved, KeepsWhoSleeps) {
     world.step();
     again.step();
     ASSERT_EQ(again.state_hash(), world.state_hash()) << i;
-    ASSERT_EQ(again.report().asleep, world.report().asleep);
+    ASSERT_EQ(again.report().costs.asleep, world.report().costs.asleep);
     ASSERT_EQ(again.contacts().size(), world.contacts().size());
-    woke = woke || world.report().asleep < 3;
+    woke = woke || world.report().costs.asleep < 3;
   }
   EXPECT_TRUE(woke);  // the falling ball wakes the boxes
 }

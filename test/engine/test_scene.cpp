@@ -910,8 +910,8 @@ TEST_P(ShippedScene, RunsForTwoSeconds) {
   double largest_error = 0.0;
   while (world.time() < 2.0) {
     const StepReport& report = world.step();
-    ASSERT_FALSE(report.failed);
-    largest_error = std::max(largest_error, report.max_constraint_error);
+    ASSERT_FALSE(report.outcome.failed);
+    largest_error = std::max(largest_error, report.joints.max_error);
   }
   EXPECT_LE(largest_error, GetParam().largest_error);
   for (const BodyId id : world.body_ids()) {
@@ -985,7 +985,7 @@ TEST(ShippedScenes, TheTowerStandsExceptBySweeps) {
     WorldOptions options = world.options();
     options.method = method;
     world.set_options(options);
-    while (world.time() < 10.0) ASSERT_FALSE(world.step().failed);
+    while (world.time() < 10.0) ASSERT_FALSE(world.step().outcome.failed);
     const double top = world.state(world.find_body("cube_12")).position.z();
     if (method == Method::kAuto)
       EXPECT_NEAR(top, 2.3, 1e-6);

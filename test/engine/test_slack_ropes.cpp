@@ -166,7 +166,7 @@ TEST_P(SlackAtTicks, ABodyBouncesOnARopeWithStiffness) {
     const bool is_exact = GetParam().tolerance <= 1e-10;
     const double near = place(GetParam());
     while (world.time() < 3.0) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       expect_by_events(world);
       events.insert(events.end(), world.events().begin(), world.events().end());
       const BungeeMotion::State now = motion.at(world.time());
@@ -203,7 +203,7 @@ TEST(RopeWithStiffness, BouncesByImpulses) {
       const double energy = world.energy();
       double worst = 0.0;
       while (world.time() < 1.0) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         const BodyState& body = world.state(world.find_body("body"));
         worst = std::max(worst, std::abs(-body.position.z() - motion.at(world.time()).distance));
         ASSERT_LE(world.joint_state(world.find_joint("rope")).force, 0.0);
@@ -224,12 +224,12 @@ TEST_P(SlackAtTicks, ALoadHangsOnARopeWithStiffness) {
   Bungee of;
   of.start = of.length + of.mass * kGravity / of.stiffness;
   World world = of.world(awake(GetParam()));
-  for (int i = 0; i < 50; ++i) ASSERT_FALSE(world.step().failed);
+  for (int i = 0; i < 50; ++i) ASSERT_FALSE(world.step().outcome.failed);
   const JointState& rope = world.joint_state(world.find_joint("rope"));
   EXPECT_NEAR(world.state(world.find_body("body")).position.z(), -of.start, 1e-12);
   EXPECT_NEAR(rope.force, -of.mass * kGravity, 1e-9);
   EXPECT_NEAR(rope.error, of.start - of.length, 1e-12);  // the stretch
-  EXPECT_EQ(world.report().events, 0u);
+  EXPECT_EQ(world.report().costs.events, 0u);
 }
 
 // A winch shortens the natural length, and lifts a load that lay below the rope's reach. After the
@@ -241,7 +241,7 @@ TEST_P(SlackAtTicks, AWinchLiftsALoadByARopeWithStiffness) {
   world.set_motor(world.find_joint("rope"), Motor{-0.2, 0.0, 0.0, 0.0, 0.0, 0.0});
   const double omega = std::sqrt(of.stiffness / of.mass);
   while (world.time() < 0.5) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     const double t = world.time();
     const double lifted = 0.2 * (t - std::sin(omega * t) / omega);
     ASSERT_NEAR(world.state(world.find_body("body")).position.z(), -of.start + lifted,
@@ -342,7 +342,7 @@ TEST_P(SlackAtTicks, AtwoodsMachineIsPutDownAndLiftedAgain) {
   std::vector<Event> events;
   while (world.time() < 2.5) {
     const StepReport& report = world.step();
-    ASSERT_FALSE(report.failed);
+    ASSERT_FALSE(report.outcome.failed);
     expect_by_events(world);
     events.insert(events.end(), world.events().begin(), world.events().end());
     const AtwoodMotion::State now = motion.at(world.time());
@@ -353,7 +353,7 @@ TEST_P(SlackAtTicks, AtwoodsMachineIsPutDownAndLiftedAgain) {
     const JointState& state = world.joint_state(pulley);
     ASSERT_LE(state.force, 1e-9) << world.time();  // never pushes
     ASSERT_LE(state.error, 1e-9) << world.time();
-    if (report.events == 0) {
+    if (report.costs.events == 0) {
       ASSERT_NEAR(state.force, -now.tension, 1e-6) << world.time();
     }
   }
@@ -386,7 +386,7 @@ TEST(SlackPulley, IsPutDownAndLiftedAgainByImpulses) {
       World world = of.world(options, is_floor_a_limit);
       double worst = 0.0;
       while (world.time() < 1.8) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         const AtwoodMotion::State now = motion.at(world.time());
         for (const int i : {0, 1}) {
           const double z = world.state(world.find_body("mass_" + std::to_string(i))).position.z();
@@ -421,8 +421,8 @@ TEST_P(SlackAtTicks, ABodyInTheBightOfASlackRopeIsOnARope) {
   EXPECT_FALSE(with_pulley.joint_state(id).closing);  // slack is no error
   EXPECT_EQ(with_pulley.joint_state(id).error, 0.0);
   while (with_rope.time() < 1.5) {
-    ASSERT_FALSE(with_rope.step().failed);
-    ASSERT_FALSE(with_pulley.step().failed);
+    ASSERT_FALSE(with_rope.step().outcome.failed);
+    ASSERT_FALSE(with_pulley.step().outcome.failed);
     ASSERT_LT((with_rope.state(one).position - with_pulley.state(two).position).norm(),
               place(GetParam()))
         << with_rope.time();
@@ -462,8 +462,8 @@ TEST_P(SlackBesideContacts, ARopeWithStiffnessIsAsBesideALimit) {
   touching.add_body(plane("floor", {0.0, 0.0, -kFloor - 0.1}, Vector3d::UnitZ(), 0.0, 1.0));
   int hits = 0, changes = 0;
   while (limited.time() < 2.0) {
-    ASSERT_FALSE(limited.step().failed);
-    ASSERT_FALSE(touching.step().failed);
+    ASSERT_FALSE(limited.step().outcome.failed);
+    ASSERT_FALSE(touching.step().outcome.failed);
     ASSERT_FALSE(is_by_impulses(touching)) << touching.time();
     ASSERT_NEAR(limited.state(limited.find_body("body")).position.z(),
                 touching.state(id).position.z(), place(GetParam()))
@@ -494,7 +494,8 @@ TEST(SlackPulley, ClosesOnlyARopeThatIsTooLong) {
     const JointId id = world.add_joint(pulley);
     EXPECT_EQ(world.joint_state(id).closing, value < 3.0);
     EXPECT_NEAR(world.joint_state(id).error, std::max(3.0 - value, 0.0), 1e-12);
-    while (world.time() < world.options().closing_time + 0.02) ASSERT_FALSE(world.step().failed);
+    while (world.time() < world.options().closing_time + 0.02)
+      ASSERT_FALSE(world.step().outcome.failed);
     // A rope cannot brake the closing motion: the lengths end at the value or below.
     EXPECT_LE(world.joint_state(id).coupling.value, std::min(value, 3.0) + 1e-9);
     EXPECT_LE(world.joint_state(id).error, 1e-9);

@@ -30,7 +30,7 @@ TEST_P(SlowSlipsAt, ABoxIsPushedBeyondFriction) {
       world.add_wrench(push);
       unsigned rejected = 0;
       while (world.time() < 0.3 - 1e-9) {
-        rejected += world.step().rejected;
+        rejected += world.step().costs.rejected;
         ASSERT_FALSE(is_by_impulses(world)) << mu << ' ' << over << ' ' << world.time();
       }
       const double t = world.time();
@@ -66,7 +66,8 @@ TEST_P(SlowSlipsAt, ASpringPullsABoxUntilItSlips) {
     while (world.time() < slips + 1.9 * kPi / omega) {
       const StepReport& report = world.step();
       ASSERT_FALSE(is_by_impulses(world)) << stiffness << ' ' << world.time();
-      EXPECT_LE(report.substeps + report.rejected, 60u) << stiffness << ' ' << world.time();
+      EXPECT_LE(report.costs.substeps + report.costs.rejected, 60u)
+          << stiffness << ' ' << world.time();
       const double t = std::max(world.time() - slips, 0.0);
       const Vector3d place(kRate * (t - std::sin(omega * t) / omega), 0.0, 0.1);
       // a tick of 1/30 s is half a radian of the stiffest spring

@@ -32,7 +32,7 @@ std::vector<std::string> shipped_names() { return scene_names(CONSTRAINT_SIM_SCE
 void expect_same_future(World world, World again, int steps, const std::string& what) {
   for (int i = 0; i <= steps; ++i) {
     ASSERT_EQ(again.state_hash(), world.state_hash()) << what << ", " << i << " steps later";
-    ASSERT_EQ(again.report().energy, world.report().energy) << what;
+    ASSERT_EQ(again.report().energy.total, world.report().energy.total) << what;
     const double estimate = world.report().local_error;  // NaN where impulses have none
     ASSERT_TRUE(std::isnan(estimate) ? std::isnan(again.report().local_error)
                                      : again.report().local_error == estimate)
@@ -91,7 +91,7 @@ TEST(SnapshotBytes, OfSingularAndContradictoryJointsGoOnWithTheSameReports) {
         World world = redundant::with(scenes[scene], method, rate);
         int taken = 0;
         for (int i = 0; i < 1000 && taken < 60 / kSanitizedShare; ++i) {
-          const bool is_singular = world.step().dependent_rows > 0;
+          const bool is_singular = world.step().joints.dependent_rows > 0;
           const bool is_contradictory = redundant::has_conflict(world);
           if (!is_singular && !is_contradictory) continue;
           ++taken;
@@ -169,7 +169,8 @@ TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
     World again = read_snapshot(write_snapshot(world));
     const World start = world;
     for (int i = 0; i < kFuture; ++i) {
-      if (world.step().failed) return;  // a random one may reach a state that no method can advance
+      if (world.step().outcome.failed)
+        return;  // a random one may reach a state that no method can advance
       again.step();
     }
     ++compared;

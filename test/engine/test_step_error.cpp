@@ -180,7 +180,7 @@ TEST(StepError, SweepsThatLeaveAResidualHaveNoEstimate) {
     World world = tower(options);
     world.step();  // the cubes sink into each other
     const StepReport& report = world.step();
-    EXPECT_EQ(std::isnan(report.local_error), sweeps == 1) << report.solver_residual;
+    EXPECT_EQ(std::isnan(report.local_error), sweeps == 1) << report.contacts.solver_residual;
   }
 }
 

@@ -56,8 +56,8 @@ TEST(Stop, AStepThatNeverEndsIsEndedByTheFlagAndTheStateIsThatOfBefore) {
   const StepReport report = world.step();
   const double passed = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   other.join();
-  EXPECT_TRUE(report.stopped);
-  EXPECT_FALSE(report.failed);
+  EXPECT_TRUE(report.outcome.stopped);
+  EXPECT_FALSE(report.outcome.failed);
   EXPECT_EQ(report.step, 0u);
   EXPECT_EQ(world.state_hash(), hash);
   EXPECT_LT(passed, 5.0);  // 10000 sweeps over 50000 rows take ten
@@ -98,12 +98,12 @@ TEST(Stop, AStepOfAHeapOfLongPolesIsEndedWhileGapsAreLookedFor) {
     return static_cast<double>(std::clock() - start);
   };
   const double time = time_of_step(&whole);
-  EXPECT_FALSE(whole.report().stopped);
+  EXPECT_FALSE(whole.report().outcome.stopped);
   const std::uint64_t hash = world.state_hash();
   world.set_clock(clock_that_stops);
   world.set_stop_flag(&stop_from_first_stage_on);
   const double stopped_after = time_of_step(&world);
-  EXPECT_TRUE(world.report().stopped);
+  EXPECT_TRUE(world.report().outcome.stopped);
   EXPECT_EQ(world.state_hash(), hash);
   EXPECT_LT(stopped_after, 0.3 * time);
 }
@@ -114,7 +114,7 @@ TEST(Stop, AWorldThatWasStoppedGoesOn) {
   World other = world;
   std::atomic<bool> stop{true};
   world.set_stop_flag(&stop);
-  EXPECT_TRUE(world.step().stopped);
+  EXPECT_TRUE(world.step().outcome.stopped);
   EXPECT_EQ(world.time(), other.time());
   for (const BodyId id : world.body_ids()) {
     EXPECT_EQ(world.state(id).position, other.state(id).position);
@@ -123,7 +123,7 @@ TEST(Stop, AWorldThatWasStoppedGoesOn) {
   stop = false;
   run(world, 50);
   run(other, 50);
-  EXPECT_FALSE(world.report().stopped);
+  EXPECT_FALSE(world.report().outcome.stopped);
   EXPECT_EQ(world.step_count(), other.step_count());
   // methods restart, so substeps differ: both are within the tolerance of 1e-8 m/s, and the block,
   // whose impulses are lost, within the fall of one tick, g h² = 1e-3 m
@@ -154,7 +154,7 @@ TEST(Stop, ATimeWithoutANextTickIsRefused) {
   World scene(shorter);
   EXPECT_THROW(scene.continue_from(world), std::invalid_argument);
   EXPECT_EQ(world.options().time_step, 0.01);
-  EXPECT_FALSE(world.step().failed);
+  EXPECT_FALSE(world.step().outcome.failed);
 }
 
 TEST(Stop, WhatATaskThrowsReachesTheCallerAndTheWorkersGoOn) {

@@ -54,7 +54,7 @@ double largest_motion(World* world, double duration) {
   const int steps = static_cast<int>(std::round(duration / world->options().time_step));
   double largest = 0.0;
   for (int k = 0; k < steps; ++k) {
-    if (world->step().failed) return kInfinity;
+    if (world->step().outcome.failed) return kInfinity;
     std::size_t i = 0;
     for (const BodyId id : world->body_ids())
       largest = std::max(largest, (world->state(id).position - start[i++]).norm());
@@ -243,7 +243,7 @@ TEST(TimeStepping, AConstantForceDoesItsWorkAlongTheMotion) {
   wrench.force = {20.0, 0.0, 0.0};
   world.add_wrench(wrench);
   double work = 0.0;
-  for (int i = 0; i < 100; ++i) work += world.step().driven_work;
+  for (int i = 0; i < 100; ++i) work += world.step().energy.driven_work;
   const double way = 0.5 * (10.0 - 0.6 * kGravity);
   // rates are solved to 1e-5 g h, or 1e-6 m/s
   EXPECT_NEAR(world.state(box).position.x(), way, 1e-6);
@@ -262,8 +262,8 @@ TEST(TimeStepping, ARockingBlockEndsOnTheEdgesOnWhichItBegan) {
   block.friction = 2.0;
   const BodyId id = world.add_body(block);
   for (int k = 0; k < 400; ++k) {
-    ASSERT_FALSE(world.step().failed) << k;
-    ASSERT_FALSE(world.report().creep_body) << k;
+    ASSERT_FALSE(world.step().outcome.failed) << k;
+    ASSERT_FALSE(world.report().contacts.creep_body) << k;
   }
   EXPECT_LT((world.state(id).position - Vector3d(-0.2, 0.0, 0.6)).norm(), 1e-3);
   EXPECT_LT(world.state(id).orientation.vec().norm(), 1e-6);
@@ -274,16 +274,16 @@ TEST(TimeStepping, NamesABodyWhoseImpulsesAreNotSolved) {
   World solved = tower(5, 1.0, 1.0 / 60.0), unsolved = tower(20, 1e9, 1.0 / 60.0);
   int named = 0;
   for (int k = 0; k < 30; ++k) {
-    EXPECT_FALSE(solved.step().unsolved_body);
+    EXPECT_FALSE(solved.step().contacts.unsolved_body);
     const StepReport& report = unsolved.step();
-    if (!report.unsolved_body) continue;
-    ASSERT_GT(report.solver_residual, 1e-5 * 9.81 / 60.0) << k;
+    if (!report.contacts.unsolved_body) continue;
+    ASSERT_GT(report.contacts.solver_residual, 1e-5 * 9.81 / 60.0) << k;
     ++named;
     bool is_named = false;
     for (const StepWarning& warning : step_warnings(unsolved))
       is_named = is_named || (warning.kind == StepWarning::Kind::kUnsolved &&
-                              warning.whose == unsolved.body(*report.unsolved_body).name &&
-                              warning.amount == report.solver_residual);
+                              warning.whose == unsolved.body(*report.contacts.unsolved_body).name &&
+                              warning.amount == report.contacts.solver_residual);
     EXPECT_TRUE(is_named) << k;
   }
   EXPECT_GT(named, 0);
@@ -326,8 +326,8 @@ TEST(TimeStepping, ABodyInRestMovesAsWhatItRestsOn) {
     double most = 0.0;
     for (int k = 0; k < steps; ++k) {
       const StepReport report = world->step();
-      EXPECT_FALSE(report.failed);
-      most = std::max(most, report.max_penetration);
+      EXPECT_FALSE(report.outcome.failed);
+      most = std::max(most, report.contacts.max_penetration);
     }
     return most;
   };
@@ -364,7 +364,7 @@ TEST(TimeStepping, ManyBallsBounceWithoutAWarning) {
     world.add_body(ball);
   }
   const double energy = world.energy();
-  for (int k = 0; k < 200; ++k) EXPECT_FALSE(world.step().unsolved_body) << k;
+  for (int k = 0; k < 200; ++k) EXPECT_FALSE(world.step().contacts.unsolved_body) << k;
   EXPECT_NEAR(world.energy(), energy, 1e-9 * energy);
 }
 
@@ -384,7 +384,7 @@ TEST(TimeStepping, AWrenchActsOnceInADividedStep) {
   wrench.body = ball;
   wrench.force = {0.0, 100.0, 0.0};
   world.add_wrench(wrench);
-  EXPECT_EQ(world.step().hits, 1u);
+  EXPECT_EQ(world.step().contacts.hits, 1u);
   EXPECT_NEAR(world.state(ball).linear_velocity.y(), 1.0, 1e-12);
 }
 
@@ -405,9 +405,10 @@ TEST(TimeStepping, BouncesOfSeveralCornersGainNoEnergy) {
     world.add_body(box);
     for (int k = 0; k < 150; ++k) {
       const StepReport& report = world.step();
-      ASSERT_FALSE(report.unsolved_body)
-          << scene << " " << k << " " << report.solver_residual << " " << report.iterations;
-      ASSERT_EQ(report.energy_rise, 0.0) << scene << " " << k;
+      ASSERT_FALSE(report.contacts.unsolved_body)
+          << scene << " " << k << " " << report.contacts.solver_residual << " "
+          << report.costs.iterations;
+      ASSERT_EQ(report.energy.rise, 0.0) << scene << " " << k;
     }
   }
 }
@@ -424,9 +425,9 @@ TEST(TimeStepping, SweepsOverGroupsThatAreTooLarge) {
     return world;
   };
   World solved = row_of(500), swept = row_of(501);
-  EXPECT_NE(solved.step().iterations, 7u);
-  EXPECT_EQ(swept.step().iterations, 7u);
-  EXPECT_FALSE(swept.report().unsolved_body);
+  EXPECT_NE(solved.step().costs.iterations, 7u);
+  EXPECT_EQ(swept.step().costs.iterations, 7u);
+  EXPECT_FALSE(swept.report().contacts.unsolved_body);
 }
 
 // The memory of the solvers, of a step before or of a tower that was there, changes no bit.

@@ -35,7 +35,7 @@ TEST(TreeClosings, MoveAsTheirRowsDo) {
     const World coordinates = after_steps(tree.world()), rows = after_steps(tree.world_by_rows());
     if (difference(coordinates, rows) <= kRowsAgree)
       expect_same_forces(coordinates, rows, tree.links.size(),
-                         rows.report().dependent_rows > 0 ? 0.1 : 1e-6);
+                         rows.report().joints.dependent_rows > 0 ? 0.1 : 1e-6);
     else if (difference(coordinates, after_steps(tree.world(), 4)) > 1e-7)
       ++apart;
   }
@@ -68,7 +68,7 @@ TEST(TreeClosings, MeetJointsToRounding) {
     RandomTree tree = random_planar_loops(seed);
     tree.options.tolerance = 1e-6;
     World world = tree.world();
-    for (int i = 0; i < 50; ++i) ASSERT_FALSE(world.step().failed);
+    for (int i = 0; i < 50; ++i) ASSERT_FALSE(world.step().outcome.failed);
     EXPECT_LE(largest_opening(world), 1e-13);
   }
 }
@@ -153,7 +153,7 @@ TEST(TreeClosings, FollowACrank) {
     const double before = world.energy();
     double work = 0.0;
     for (int i = 0; i < 100; ++i) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       EXPECT_LE(largest_opening(world), 1e-14);
       // The mean torque over a step times the angle of the step.
       work += world.joint_state(crank).coordinates[0].effort * 0.5 * options.time_step;
@@ -189,7 +189,7 @@ TEST(TreeClosings, CountTurnsOfBothBearings) {
         }
         world.add_joint(bearing);
       }
-      for (int i = 0; i < std::lround(0.7 / step); ++i) ASSERT_FALSE(world.step().failed);
+      for (int i = 0; i < std::lround(0.7 / step); ++i) ASSERT_FALSE(world.step().outcome.failed);
       const double turned = amplitude * (1.0 - std::cos(2.0 * kPi * world.time())) / (2.0 * kPi);
       for (const JointId joint : world.joint_ids())
         EXPECT_NEAR(world.joint_state(joint).coordinates[0].position, turned, 1e-9 * amplitude);
@@ -213,7 +213,7 @@ TEST(TreeClosings, DoNotExplodeWithoutATolerance) {
       world.step();
       const double energy = world.energy();
       for (double t = step; t < 1.0; t += step) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         EXPECT_NEAR(world.energy(), energy, 0.1 * energy);
       }
     }
@@ -234,7 +234,7 @@ TEST(TreeClosings, PassSingularPoses) {
   int passed = 0;
   for (int i = 0; i < 400; ++i) {
     const double before = world.joint_state(world.joint_ids().front()).coordinates[0].position;
-    ASSERT_FALSE(world.step().failed) << i;
+    ASSERT_FALSE(world.step().outcome.failed) << i;
     const double after = world.joint_state(world.joint_ids().front()).coordinates[0].position;
     passed += std::floor(before / kPi + 0.5) != std::floor(after / kPi + 0.5) ? 1 : 0;
     EXPECT_NEAR(world.energy(), energy, 1e-6);
@@ -253,8 +253,8 @@ TEST(TreeClosings, TakeEditsAndBreaking) {
     World world = tree.world(), rows = tree.world_by_rows();
     const auto step_both = [&] {
       for (int i = 0; i < 5; ++i) {
-        ASSERT_FALSE(world.step().failed);
-        ASSERT_FALSE(rows.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
+        ASSERT_FALSE(rows.step().outcome.failed);
       }
     };
     step_both();

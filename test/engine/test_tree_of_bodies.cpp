@@ -29,9 +29,9 @@ TEST(TreeOfBodies, HoldsAnyLoadOnLightLinks) {
   for (const double load : {1.0, 1e3, 1e6, 1e9, 1e12}) {
     World world = arm_of_bars(3, load);
     for (int i = 0; i < 100; ++i) {
-      ASSERT_FALSE(world.step().failed) << load;
-      ASSERT_LE(world.report().max_constraint_error, 1e-14) << load;
-      ASSERT_LE(std::abs(world.report().energy_drift), 1e-12) << load;
+      ASSERT_FALSE(world.step().outcome.failed) << load;
+      ASSERT_LE(world.report().joints.max_error, 1e-14) << load;
+      ASSERT_LE(std::abs(world.report().energy.drift), 1e-12) << load;
     }
   }
 }
@@ -49,7 +49,7 @@ TEST(TreeOfBodies, MovesAsTheRowsOfTheSameMechanismDo) {
       tree.step();
       rows.step();
     }
-    EXPECT_EQ(rows.report().dependent_rows, 5u);
+    EXPECT_EQ(rows.report().joints.dependent_rows, 5u);
     for (const BodyId id : tree.body_ids()) {
       EXPECT_LE((tree.state(id).position - rows.state(id).position).norm(), 1e-9) << bars;
       EXPECT_LE((tree.state(id).angular_velocity - rows.state(id).angular_velocity).norm(), 1e-8);
@@ -90,7 +90,7 @@ TEST(TreeOfBodies, KeepsMomentaInFreeSpace) {
   world.step();
   const Vector3d p = momentum(world), L = angular_momentum(world);
   const double energy = world.energy();
-  for (int i = 0; i < 200; ++i) ASSERT_FALSE(world.step().failed);
+  for (int i = 0; i < 200; ++i) ASSERT_FALSE(world.step().outcome.failed);
   EXPECT_LE((momentum(world) - p).norm(), 1e-11 * p.norm());
   EXPECT_LE((angular_momentum(world) - L).norm(), 1e-8 * L.norm());  // the tolerance
   EXPECT_NEAR(world.energy(), energy, 1e-8 * energy);
@@ -126,9 +126,9 @@ TEST(TreeOfBodies, IsNotWhatHasAsManyJoints) {
   world.step();
   const Vector3d p = momentum(world), L = angular_momentum(world);
   const double energy = world.energy();
-  for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().failed);
-  EXPECT_EQ(world.report().dependent_rows, 5u);
-  EXPECT_LE(world.report().max_constraint_error, 1e-13);
+  for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().outcome.failed);
+  EXPECT_EQ(world.report().joints.dependent_rows, 5u);
+  EXPECT_LE(world.report().joints.max_error, 1e-13);
   EXPECT_LE((momentum(world) - p).norm(), 1e-12);
   EXPECT_LE((angular_momentum(world) - L).norm(), 1e-9);  // the tolerance
   EXPECT_NEAR(world.energy(), energy, 1e-9);

@@ -23,7 +23,7 @@ constexpr double kPatience = 0.5;  // [s]
 World after(World world, double seconds) {
   const long steps = std::lround(seconds / world.options().time_step);
   for (long i = 0; i < steps; ++i)
-    if (world.step().failed) ADD_FAILURE() << to_string(world.report().failure);
+    if (world.step().outcome.failed) ADD_FAILURE() << to_string(world.report().outcome.failure);
   return world;
 }
 
@@ -31,7 +31,7 @@ World after(World world, double seconds) {
 std::vector<std::string> warnings_within(World world, double seconds) {
   const long steps = std::lround(seconds / world.options().time_step);
   for (long i = 0; i < steps; ++i) {
-    if (world.step().failed) return {to_string(world.report().failure)};
+    if (world.step().outcome.failed) return {to_string(world.report().outcome.failure)};
     std::vector<std::string> lines;
     for (const StepWarning& warning : step_warnings(world)) lines.push_back(to_string(warning));
     if (!lines.empty()) return lines;
@@ -64,19 +64,19 @@ TEST(Warnings, NamesNothingThatWasRemoved) {
   const BodyId box = world.add_body(make_body("box", Box{{1.0, 1.0, 1.0}}, 1.0, {9.0, 0.0, 0.0}));
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.4}, 1.0, {9.0, 0.0, 0.3}));
   world.step();
-  ASSERT_TRUE(world.report().overlap_body.has_value());
+  ASSERT_TRUE(world.report().contacts.overlap_body.has_value());
   while (world.unclosed_joints().empty() && world.time() < 2.0) world.step();
   ASSERT_FALSE(world.unclosed_joints().empty());
   world.remove({}, {world.find_body("bob"), box, ball});
-  EXPECT_FALSE(world.report().overlap_body || world.report().unclosed_joint ||
-               world.report().worst_joint);
+  EXPECT_FALSE(world.report().contacts.overlap_body || world.report().joints.worst_unclosed ||
+               world.report().joints.worst);
   EXPECT_TRUE(step_warnings(world).empty());
   EXPECT_TRUE(step_warnings(read_snapshot(write_snapshot(world))).empty());
 }
 
 TEST(Warnings, NamesRodsThatContradictEachOther) {
   World world = after(two_lengths(), 2.0);
-  EXPECT_EQ(world.report().unclosed_joints, 2u);
+  EXPECT_EQ(world.report().joints.unclosed, 2u);
   ASSERT_EQ(world.unclosed_joints().size(), 2u);
   const std::vector<StepWarning> list = step_warnings(world);
   ASSERT_EQ(list.size(), 2u);
@@ -104,7 +104,7 @@ TEST(Warnings, NothingWhileAnEditIsBeingClosed) {
     BodyState state = world.state(bob);
     for (int i = 0; i < 5; ++i) {  // edited again before closing ends
       for (int step = 0; step < 30; ++step)
-        ASSERT_EQ(world.step().unclosed_joints, 0u) << name(method) << " " << i << " " << step;
+        ASSERT_EQ(world.step().joints.unclosed, 0u) << name(method) << " " << i << " " << step;
       world.set_state(bob, state);
     }
   }
@@ -117,18 +117,18 @@ TEST(Warnings, AnErrorThatStaysIsToldAfterItsTime) {
   const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.01}));
   world.add_joint(hang("rod", bob, rod(1.0)));
   world = after(world, kPatience - 0.02);
-  EXPECT_EQ(world.report().unclosed_joints, 0u);
+  EXPECT_EQ(world.report().joints.unclosed, 0u);
   world = after(world, 0.05);
-  EXPECT_EQ(world.report().unclosed_joint, world.find_joint("rod"));
+  EXPECT_EQ(world.report().joints.worst_unclosed, world.find_joint("rod"));
   // a stream of edits does not hide it
   for (int i = 0; i < 10; ++i) {
     world.set_motor(world.find_joint("rod"), Motor{});
-    EXPECT_EQ(world.step().unclosed_joints, 1u);
+    EXPECT_EQ(world.step().joints.unclosed, 1u);
   }
   chosen.baumgarte = 0.1;
   world.set_options(chosen);
   world = after(world, 0.5);
-  EXPECT_EQ(world.report().unclosed_joints, 0u);
+  EXPECT_EQ(world.report().joints.unclosed, 0u);
 }
 
 TEST(Warnings, SpringsAndSlackRopesAreOffByNothing) {
@@ -149,8 +149,8 @@ TEST(Warnings, WhatTooFewSweepsCannotHold) {
   chosen.iterations = 2;
   world.set_options(chosen);
   world = after(world, 2.0);
-  EXPECT_GT(world.report().unclosed_joints, 0u);
-  EXPECT_TRUE(world.report().unclosed_joint);
+  EXPECT_GT(world.report().joints.unclosed, 0u);
+  EXPECT_TRUE(world.report().joints.worst_unclosed);
 }
 
 // ---- energy
@@ -179,11 +179,11 @@ TEST(Warnings, EnergyThatImpulsesGain) {
   for (int step = 1; step <= 160; ++step) {
     const StepReport& report = world.step();
     if (step % 16 != 0) continue;  // energy is checked in these steps
-    least = std::min(least, report.energy);
-    gained = report.energy - least;
+    least = std::min(least, report.energy.total);
+    gained = report.energy.total - least;
     // rounding of the sweeps is allowed
     if (gained > 0.1) {
-      ASSERT_NEAR(report.energy_rise, gained, 1e-6 * gained) << step;
+      ASSERT_NEAR(report.energy.rise, gained, 1e-6 * gained) << step;
     }
   }
   ASSERT_GT(gained, 1.0);
@@ -271,9 +271,9 @@ TEST(Warnings, NothingOfRandomScenes) {
       const long steps = std::lround(1.0 / world.options().time_step);
       for (long i = 0; i < steps; ++i) {
         const StepReport& report = world.step();
-        ASSERT_EQ(report.energy_rise, 0.0) << seed << " " << name(method) << " step " << i;
+        ASSERT_EQ(report.energy.rise, 0.0) << seed << " " << name(method) << " step " << i;
         if (method != Method::kSequentialImpulses && !redundant::has_conflict(world)) {
-          ASSERT_EQ(report.unclosed_joints, 0u) << seed << " " << name(method) << " step " << i;
+          ASSERT_EQ(report.joints.unclosed, 0u) << seed << " " << name(method) << " step " << i;
         }
       }
     }
@@ -294,12 +294,12 @@ TEST(Warnings, EnergyThatCorrectionsOfPositionsAdd) {
   double before = 0.0, work = 0.0, unbooked = 0.0;
   for (int i = 0; i < 60; ++i) {
     const StepReport& report = world.step();
-    ASSERT_EQ(report.islands[index_of(Method::kSequentialImpulses)], 0u) << i;
+    ASSERT_EQ(report.costs.islands[index_of(Method::kSequentialImpulses)], 0u) << i;
     if (i >= 30) {  // long after closing_time
-      work += report.correction_work;
-      unbooked = std::max(unbooked, report.energy - before - report.correction_work);
+      work += report.energy.correction_work;
+      unbooked = std::max(unbooked, report.energy.total - before - report.energy.correction_work);
     }
-    before = report.energy;
+    before = report.energy.total;
   }
   EXPECT_GT(work, 1e-6);
   EXPECT_LT(unbooked, 1e-12);
@@ -325,7 +325,8 @@ TEST(Warnings, MassesThatCannotBeHeld) {
     for (int step = 0; step < static_cast<int>(rate); ++step) {
       const StepReport& report = world.step();
       if (redundant::largest_joint_error(world) > kUnclosedError) {
-        ASSERT_TRUE(report.failed || report.unresolved_bodies > 0 || report.unclosed_joints > 0)
+        ASSERT_TRUE(report.outcome.failed || report.unresolved_bodies > 0 ||
+                    report.joints.unclosed > 0)
             << step;
       }
     }

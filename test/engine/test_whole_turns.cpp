@@ -73,7 +73,7 @@ TEST(WholeTurns, AreKeptBetweenElasticStops) {
       gear.coupling.ratio = ratio;
       world.add_joint(gear);
       for (int i = 1; i <= static_cast<int>(std::lround(0.5 / h)); ++i) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         const double q = reflected_angle(law.lower, law.upper, speed * world.time());
         ASSERT_NEAR(turned_angle(world, stopped), q, 1e-6) << speed << " at 1/" << 1.0 / h;
         ASSERT_NEAR(turned_angle(world, geared), -q / ratio,
@@ -107,7 +107,7 @@ TEST(WholeTurns, AreKeptInContact) {
       joint.coordinates[1].limit_restitution = 1.0;
       const JointId axle = world.add_joint(joint);
       for (int i = 1; i <= static_cast<int>(std::lround(0.2 / h)); ++i) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         ASSERT_NEAR(world.joint_state(axle).coordinates[1].position,
                     reflected_angle(-0.9, 4.0, speed * world.time()), 1e-6)
             << speed << " at 1/" << 1.0 / h;
@@ -151,7 +151,7 @@ TEST(WholeTurns, AreKeptWhereTorquesChangeWithinAStep) {
           wrench.end = wrench.start + 0.5 * h;
           world.add_wrench(wrench);
         }
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         EXPECT_NEAR(world.joint_state(id).coordinates[coordinate].position, turned,
                     method == Method::kEnergyMomentum ? kPi : 1e-6)
             << name(method) << " " << name(kind) << " at 1/" << 1.0 / h;
@@ -188,7 +188,7 @@ TEST(WholeTurns, AreKeptInStepsOfEnergyMomentum) {
       const JointId id = add_turning_wheel(&world, "wheel", Vector3d::Zero(), speed);
       double before = 0.0;
       for (int i = 0; i < 20; ++i) {
-        ASSERT_FALSE(world.step().failed);
+        ASSERT_FALSE(world.step().outcome.failed);
         EXPECT_NEAR(turned_angle(world, id) - before, speed * h, kPi)
             << speed << " rad/s at 1/" << 1.0 / h;
         before = turned_angle(world, id);
@@ -266,7 +266,7 @@ TEST(WholeTurns, FollowTheVelocityOfImpulses) {
     const JointId id = add_turning_wheel(&world, "wheel", Vector3d::Zero(), 300.0, law);
     double before = 0.0;
     for (int i = 0; i < 60; ++i) {
-      ASSERT_FALSE(world.step().failed);
+      ASSERT_FALSE(world.step().outcome.failed);
       const CoordinateState& now = world.joint_state(id).coordinates[0];
       // corrections of a limit move it beside, by less than half a turn
       EXPECT_LE(std::abs(now.position - before - h * now.velocity), kPi) << "at 1/" << 1.0 / h;

@@ -65,18 +65,18 @@ TEST(Threads, ChangeNotOneBit) {
   for (int step = 0; step < 20; ++step) {
     for (World& world : worlds) world.step();
     const StepReport& one = worlds.front().report();
-    changes += one.changes;
+    changes += one.costs.method_changes;
     for (const World& world : worlds) {
       ASSERT_EQ(world.state_hash(), worlds.front().state_hash()) << step;
-      ASSERT_EQ(world.report().projected_energy, one.projected_energy) << step;
-      ASSERT_EQ(world.report().changes, one.changes) << step;
-      ASSERT_EQ(world.report().islands, one.islands) << step;
-      ASSERT_EQ(world.report().substeps, one.substeps) << step;
+      ASSERT_EQ(world.report().energy.projected, one.energy.projected) << step;
+      ASSERT_EQ(world.report().costs.method_changes, one.costs.method_changes) << step;
+      ASSERT_EQ(world.report().costs.islands, one.costs.islands) << step;
+      ASSERT_EQ(world.report().costs.substeps, one.costs.substeps) << step;
     }
     if (step == 10) worlds.back() = worlds.front();  // copies the world with a single thread
   }
   EXPECT_GT(changes, 20u);  // methods changed
-  EXPECT_GT(worlds.front().report().islands[index_of(Method::kEnergyMomentum)], 0u);
+  EXPECT_GT(worlds.front().report().costs.islands[index_of(Method::kEnergyMomentum)], 0u);
 }
 
 }  // namespace

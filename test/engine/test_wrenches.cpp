@@ -289,12 +289,12 @@ TEST(Wrenches, StayWhenAStepFails) {
   Body light = make_body("light", Sphere{0.1}, 1e-9, {9, 9, 9});
   floating.world.add_wrench(force(floating.world.add_body(light), {kMostMagnitude, 0.0, 0.0}));
   const std::uint64_t before = floating.world.state_hash();
-  EXPECT_TRUE(floating.world.step().failed);
+  EXPECT_TRUE(floating.world.step().outcome.failed);
   EXPECT_EQ(floating.world.state_hash(), before);
   EXPECT_EQ(floating.world.wrenches().size(), 4u);
   floating.world.clear_wrenches(floating.world.find_body("light"));
   floating.world.clear_wrenches(floating.box);
-  EXPECT_FALSE(floating.world.step().failed);
+  EXPECT_FALSE(floating.world.step().outcome.failed);
 }
 
 // ---- their work
@@ -303,7 +303,7 @@ TEST(Wrenches, WorkShowsAsDrift) {
   Floating floating(0.01);
   floating.world.add_wrench(force(floating.box, {1.0, 0.0, 0.0}));
   run(floating.world, 10);
-  EXPECT_NEAR(floating.world.report().energy_drift, 1.0, 1e-14);  // all energy came from work
+  EXPECT_NEAR(floating.world.report().energy.drift, 1.0, 1e-14);  // all energy came from work
 }
 
 }  // namespace

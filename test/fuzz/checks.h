@@ -148,7 +148,7 @@ inline bool is_small(const engine::World& world) {
 /// Checks that the numbers of the last step are finite, unless the step failed.
 inline void check_numbers(const engine::World& world) {
   const engine::StepReport& report = world.report();
-  if (report.failed || report.stopped) return;
+  if (report.outcome.failed || report.outcome.stopped) return;
   for (const engine::BodyId id : world.body_ids()) {
     const engine::BodyState& state = world.state(id);
     require(state.position.allFinite() && state.orientation.coeffs().allFinite() &&
@@ -168,11 +168,12 @@ inline void check_numbers(const engine::World& world) {
   for (const engine::Contact& contact : world.contacts())
     require(contact.position.allFinite() && contact.force.allFinite(),
             "a contact is not finite and the step has not failed");
-  require(std::isfinite(report.energy) && std::isfinite(report.energy_drift) &&
-              std::isfinite(report.energy_rise) && std::isfinite(report.max_constraint_error) &&
-              std::isfinite(report.max_penetration) && !std::isinf(report.local_error) &&
-              std::isfinite(report.correction_work) && std::isfinite(report.driven_work) &&
-              std::isfinite(report.projected_energy) && std::isfinite(report.solver_residual),
+  require(std::isfinite(report.energy.total) && std::isfinite(report.energy.drift) &&
+              std::isfinite(report.energy.rise) && std::isfinite(report.joints.max_error) &&
+              std::isfinite(report.contacts.max_penetration) && !std::isinf(report.local_error) &&
+              std::isfinite(report.energy.correction_work) &&
+              std::isfinite(report.energy.driven_work) && std::isfinite(report.energy.projected) &&
+              std::isfinite(report.contacts.solver_residual),
           "a number of the report is not finite and the step has not failed");
   require(std::isfinite(world.energy()), "the energy is not finite and the step has not failed");
 }
@@ -187,7 +188,7 @@ inline void step(Watchdog* watchdog, std::chrono::microseconds interval, engine:
   const engine::StepReport report = world->step();
   world->set_stop_flag(nullptr);
   hash->forget();
-  if (report.failed || report.stopped)
+  if (report.outcome.failed || report.outcome.stopped)
     require(world->time() == time && world->step_count() == count,
             "the time has changed in a step that failed or was stopped");
   else

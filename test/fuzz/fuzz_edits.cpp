@@ -281,7 +281,7 @@ class Editor {
   void step(World* world, fuzz::KnownHash* hash) {
     if (stopped_steps_ >= kMostStoppedSteps) return;
     fuzz::step(&watchdog(), fuzz::step_interval(digest_, stopped_steps_), world, hash);
-    if (world->report().stopped) ++stopped_steps_;
+    if (world->report().outcome.stopped) ++stopped_steps_;
   }
 
   /// Tries an edit; a rejected one must leave the world unchanged.

@@ -257,8 +257,8 @@ inline void ServiceNode::step(std::uint32_t steps) {
       follower_.before_step(driver, 1.0);
     });
     fuzz::step(&watchdog(), step_interval(digest_, stopped_steps_), &world_, &hash_);
-    if (world_.report().stopped) ++stopped_steps_;
-    if (world_.report().failed) commands_.end("a step that failed");
+    if (world_.report().outcome.stopped) ++stopped_steps_;
+    if (world_.report().outcome.failed) commands_.end("a step that failed");
   }
 }
 

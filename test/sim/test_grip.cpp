@@ -43,7 +43,7 @@ void drag_two_metres(World* world, const std::string& name) {
     drag(world, name, start + way * Vector3d::UnitX());
     for (int tick = 0; tick < 5; ++tick) {
       world->step();
-      ASSERT_FALSE(world->report().failed);
+      ASSERT_FALSE(world->report().outcome.failed);
     }
   }
 }

@@ -23,7 +23,7 @@ TEST(TickStatistics, KeepTheWorstAndTheSlowestOfAnInterval) {
   double worst = 0.0;
   for (const double seconds : {0.1, 0.3, 0.2}) {
     world.step();
-    worst = std::max(worst, world.report().max_constraint_error);
+    worst = std::max(worst, world.report().joints.max_error);
     ticks.add(world, seconds);
   }
   EXPECT_EQ(ticks.ticks, 3u);

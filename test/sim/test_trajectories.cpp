@@ -88,7 +88,7 @@ TEST(Trajectories, MotorsAreOnTheSpline) {
     ASSERT_NEAR(position(world, "elbow"), elbow.at(world.time()), 1e-12) << i;
   }
   EXPECT_TRUE(trajectories.empty());
-  EXPECT_LT(world.report().max_constraint_error, 1e-12);
+  EXPECT_LT(world.report().joints.max_error, 1e-12);
 }
 
 // Motors that have little more force than the motion takes are on the spline as well, with friction

@@ -86,7 +86,7 @@ TEST(FiveRobots, HoldTheirPoses) {
       double most = 0.0;
       for (int i = 0; i < static_cast<int>(5.0 * rate); ++i) {
         world.step();
-        ASSERT_FALSE(world.report().failed);
+        ASSERT_FALSE(world.report().outcome.failed);
         for (const engine::JointId id : driven(world))
           most = std::max(most, std::abs(position(world, id) - position(first, id)));
       }
@@ -131,7 +131,7 @@ TEST(FiveRobots, FollowTrajectories) {
       for (int i = 0; i < static_cast<int>((rate > 500.0 ? 0.3 : 2.1) * rate); ++i) {
         trajectories.before_step(&world);
         world.step();
-        ASSERT_FALSE(world.report().failed);
+        ASSERT_FALSE(world.report().outcome.failed);
         double& largest = world.time() < 2.0 + 1e-9 ? most : most_after;
         for (const engine::JointId id : driven(world))
           largest = std::max(largest,

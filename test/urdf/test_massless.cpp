@@ -121,8 +121,8 @@ TEST(Massless, ACrossBetweenHingesIsAUniversalJoint) {
   joint.axis_b = Vector3d::UnitY();
   universal.add_joint(joint);
   for (int i = 0; i < 200; ++i) {
-    ASSERT_FALSE(hinges.step().failed);
-    ASSERT_FALSE(universal.step().failed);
+    ASSERT_FALSE(hinges.step().outcome.failed);
+    ASSERT_FALSE(universal.step().outcome.failed);
   }
   const Vector3d found = hinges.state(hinges.find_body("foot/com")).position;
   const Vector3d expected = universal.state(universal.find_body("foot/com")).position;
@@ -151,7 +151,7 @@ TEST(Massless, LinksOfAPlanarBaseMoveAlongIt) {
   engine::BodyState state = world.state(world.find_body("base/com"));
   state.angular_velocity = {0.0, 0.0, 2.0};
   world.set_state(world.find_body("base/com"), state);
-  for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().failed);
+  for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().outcome.failed);
   const double x = 0.5 * 9.81 * std::sin(0.3);
   EXPECT_NEAR(position_of(world, "x"), x, 3e-4 * x);
   EXPECT_NEAR(position_of(world, "y"), 0.0, 1e-9);
@@ -251,7 +251,7 @@ TEST(Massless, ATrunkStandsOnAMasslessAnkle) {
   const Vector3d before = world.state(world.find_body("trunk/com")).position;
   double force = 0.0;
   for (int i = 0; i < 400; ++i) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     force = 0.0;
     for (const engine::Contact& contact : world.contacts()) force += contact.normal_force;
   }
@@ -367,7 +367,7 @@ TEST(Massless, RandomRobotsLoadOrAreRejectedByName) {
         before[joint] = position_of(world, joint);
     bool is_touched = false;
     for (int i = 0; i < 20; ++i) {
-      ASSERT_FALSE(world.step().failed) << random.text;
+      ASSERT_FALSE(world.step().outcome.failed) << random.text;
       // sequential_impulses holds motors to its iterations alone
       is_touched = is_touched || !world.contacts().empty() ||
                    engine::explain(world).find("sequential_impulses, why") != std::string::npos;

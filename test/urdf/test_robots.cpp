@@ -40,7 +40,7 @@ TEST(Robots, TheArmRestsWhereItsLinksTouch) {
   for (int i = 0; i < 30; ++i) world.step();
   for (int i = 0; i < 5; ++i) {
     const engine::StepReport& report = world.step();
-    EXPECT_EQ(report.substeps + report.rejected + report.events, 0u);
+    EXPECT_EQ(report.costs.substeps + report.costs.rejected + report.costs.events, 0u);
     ASSERT_EQ(world.contacts().size(), 4u);
     for (const engine::Contact& contact : world.contacts())
       EXPECT_GT(contact.force.dot(contact.normal), 0.0);
@@ -182,8 +182,8 @@ TEST(Robots, JointsHoldToRounding) {
       double most = 0.0;
       for (int i = 0; i < static_cast<int>(2.0 * rate); ++i) {
         world.step();
-        ASSERT_FALSE(world.report().failed);
-        most = std::max(most, world.report().max_constraint_error);
+        ASSERT_FALSE(world.report().outcome.failed);
+        most = std::max(most, world.report().joints.max_error);
       }
       EXPECT_LT(most, 1e-12) << held.robot << " at " << rate << " Hz";
     }
@@ -222,10 +222,10 @@ TEST(Robots, FollowTrajectories) {
     for (int i = 0; i < 60; ++i) {
       trajectories.before_step(&world);
       world.step();
-      ASSERT_FALSE(world.report().failed);
+      ASSERT_FALSE(world.report().outcome.failed);
       EXPECT_NEAR(position_of(world, way.first), splines[0].at(world.time()), 1e-12) << i;
       EXPECT_NEAR(position_of(world, way.second), splines[1].at(world.time()), 1e-12) << i;
-      EXPECT_LT(world.report().max_constraint_error, 1e-12) << i;
+      EXPECT_LT(world.report().joints.max_error, 1e-12) << i;
     }
     EXPECT_TRUE(trajectories.empty());
   }
@@ -262,7 +262,7 @@ TEST(Robots, HoldTheirPoses) {
       double most = 0.0;
       for (int i = 0; i < static_cast<int>(5.0 * rate); ++i) {
         world.step();
-        ASSERT_FALSE(world.report().failed);
+        ASSERT_FALSE(world.report().outcome.failed);
         if (!held.fixed && world.time() < 1.0) continue;
         for (const engine::JointId id : world.joint_ids())
           if (engine::coordinates(world.joint(id).kind) > 0)
@@ -326,7 +326,7 @@ TEST(Robots, AnArmWithoutWeightStaysWhereItIsPut) {
       add_robot(shipped_urdf("arm"),
                 with_extra(std::string(kPose) + "\ngravity_compensation: 1", true), &world);
   const World first = world;
-  for (int i = 0; i < 500; ++i) ASSERT_FALSE(world.step().failed);
+  for (int i = 0; i < 500; ++i) ASSERT_FALSE(world.step().outcome.failed);
   for (const engine::BodyId id : world.body_ids())
     EXPECT_LT((world.state(id).position - first.state(id).position).norm(), 1e-12);
   EXPECT_LT(std::abs(world.energy() - first.energy()), 1e-12);
@@ -398,7 +398,7 @@ TEST(Robots, ServosHaveTheFrequencyOfAllThatHangsOnThem) {
                        true),
             &world);
   for (int i = 0; i < 100; ++i) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     ASSERT_NEAR(position_of(world, "a"), 0.1 * std::cos(4.0 * engine::kPi * world.time()), 1e-7);
   }
 }
@@ -478,7 +478,7 @@ void follow(const std::vector<std::string>& joints, const std::vector<double>& e
   trajectories.begin(*world, trajectory);
   while (!trajectories.empty()) {
     trajectories.before_step(world);
-    ASSERT_FALSE(world->step().failed);
+    ASSERT_FALSE(world->step().outcome.failed);
   }
 }
 
@@ -507,7 +507,7 @@ TEST(Robots, PickerCarriesABox) {
     motor.bias = 0.05;
     motor.max_force = 20.0;
     world.set_motor(world.find_joint("left_finger"), motor);
-    for (int i = 0; i < static_cast<int>(1.0 / h); ++i) ASSERT_FALSE(world.step().failed);
+    for (int i = 0; i < static_cast<int>(1.0 / h); ++i) ASSERT_FALSE(world.step().outcome.failed);
     follow({"lift", "turn"}, {0.25, 1.2}, &world);
     const Vector3d exact{0.45 * std::cos(1.2), 0.45 * std::sin(1.2), 0.28};
     off.push_back((world.state(id).position - exact).norm());

@@ -292,7 +292,7 @@ TEST(Urdf, ATableStandsOnItsLegs) {
   const engine::BodyState before = world.state(world.find_body("table/com"));
   double force = 0.0;
   for (int i = 0; i < 200; ++i) {
-    ASSERT_FALSE(world.step().failed);
+    ASSERT_FALSE(world.step().outcome.failed);
     force = 0.0;
     for (const engine::Contact& contact : world.contacts()) force += contact.normal_force;
   }

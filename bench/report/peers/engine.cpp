@@ -123,7 +123,7 @@ class EngineSimulation : public Simulation {
 
   void advance(long ticks, double) override {
     for (long i = 0; i < ticks; ++i)
-      if (world_.step().failed) throw Refused("the engine says that the step failed");
+      if (world_.step().outcome.failed) throw Refused("the engine says that the step failed");
   }
 
   std::string scene() const override { return engine::save_scene(world_); }

@@ -90,91 +90,117 @@ inline constexpr double kDeepOverlapShare = 0.5, kMostOverlapShare = 0.01, kMost
 
 /// Figures of a step: counts, errors and costs.
 struct StepReport {
+  /// Errors of joints.
+  struct Joints {
+    /// Largest |error| [m], without springs and without joints that are being closed.
+    double max_error = 0.0;
+    std::optional<JointId> worst;  ///< joint with `max_error`
+    /// Largest |error| of joints that are being closed after an edit, or after a motor was sent to
+    /// a position [m].
+    double closing_error = 0.0;
+    std::optional<JointId> worst_closing;  ///< joint with `closing_error`
+    /// Joints off by more than kUnclosedError or kUnclosedAngle that are not being closed.
+    std::uint32_t unclosed = 0;
+    std::optional<JointId> worst_unclosed;  ///< unclosed joint with the largest error
+    std::uint32_t broken = 0;               ///< joints that broke in this step
+    std::uint32_t dependent_rows = 0;       ///< largest number of redundant equations at any time
+  };
+
+  /// Energy and its balance.
+  struct Energy {
+    /// Kinetic energy, plus potential energy of gravity (0 at z = 0) and of springs [J]; without
+    /// velocities that only correct errors in this step.
+    double total = 0.0;
+    /// Change of energy since the last edit over the largest kinetic energy since then [1];
+    /// includes the work of motors, wrenches, friction and impacts.
+    double drift = 0.0;
+    /// Unexplained rise of energy above its minimum [J]; 0 within rounding and tolerance.
+    double rise = 0.0;
+    std::optional<BodyId> rise_body;  ///< first body of the island with the largest rise
+    /// Kinetic energy lost when velocities were projected onto the joints, after a change of method
+    /// or an edit [J].
+    double projected = 0.0;
+    /// Work of position corrections [J]: weight times distance where impulses advance islands, and
+    /// the energy added where joints are inconsistent.
+    double correction_work = 0.0;
+    /// Work of wrenches, motors and kinematic bodies where impulses advance islands, and of
+    /// kinematic bodies where contacts are event-driven [J].
+    double driven_work = 0.0;
+  };
+
+  /// Contacts, their errors, and errors of the impulses.
+  struct Contacts {
+    std::uint32_t points = 0;      ///< contact points of awake islands
+    double max_penetration = 0.0;  ///< deepest contact that the step met [m]
+    /// Hits at their times within the step, of fast bodies, and where errors of contacts are
+    /// controlled.
+    std::uint32_t hits = 0;
+    /// First fast body where hits were left out: after kMostHits hits or 1000 parts of the step,
+    /// against a body that was advanced already, or on a path that forces made longer than assumed
+    /// in each repeat of the step; hits left out come late or are missed.
+    std::optional<BodyId> hits_left_body;
+    /// Deepest contact by impulses [m] that stays deeper than 4 g h² and kMostOverlapShare of the
+    /// thinner shape, or is deeper than kDeepOverlapShare.
+    double overlap = 0.0;
+    /// Body of the contact with `overlap`, movable where one is.
+    std::optional<BodyId> overlap_body;
+    /// Farthest slide of a contact by impulses while friction holds it [m], where above
+    /// kMostCreepShare of the thinner shape.
+    double creep = 0.0;
+    /// Body of the contact with `creep`, movable where one is.
+    std::optional<BodyId> creep_body;
+    /// Largest |J V − target| after the sweeps, of velocities or of corrections [m/s].
+    double solver_residual = 0.0;
+    /// With time_stepping, a body whose impulses, and those of all bodies that it is in contact or
+    /// jointed with, were not solved: `solver_residual` exceeds 1e-5 g h, which counts as rest.
+    /// More than 500 bodies in contact are swept and not named; `solver_residual` alone tells their
+    /// error.
+    std::optional<BodyId> unsolved_body;
+    /// Islands whose contacts change from event-driven to impulses.
+    std::uint32_t handed_over = 0;
+    std::optional<BodyId> handed_over_body;  ///< first body of the first such island
+  };
+
+  /// Whether the step was done.
+  struct Outcome {
+    bool failed = false;               ///< the step failed and kept the state before it
+    Failure failure = Failure::kNone;  ///< reason for the failure
+    /// Body with the invalid motion, where a single body is the cause.
+    std::optional<BodyId> failed_body;
+    bool stopped = false;  ///< the stop flag was set, and the step kept the state before it
+  };
+
+  /// Work of the step.
+  struct Costs {
+    std::array<std::uint32_t, kMethodCount> islands{};  ///< islands advanced by each method
+    std::uint32_t asleep = 0;                           ///< islands at rest, which are skipped
+    /// Changes of an island's method, within the step or since the previous one.
+    std::uint32_t method_changes = 0;
+    std::uint32_t substeps = 0;  ///< substeps of all islands
+    std::uint32_t rejected = 0;  ///< rejected substeps
+    /// Sweeps over the rows, and Newton iterations of stiff islands.
+    std::uint32_t iterations = 0;
+    std::uint32_t events = 0;  ///< moments at which a one-sided row began or ceased to act
+    std::uint32_t rows = 0;    ///< scalar equations solved
+    std::uint64_t broadphase_tests = 0;  ///< tests of a bounding box against another
+    std::uint32_t candidate_pairs = 0;   ///< pairs of bodies that passed the broadphase
+    /// Duration of each stage [s]; zero without a clock.
+    std::array<double, kStageCount> stage_times{};
+  };
+
   std::uint64_t step = 0;  ///< steps since the start, this one included
   double time = 0.0;       ///< simulated time after the step [s]
-
-  // ---- errors
-  /// Largest |error| of the joints [m], without springs and without joints that are being closed.
-  double max_constraint_error = 0.0;
-  std::optional<JointId> worst_joint;  ///< joint with `max_constraint_error`
-  /// Largest |error| of joints that are being closed after an edit, or after a motor was sent to a
-  /// position [m].
-  double closing_error = 0.0;
-  std::optional<JointId> closing_joint;  ///< joint with `closing_error`
-  /// Joints off by more than kUnclosedError or kUnclosedAngle that are not being closed.
-  std::uint32_t unclosed_joints = 0;
-  std::optional<JointId> unclosed_joint;  ///< unclosed joint with the largest error
-  double max_penetration = 0.0;           ///< deepest contact that the step met [m]
-  /// Kinetic energy, plus potential energy of gravity (0 at z = 0) and of springs [J]; without
-  /// velocities that only correct errors in this step.
-  double energy = 0.0;
-  /// Change of energy since the last edit over the largest kinetic energy since then [1]; includes
-  /// the work of motors, wrenches, friction and impacts.
-  double energy_drift = 0.0;
-  /// Unexplained rise of energy above its minimum [J]; 0 within rounding and tolerance.
-  double energy_rise = 0.0;
-  std::optional<BodyId> energy_rise_body;  ///< first body of the island with the largest rise
   /// Largest error estimate of an island for this step [m]; NaN where impulses were not solved or
   /// rows of more than 500 bodies were swept, where hits were left out, and where joints contradict
   /// each other.
   double local_error = 0.0;
-  std::uint32_t dependent_rows = 0;  ///< largest number of redundant equations at any time
   /// Bodies that move too fast for the time step: on stiff islands, and on joints by impulses.
   std::uint32_t unresolved_bodies = 0;
-  std::uint32_t torn_joints = 0;  ///< joints that broke in this step
-  /// First fast body where hits were left out: after kMostHits hits or 1000 parts of the step,
-  /// against a body that was advanced already, or on a path that forces made longer than assumed
-  /// in each repeat of the step; hits left out come late or are missed.
-  std::optional<BodyId> hits_left_body;
-  /// Deepest contact by impulses [m] that stays deeper than 4 g h² and kMostOverlapShare of the
-  /// thinner shape, or is deeper than kDeepOverlapShare.
-  double overlap = 0.0;
-  std::optional<BodyId> overlap_body;  ///< body of the contact with `overlap`, movable where one is
-  /// Farthest slide of a contact by impulses while friction holds it [m], where above
-  /// kMostCreepShare of the thinner shape.
-  double creep = 0.0;
-  std::optional<BodyId> creep_body;  ///< body of the contact with `creep`, movable where one is
-  /// With time_stepping, a body whose impulses, and those of all bodies that it is in contact or
-  /// jointed with, were not solved: `solver_residual` exceeds 1e-5 g h, which counts as rest. More
-  /// than 500 bodies in contact are swept and not named; `solver_residual` alone tells their error.
-  std::optional<BodyId> unsolved_body;
-  /// Kinetic energy lost when velocities were projected onto the joints, after a change of method
-  /// or an edit [J].
-  double projected_energy = 0.0;
-  /// Work of position corrections [J]: weight times distance where impulses advance islands, and
-  /// the energy added where joints are inconsistent.
-  double correction_work = 0.0;
-  /// Work of wrenches, motors and kinematic bodies where impulses advance islands, and of kinematic
-  /// bodies where contacts are event-driven [J].
-  double driven_work = 0.0;
-  /// Largest |J V − target| after the sweeps, of velocities or of corrections [m/s].
-  double solver_residual = 0.0;
-  bool failed = false;               ///< the step failed and kept the state before it
-  Failure failure = Failure::kNone;  ///< reason for the failure
-  /// Body with the invalid motion, where a single body is the cause.
-  std::optional<BodyId> failed_body;
-  bool stopped = false;  ///< the stop flag was set, and the step kept the state before it
-
-  // ---- costs
-  std::array<std::uint32_t, kMethodCount> islands{};  ///< number of islands advanced by each method
-  std::uint32_t asleep = 0;                           ///< islands at rest, which are skipped
-  /// Changes of an island's method, within the step or since the previous one.
-  std::uint32_t changes = 0;
-  std::uint32_t handed_over = 0;  ///< islands whose contacts change from event-driven to impulses
-  std::optional<BodyId> handed_over_body;  ///< first body of the first such island
-  std::uint32_t substeps = 0;              ///< substeps of all islands
-  std::uint32_t rejected = 0;              ///< rejected substeps
-  std::uint32_t iterations = 0;  ///< sweeps over the rows, and Newton iterations of stiff islands
-  std::uint32_t events = 0;      ///< moments at which a one-sided row began or ceased to act
-  /// Hits at their times within the step, of fast bodies, and where errors of contacts are
-  /// controlled.
-  std::uint32_t hits = 0;
-  std::uint32_t rows = 0;              ///< scalar equations solved
-  std::uint32_t contacts = 0;          ///< contact points of awake islands
-  std::uint64_t broadphase_tests = 0;  ///< tests of a bounding box against another
-  std::uint32_t candidate_pairs = 0;   ///< pairs of bodies that passed the broadphase
-  /// Duration of each stage [s]; zero without a clock.
-  std::array<double, kStageCount> stage_times{};
+  Joints joints;
+  Energy energy;
+  Contacts contacts;
+  Outcome outcome;
+  Costs costs;
 };
 
 }  // namespace constraint_sim::engine

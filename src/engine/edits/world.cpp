@@ -56,7 +56,7 @@ void World::take_snapshot(World* snapshot) const {
   to.joints_of_bodies = {};
   static_cast<State&>(to) = from;
   to.report = from.report;
-  if (from.report.failure == Failure::kCustom) {
+  if (from.report.outcome.failure == Failure::kCustom) {
     to.failed_joint = from.failed_joint;
     to.failed_why = from.failed_why;
   }
@@ -192,11 +192,12 @@ void World::Impl::forget_contacts() {
 void World::Impl::forget_unknown_ids() {
   const auto is_gone = [&](auto id) { return find(id) < 0; };
   for (std::optional<BodyId>* body :
-       {&report.energy_rise_body, &report.hits_left_body, &report.overlap_body, &report.creep_body,
-        &report.unsolved_body, &report.failed_body, &report.handed_over_body})
+       {&report.energy.rise_body, &report.contacts.hits_left_body, &report.contacts.overlap_body,
+        &report.contacts.creep_body, &report.contacts.unsolved_body, &report.outcome.failed_body,
+        &report.contacts.handed_over_body})
     if (*body && is_gone(**body)) body->reset();
-  for (std::optional<JointId>* joint :
-       {&report.worst_joint, &report.closing_joint, &report.unclosed_joint, &failed_joint})
+  for (std::optional<JointId>* joint : {&report.joints.worst, &report.joints.worst_closing,
+                                        &report.joints.worst_unclosed, &failed_joint})
     if (*joint && is_gone(**joint)) joint->reset();
   std::vector<JointId> unclosed = monitors.unclosed();
   unclosed.erase(std::remove_if(unclosed.begin(), unclosed.end(), is_gone), unclosed.end());

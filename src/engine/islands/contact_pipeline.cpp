@@ -49,8 +49,9 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
       margin += fall_and_way(model.options, now, model.options.time_step);
     add_proxies(model, now, body, margin, &proxies_);
   }
-  report->candidate_pairs = static_cast<std::uint32_t>(broadphase_.find_pairs(proxies_).size());
-  report->broadphase_tests += broadphase_.tests();
+  report->costs.candidate_pairs =
+      static_cast<std::uint32_t>(broadphase_.find_pairs(proxies_).size());
+  report->costs.broadphase_tests += broadphase_.tests();
   if (broadphase_.is_full()) throw StepFailed{Failure::kTooManyPairs};
 }
 
@@ -60,7 +61,7 @@ void ContactPipeline::collide(const StepContext& step, State* state, StepReport*
   is_collided_ = true;
   state->touching.clear();
   if (pairs().empty()) return;
-  const StageTimer timer(step.clock, Stage::kNarrowphase, &report->stage_times);
+  const StageTimer timer(step.clock, Stage::kNarrowphase, &report->costs.stage_times);
   std::size_t points = 0;
   auto before = touching_before_.begin();  // both lists are sorted, so one pass matches them
   for (const Broadphase::Pair& ends : pairs()) {

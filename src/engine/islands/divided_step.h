@@ -24,18 +24,33 @@ struct ImpulseGroup {
   bool is_empty() const { return bodies.empty(); }
 };
 
-/// Adds the results of impulses to a report of a step, or of impulses.
-template <class Report>
-void add_impulses(const ImpulseReport& impulses, Report* report) {
-  report->rows += impulses.rows;
-  report->contacts += impulses.contacts;
-  report->max_penetration = std::max(report->max_penetration, impulses.max_penetration);
-  report->iterations += impulses.iterations;
-  report->solver_residual = std::max(report->solver_residual, impulses.solver_residual);
-  if (impulses.unsolved_body) report->unsolved_body = impulses.unsolved_body;
-  report->driven_work += impulses.driven_work;
-  report->correction_work += impulses.correction_work;
-  for (std::size_t i = 0; i < kStageCount; ++i) report->stage_times[i] += impulses.stage_times[i];
+/// Adds the results of impulses to the sums of other impulses.
+inline void add_impulses(const ImpulseReport& impulses, ImpulseReport* sums) {
+  sums->rows += impulses.rows;
+  sums->contacts += impulses.contacts;
+  sums->max_penetration = std::max(sums->max_penetration, impulses.max_penetration);
+  sums->iterations += impulses.iterations;
+  sums->solver_residual = std::max(sums->solver_residual, impulses.solver_residual);
+  if (impulses.unsolved_body) sums->unsolved_body = impulses.unsolved_body;
+  sums->driven_work += impulses.driven_work;
+  sums->correction_work += impulses.correction_work;
+  for (std::size_t i = 0; i < kStageCount; ++i) sums->stage_times[i] += impulses.stage_times[i];
+}
+
+/// Adds the results of impulses to the report of a step.
+inline void add_impulses(const ImpulseReport& impulses, StepReport* report) {
+  report->costs.rows += impulses.rows;
+  report->contacts.points += impulses.contacts;
+  report->contacts.max_penetration =
+      std::max(report->contacts.max_penetration, impulses.max_penetration);
+  report->costs.iterations += impulses.iterations;
+  report->contacts.solver_residual =
+      std::max(report->contacts.solver_residual, impulses.solver_residual);
+  if (impulses.unsolved_body) report->contacts.unsolved_body = impulses.unsolved_body;
+  report->energy.driven_work += impulses.driven_work;
+  report->energy.correction_work += impulses.correction_work;
+  for (std::size_t i = 0; i < kStageCount; ++i)
+    report->costs.stage_times[i] += impulses.stage_times[i];
 }
 
 /// The contact of two shapes in a list that is sorted; null where there is none.

@@ -44,8 +44,9 @@ void hand_over(const IntegrationStep& in, std::size_t i, MethodReason why) {
   IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
   learn_from_handover(why, state->step_count, model.options, &lists->island_parts[i]);
-  ++report.handed_over;
-  if (!report.handed_over_body) report.handed_over_body = lists->islands[i].first_body;
+  ++report.contacts.handed_over;
+  if (!report.contacts.handed_over_body)
+    report.contacts.handed_over_body = lists->islands[i].first_body;
   report_switch(in, EventKind::kHandedOver, i);
 }
 
@@ -143,7 +144,7 @@ void IslandIntegration::choose_methods(const IntegrationStep& in, bool may_chang
       groups->had_groups() || !groups->is_empty())
     sort_islands(in, reach, sleep, groups);
   groups->end_choice();
-  in.output->report.islands = partition_.islands;
+  in.output->report.costs.islands = partition_.islands;
 }
 
 void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactReach& reach,
@@ -183,7 +184,7 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     const bool changes_way = island.method != before || was_in_group != groups->contains(i);
     if (!changes_way && !parts.is_fresh && !has_woken) continue;
     changed = true;
-    if (!parts.is_fresh && island.method != before) ++report.changes;
+    if (!parts.is_fresh && island.method != before) ++report.costs.method_changes;
     parts.energy.has_changed |=
         !parts.is_fresh && (uses_impulses(island.method) || uses_impulses(before));
     parts.energy.has_changed |= groups->contains(i);  // bodies that touch exchange energy
@@ -244,7 +245,7 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
   StepReport& report = in.output->report;
   const List<int>& smooth = partition_.smooth;
   IntegrationWork work;
-  const StageTimer timer(in.step.clock, Stage::kIntegration, &report.stage_times);
+  const StageTimer timer(in.step.clock, Stage::kIntegration, &report.costs.stage_times);
   if (!entering_.empty()) begin_entering(in);
   if (is_partition_new_) list_time_varying_joints(model, *state, *lists);
   begin_islands(smooth, state->joint_states, lists);
@@ -293,7 +294,7 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
   if (!groups->is_empty()) groups->take_out_contacts(topology, &state->touching);
   if (report_islands(in, *groups, &work)) {
     list_by_method(model, topology, in.awake, *state, *lists);
-    report.islands = partition_.islands;
+    report.costs.islands = partition_.islands;
   }
   return work;
 }
@@ -457,21 +458,21 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
   IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
   bool any_changed = false;
-  report.rows = 0;
+  report.costs.rows = 0;
   for (const int index : partition_.smooth) {
     Island& island = lists->islands[index];
     IslandParts& parts = lists->island_parts[index];
-    report.projected_energy += parts.projected_energy;
+    report.energy.projected += parts.projected_energy;
     work->corrections += parts.correction_work;
     parts.energy.corrections += parts.correction_work;
-    report.changes += parts.changes;
+    report.costs.method_changes += parts.changes;
     any_stiff_ = any_stiff_ || parts.needs_method_choice;
     any_changed = any_changed || parts.changes > 0;
     if (uses_impulses(island.method)) continue;  // rejected within the step
     if (parts.motion >= 0) {
       const IslandMotion& motion = lists->motions[parts.motion];
       const EquationsOfMotion& equations = motion.equations();
-      report.rows += static_cast<std::uint32_t>(equations.rows());
+      report.costs.rows += static_cast<std::uint32_t>(equations.rows());
       island.dependent_rows = static_cast<std::uint32_t>(equations.delassus().dependent());
       island.events = motion.events();
     }
@@ -481,16 +482,16 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
       work->drives += driven;
       parts.energy.corrections += driven;
     }
-    report.events += island.events;
+    report.costs.events += island.events;
     if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
       island.unresolved_bodies = find_unresolved(model, *in.state, in.rollback, parts.members,
                                                  lists->motions[parts.motion], nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
     report.local_error = larger(report.local_error, island.local_error);
-    report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);
-    report.substeps += island.substeps;
-    report.rejected += island.rejected;
-    report.iterations += island.iterations;
+    report.joints.dependent_rows = std::max(report.joints.dependent_rows, island.dependent_rows);
+    report.costs.substeps += island.substeps;
+    report.costs.rejected += island.rejected;
+    report.costs.iterations += island.iterations;
   }
   return any_changed;
 }
@@ -511,7 +512,7 @@ void IslandIntegration::reject(const IntegrationStep& in, std::size_t i, MethodR
   any_refused_ = true;
   ++lists->island_parts[i].changes;
   lists->island_parts[i].energy.has_changed = true;
-  report.rejected += lists->islands[i].rejected;
+  report.costs.rejected += lists->islands[i].rejected;
 }
 
 }  // namespace constraint_sim::engine

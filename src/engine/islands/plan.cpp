@@ -235,20 +235,21 @@ std::vector<StepWarning> step_warnings(const World& world) {
                     std::abs(world.joint_state(id).error)});
   if (const std::optional<BodyId> body = world.gaining_body())
     list.push_back(
-        {StepWarning::Kind::kEnergyRise, world.body(*body).name, world.report().energy_rise});
+        {StepWarning::Kind::kEnergyRise, world.body(*body).name, world.report().energy.rise});
   if (const std::optional<BodyId> body = world.hits_left_body())
     list.push_back({StepWarning::Kind::kHitsLeft, world.body(*body).name,
-                    static_cast<double>(world.report().hits)});
+                    static_cast<double>(world.report().contacts.hits)});
   const StepReport& report = world.report();
   if (!world.has_reported_contacts()) return list;
-  if (report.overlap_body)
-    list.push_back(
-        {StepWarning::Kind::kOverlap, world.body(*report.overlap_body).name, report.overlap});
-  if (report.creep_body)
-    list.push_back({StepWarning::Kind::kCreep, world.body(*report.creep_body).name, report.creep});
-  if (report.unsolved_body)
-    list.push_back({StepWarning::Kind::kUnsolved, world.body(*report.unsolved_body).name,
-                    report.solver_residual});
+  if (report.contacts.overlap_body)
+    list.push_back({StepWarning::Kind::kOverlap, world.body(*report.contacts.overlap_body).name,
+                    report.contacts.overlap});
+  if (report.contacts.creep_body)
+    list.push_back({StepWarning::Kind::kCreep, world.body(*report.contacts.creep_body).name,
+                    report.contacts.creep});
+  if (report.contacts.unsolved_body)
+    list.push_back({StepWarning::Kind::kUnsolved, world.body(*report.contacts.unsolved_body).name,
+                    report.contacts.solver_residual});
   return list;
 }
 

@@ -54,8 +54,12 @@ CONSTRAINT_SIM_FIELDS(Island, a, b, c, d, e, f, g, h, i, j, k, l)
 CONSTRAINT_SIM_FIELDS(WatchedEnergy, a, b, c, d, e, f, g)
 CONSTRAINT_SIM_FIELDS(Monitors::Open, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(Monitors::HeldPair, a, b, c, d, e, f)
-CONSTRAINT_SIM_FIELDS(StepReport, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v,
-                      w, x, y, z, A, B, C, D, E, F, G, H, I, J, K, L, M, N, O, P, Q, R, S, U)
+CONSTRAINT_SIM_FIELDS(StepReport::Joints, a, b, c, d, e, f, g, h)
+CONSTRAINT_SIM_FIELDS(StepReport::Energy, a, b, c, d, e, f, g)
+CONSTRAINT_SIM_FIELDS(StepReport::Contacts, a, b, c, d, e, f, g, h, i, j, k, l)
+CONSTRAINT_SIM_FIELDS(StepReport::Outcome, a, b, c, d)
+CONSTRAINT_SIM_FIELDS(StepReport::Costs, a, b, c, d, e, f, g, h, i, j, k)
+CONSTRAINT_SIM_FIELDS(StepReport, a, b, c, d, e, f, g, h, i)
 CONSTRAINT_SIM_FIELDS(State, a, b, c, d, e, f, g, h, i, j, k, l)
 // Leaves out the options, which snapshots visit before, and the maps by name, which a reader makes.
 template <class T>

@@ -39,8 +39,9 @@ Failure failure_of_motion(const Model& model, const State& state, const List<int
 bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awake,
                    const StepOutput& output) {
   const StepReport& report = output.report;
-  double sum = report.local_error + report.projected_energy + report.correction_work +
-               report.driven_work + report.solver_residual + report.max_penetration;
+  double sum = report.local_error + report.energy.projected + report.energy.correction_work +
+               report.energy.driven_work + report.contacts.solver_residual +
+               report.contacts.max_penetration;
   double squares = 0.0;
   const auto save = [&](double number) { squares += number * number; };
   for (const int j : awake.joints) {

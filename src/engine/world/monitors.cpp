@@ -80,8 +80,8 @@ bool find_worst_joint(const Model& model, const State& state, const List<int>& a
     const double error = std::abs(state.joint_states[j].error);
     if (!acts(model.joints[j], state.joint_states[j]) || !is_rigid(model.joints[j])) continue;
     const bool is_closing = state.joint_states[j].closing;
-    double& largest = is_closing ? worst->closing_error : worst->max_constraint_error;
-    std::optional<JointId>& joint = is_closing ? worst->closing_joint : worst->worst_joint;
+    double& largest = is_closing ? worst->joints.closing_error : worst->joints.max_error;
+    std::optional<JointId>& joint = is_closing ? worst->joints.worst_closing : worst->joints.worst;
     if (joint && error <= largest) continue;
     largest = error;
     joint = model.joint_ids[j];
@@ -97,38 +97,40 @@ void Monitors::set_resting(const Model& model, const State& state, const Resting
   resting_report_ = StepReport{};
   for (std::size_t i = 0; i < lists.islands.size(); ++i) {
     if (!state.asleep[lists.island_parts[i].members.bodies.front()]) continue;
-    ++resting_report_.asleep;
-    resting_report_.dependent_rows =
-        std::max(resting_report_.dependent_rows, lists.islands[i].dependent_rows);
+    ++resting_report_.costs.asleep;
+    resting_report_.joints.dependent_rows =
+        std::max(resting_report_.joints.dependent_rows, lists.islands[i].dependent_rows);
   }
   for (const TouchingPair& pair : state.resting)
     for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k)
-      resting_report_.max_penetration =
-          std::max(resting_report_.max_penetration, pair.manifold.points[k].depth);
+      resting_report_.contacts.max_penetration =
+          std::max(resting_report_.contacts.max_penetration, pair.manifold.points[k].depth);
   find_worst_joint(model, state, resting.joints, &resting_report_);
   resting_energy_ = energy_of(model, state, resting.bodies, resting.joints);
 }
 
 void Monitors::measure(const MonitorInput& in, IslandLists* lists, StepReport* report) {
-  report->asleep = resting_report_.asleep;
-  report->dependent_rows = std::max(report->dependent_rows, resting_report_.dependent_rows);
-  report->max_penetration = std::max(report->max_penetration, resting_report_.max_penetration);
-  report->max_constraint_error = resting_report_.max_constraint_error;
-  report->worst_joint = resting_report_.worst_joint;
-  report->closing_error = resting_report_.closing_error;
-  report->closing_joint = resting_report_.closing_joint;
+  report->costs.asleep = resting_report_.costs.asleep;
+  report->joints.dependent_rows =
+      std::max(report->joints.dependent_rows, resting_report_.joints.dependent_rows);
+  report->contacts.max_penetration =
+      std::max(report->contacts.max_penetration, resting_report_.contacts.max_penetration);
+  report->joints.max_error = resting_report_.joints.max_error;
+  report->joints.worst = resting_report_.joints.worst;
+  report->joints.closing_error = resting_report_.joints.closing_error;
+  report->joints.worst_closing = resting_report_.joints.worst_closing;
   const bool is_any_askew = find_worst_joint(in.model, in.state, in.awake.joints, report);
   const Energy now = energy_of(in.model, in.state, in.awake.bodies, in.awake.joints);
   largest_kinetic_energy_ = std::max(largest_kinetic_energy_, now.kinetic);
-  report->energy = now.kinetic + now.potential + resting_energy_.potential;
+  report->energy.total = now.kinetic + now.potential + resting_energy_.potential;
   if (largest_kinetic_energy_ > 0.0) {
     constexpr double kMost = std::numeric_limits<double>::max();
-    const double drift = (report->energy - reference_energy_) / largest_kinetic_energy_;
-    report->energy_drift = std::clamp(drift, -kMost, kMost);  // the divisor may be denormal
+    const double drift = (report->energy.total - reference_energy_) / largest_kinetic_energy_;
+    report->energy.drift = std::clamp(drift, -kMost, kMost);  // the divisor may be denormal
   }
-  if (report->failed || report->stopped) return;
+  if (report->outcome.failed || report->outcome.stopped) return;
   if (is_any_askew ||
-      std::max(report->max_constraint_error, report->closing_error) > kLeastUnclosed ||
+      std::max(report->joints.max_error, report->joints.closing_error) > kLeastUnclosed ||
       !open_.empty())
     watch_joints(in, *lists, report);
   if (!in.partition.impulse_joints.empty()) {
@@ -172,15 +174,15 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
 
 void Monitors::watch_energy(const MonitorInput& in, IslandLists* lists, StepReport* report) {
   if (!in.partition.impulse_bodies.empty())
-    booked_ += report->correction_work + report->driven_work;
+    booked_ += report->energy.correction_work + report->energy.driven_work;
   if (!in.partition.smooth.empty()) {
-    report->correction_work += integrated_corrections_;
-    report->driven_work += integrated_drives_;
+    report->energy.correction_work += integrated_corrections_;
+    report->energy.driven_work += integrated_drives_;
   }
   if (++steps_ >= kWindow) compare_energies(in, lists);
   if (energy_rise_ == 0.0) return;
-  report->energy_rise = energy_rise_;
-  report->energy_rise_body = energy_rise_body_;
+  report->energy.rise = energy_rise_;
+  report->energy.rise_body = energy_rise_body_;
 }
 
 // Returns the gain of energy of an island since the last comparison [J], and begins the next
@@ -313,9 +315,9 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
     unclosed_.push_back(now.id);
     if (error <= worst) continue;
     worst = error;
-    report->unclosed_joint = now.id;
+    report->joints.worst_unclosed = now.id;
   }
-  report->unclosed_joints = static_cast<std::uint32_t>(unclosed_.size());
+  report->joints.unclosed = static_cast<std::uint32_t>(unclosed_.size());
 }
 
 // Finds contacts by impulses that overlap or creep, which error estimates of steps do not name.
@@ -361,9 +363,9 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
       now.overlapping = h + (is_known ? before->overlapping : 0.0);
       const bool is_reported =
           now.overlapping >= patience || deepest > std::max(sunk, kDeepOverlapShare * thinner);
-      if (is_reported && deepest > report->overlap) {
-        report->overlap = deepest;
-        report->overlap_body = movable;
+      if (is_reported && deepest > report->contacts.overlap) {
+        report->contacts.overlap = deepest;
+        report->contacts.overlap_body = movable;
       }
     }
     if (sticks) {
@@ -373,9 +375,9 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
       const bool has_moved = has_moved_[pair.a] != 0 || has_moved_[pair.b] != 0;
       const double most =
           std::max(thinner * (has_moved ? kMostSlipShare : kMostCreepShare), kMostCrept * sunk);
-      if (slid > most && slid > report->creep) {
-        report->creep = slid;
-        report->creep_body = movable;
+      if (slid > most && slid > report->contacts.creep) {
+        report->contacts.creep = slid;
+        report->contacts.creep_body = movable;
       }
     }
     held_.push_back(now);

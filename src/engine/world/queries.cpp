@@ -109,11 +109,11 @@ World::JointWrench World::joint_wrench(JointId id) const {
 
 const StepReport& World::report() const { return impl_->report; }
 std::optional<JointId> World::failed_joint() const {
-  if (impl_->report.failure != Failure::kCustom) return std::nullopt;
+  if (impl_->report.outcome.failure != Failure::kCustom) return std::nullopt;
   return impl_->failed_joint;
 }
 std::string World::failed_why() const {
-  return impl_->report.failure == Failure::kCustom ? impl_->failed_why : "";
+  return impl_->report.outcome.failure == Failure::kCustom ? impl_->failed_why : "";
 }
 const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
 const std::vector<Event>& World::events() const { return impl_->events; }
@@ -144,18 +144,18 @@ std::vector<BodyId> World::unresolved_bodies() const {
 }
 
 std::vector<JointId> World::unclosed_joints() const {
-  if (impl_->edits.is_edited() || impl_->report.unclosed_joints == 0) return {};
+  if (impl_->edits.is_edited() || impl_->report.joints.unclosed == 0) return {};
   return impl_->monitors.unclosed();
 }
 
 std::optional<BodyId> World::gaining_body() const {
   if (impl_->edits.is_edited()) return std::nullopt;
-  return impl_->report.energy_rise_body;
+  return impl_->report.energy.rise_body;
 }
 
 std::optional<BodyId> World::hits_left_body() const {
   if (impl_->edits.is_edited()) return std::nullopt;
-  return impl_->report.hits_left_body;
+  return impl_->report.contacts.hits_left_body;
 }
 
 bool World::has_reported_contacts() const { return !impl_->edits.is_edited(); }

@@ -91,9 +91,9 @@ struct VerifiedRun {
     if (before_tick) before_tick(world);
     for (int k = 0; k < steps; ++k) {
       const StepReport& report = world.step();
-      if (report.stopped) end = "stopped";
-      if (report.failed)
-        end = "failed after " + shortest(world.time()) + " s: " + to_string(report.failure);
+      if (report.outcome.stopped) end = "stopped";
+      if (report.outcome.failed)
+        end = "failed after " + shortest(world.time()) + " s: " + to_string(report.outcome.failure);
       if (!end.empty()) return;
       add_estimates();
     }
@@ -190,7 +190,7 @@ class Verification {
       other_half_.step(options_.before_tick, 2);
       twin_.step(options_.before_tick, 1);
       for (const VerifiedRun* of : {&base_, &half_, &other_, &other_half_, &twin_})
-        report_.stopped |= of->world.report().stopped;
+        report_.stopped |= of->world.report().outcome.stopped;
       if (report_.stopped) break;
       if (!base_.end.empty()) {
         report_.failure = base_.end;

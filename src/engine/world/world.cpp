@@ -67,7 +67,7 @@ void World::Impl::fail_by(const CustomFailure& failed) {
     restore_state_before(Failure::kCustom);
   else
     abandon_step();
-  report.failure = Failure::kCustom;
+  report.outcome.failure = Failure::kCustom;
   failed_why = failed.what();
   failed_joint.reset();
   const auto found = joint_by_name.find(failed.joint_name);
@@ -82,7 +82,7 @@ void World::Impl::abandon_step() {
   edits.note_topology();
   edits.note_all();
   report = StepReport{};
-  report.failed = true;
+  report.outcome.failed = true;
   report.step = step_count;
   report.time = time();
 }
@@ -188,10 +188,11 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
                         integration.partition().impulse_joints, *this, acting_wrenches, &pipeline,
                         &sequential_impulses, this);
     add_impulses(controlled.impulses, &report);
-    report.substeps += controlled.substeps;
-    report.rejected += controlled.rejected;
-    report.hits += controlled.hits;
-    if (controlled.left_body) report.hits_left_body = body_ids[to_index(*controlled.left_body)];
+    report.costs.substeps += controlled.substeps;
+    report.costs.rejected += controlled.rejected;
+    report.contacts.hits += controlled.hits;
+    if (controlled.left_body)
+      report.contacts.hits_left_body = body_ids[to_index(*controlled.left_body)];
     return;
   }
   if (!continuous.fast_bodies().empty() &&
@@ -201,8 +202,8 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
         continuous.advance(step, *this, sleep.awake(), pipeline.moving_shapes(), acting_wrenches,
                            pipeline.broadphase(), &sequential_impulses, this);
     add_impulses(hits.impulses, &report);
-    report.hits += hits.hits;
-    if (hits.has_left_any) report.hits_left_body = body_ids[continuous.first_body()];
+    report.contacts.hits += hits.hits;
+    if (hits.has_left_any) report.contacts.hits_left_body = body_ids[continuous.first_body()];
     if (continuous.others().is_empty()) return;
     const auto is_spent = [&](const ActingWrench& wrench) {
       return continuous.divides(static_cast<int>(wrench.body));
@@ -215,8 +216,8 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
 
 void World::Impl::finish_impulses(const StepContext& step) {
   if (!control.is_used() && (!continuous.is_divided() || !continuous.others().is_empty()))
-    report.correction_work += sequential_impulses.finish(*this, impulse_step(step), this);
-  if (continuous.is_divided()) report.contacts += continuous.return_contacts(this);
+    report.energy.correction_work += sequential_impulses.finish(*this, impulse_step(step), this);
+  if (continuous.is_divided()) report.contacts.points += continuous.return_contacts(this);
   for (const int j : integration.partition().impulse_joints)
     if (joint_states[j].broken) mark_broken(to_index(j));
 }
@@ -237,7 +238,7 @@ void World::Impl::set_estimates(const StepContext& step) {
     double& error = islands[island_of(body)].local_error;
     error = larger(error, control.is_used() ? control.error_of(body)
                                             : sequential_impulses.error_of(to_index(body)));
-    if (report.hits_left_body && continuous.divides(body)) error = kUnknown;
+    if (report.contacts.hits_left_body && continuous.divides(body)) error = kUnknown;
   }
   for (const auto& [pair, depth] : unseen.find(step, rollback, *this))
     for (const int body : {pair.first, pair.second})
@@ -263,20 +264,21 @@ ImpulseStep World::Impl::impulse_step(const StepContext& step) const {
 
 void World::Impl::advance_kinematic_bodies() {
   if (sleep.awake().kinematic.empty()) return;
-  const StageTimer timer(clock, Stage::kPositions, &report.stage_times);
+  const StageTimer timer(clock, Stage::kPositions, &report.costs.stage_times);
   advance_kinematic(sleep.awake().kinematic, options.time_step, states);
 }
 
 void World::Impl::finish_step(const StepContext& step) {
   if (is_set(stop)) {
     restore_state_before(Failure::kNone);
-    report.failed = false;
-    report.stopped = true;
+    report.outcome.failed = false;
+    report.outcome.stopped = true;
     return;
   }
   const AwakeSets& awake = sleep.awake();
   if (!awake.bodies.empty()) {
-    const Failure failure = failure_of_motion(*this, *this, awake.bodies, &report.failed_body);
+    const Failure failure =
+        failure_of_motion(*this, *this, awake.bodies, &report.outcome.failed_body);
     if (failure != Failure::kNone) throw StepFailed{failure};
   }
   if (!integration.partition().impulse_bodies.empty()) finish_impulses(step);
@@ -316,8 +318,8 @@ void World::Impl::restore_state_before(Failure why) {
   restart_all();
   contacts.resize(resting_contacts);
   events.clear();
-  report.failed = true;
-  report.failure = why;
+  report.outcome.failed = true;
+  report.outcome.failure = why;
   report.step = step_count;
   report.time = time();
 }
@@ -335,7 +337,7 @@ void World::Impl::mark_broken(std::size_t j) {
   }
   edits.note_topology();
   edits.note_islands_of(*this, joints[j]);
-  ++report.torn_joints;
+  ++report.joints.broken;
 }
 
 // Reports that a joint broke, at the end of the step, unless event_driven reported an earlier time.

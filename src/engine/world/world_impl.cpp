@@ -75,7 +75,7 @@ void World::Impl::list_resting(const RestingSets& resting_sets) {
 // widened until no group grows any more (ContactReach).
 void World::Impl::run_broadphase(const StepContext& step) {
   const List<int>& shapes = pipeline.moving_shapes();
-  const StageTimer timer(step.clock, Stage::kBroadphase, &report.stage_times);
+  const StageTimer timer(step.clock, Stage::kBroadphase, &report.costs.stage_times);
   continuous.find_fast_bodies(step, *this, shapes);
   if (!follows_contacts(options))
     return pipeline.find_pairs(step, *this, continuous.fast_bodies(), nullptr, &report);
@@ -136,11 +136,11 @@ bool World::Impl::has_missed_any(const StepContext& step) {
                           reach,
                           groups,
                           continuous,
-                          report.hits_left_body.has_value()};
+                          report.contacts.hits_left_body.has_value()};
   const std::optional<int> body = assumed.find_missed(moved, pipeline.broadphase());
   if (!body) return false;
   if (!assumed.lengthen(bodies.size())) {
-    report.hits_left_body = body_ids[to_index(*body)];
+    report.contacts.hits_left_body = body_ids[to_index(*body)];
     return false;
   }
   return_to_start();
@@ -162,9 +162,9 @@ void World::Impl::return_to_start() {
   for (const int i : sleep.awake().islands)
     if (island_parts[i].motion >= 0) motions[island_parts[i].motion].forget();
   events.clear();
-  const auto times = report.stage_times;
+  const auto times = report.costs.stage_times;
   report = StepReport{};
-  report.stage_times = times;
+  report.costs.stage_times = times;
 }
 
 // Reads the coordinates of a joint that couples, and its force in the step.
@@ -243,9 +243,10 @@ void World::Impl::report_contact_groups(JointStep step) {
   }
   for (std::size_t i = first; i < touching.size(); ++i) {
     const Manifold& manifold = touching[i].manifold;
-    report.contacts += static_cast<std::uint32_t>(manifold.count);
+    report.contacts.points += static_cast<std::uint32_t>(manifold.count);
     for (std::size_t k = 0; k < to_index(manifold.count); ++k)
-      report.max_penetration = std::max(report.max_penetration, manifold.points[k].depth);
+      report.contacts.max_penetration =
+          std::max(report.contacts.max_penetration, manifold.points[k].depth);
   }
   std::sort(touching.begin(), touching.end(), TouchingPair::in_order);
 }

@@ -63,7 +63,7 @@ struct ImpulseReport {
   double solver_residual = 0.0;         ///< [m/s]
   double driven_work = 0.0;             ///< work of wrenches, motors and kinematic bodies [J]
   double correction_work = 0.0;         ///< work of position corrections [J]
-  std::optional<BodyId> unsolved_body;  ///< StepReport::unsolved_body
+  std::optional<BodyId> unsolved_body;  ///< StepReport::Contacts::unsolved_body
   bool has_swept = false;               ///< whether rows were swept, for there were too many
   StageTimes stage_times{};             ///< [s]
 };

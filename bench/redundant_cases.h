@@ -74,7 +74,7 @@ struct Figures {
   double peak_kinetic = 0.0;  // [J]
   double scale = 0.0;         // sum of |energy| terms [J]
   double round_off = 0.0;     // rounding of joints [m]
-  double lost = 0.0;          // sum of projected_energy [J]
+  double lost = 0.0;          // sum of StepReport::Energy::projected [J]
   std::uint32_t changes = 0;  // changes of method
   bool has_failed = false;    // a step failed, or an island was taken for contradictory
 };

@@ -196,6 +196,16 @@ class Event(TypedDict):
     impulse: float             # impulse of the impact at the event [N s or N m s]
 
 
+class StepWarning(TypedDict):
+    kind: str                  # unclosed, energy_rise, hits_left, overlap, creep, unsolved, unresolved, handed_over
+    name: str                  # joint of unclosed, else first or worst body
+    value: float               # figure of the warning
+    unit: str                  # unit of the value; '' for numbers of hits, bodies or islands
+    advice: str                # remedy
+    is_notice: bool            # the result is still trustworthy
+    text: str                  # one line with the advice
+
+
 class RobotCoordinate(TypedDict):
     name: str                  # unique in the robot
     joint: Optional[str]       # None: of a free base
@@ -831,6 +841,11 @@ class World:
         impact [N s or N m s]."""
     def unresolved_bodies(self) -> List[str]:
         """Names of bodies of stiff islands that the last step was too long to resolve."""
+    def step_warnings(self) -> List[StepWarning]:
+        """Warnings of the last step, as dicts: kind ('unclosed', 'energy_rise', 'hits_left',
+        'overlap', 'creep', 'unsolved', 'unresolved', 'handed_over'), name of the joint or body,
+        value, unit ('' of a number), advice, is_notice where the result is still trustworthy, and
+        text, one line with the advice. Empty between an edit and the next step."""
     def explain(self) -> str:
         """Plan: what the world uses, what it leaves out and why, as YAML."""
     def left_out(self) -> List[str]:

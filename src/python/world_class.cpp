@@ -66,6 +66,19 @@ py::dict event_dict(const engine::World& world, const engine::Event& event) {
   return dict;
 }
 
+py::dict warning_dict(const engine::StepWarning& warning) {
+  const engine::WarningInfo& info = engine::info(warning.kind);
+  py::dict dict;
+  dict["kind"] = info.name;
+  dict["name"] = warning.name;
+  dict["value"] = warning.value;
+  dict["unit"] = info.unit;
+  dict["advice"] = info.advice;
+  dict["is_notice"] = info.is_notice;
+  dict["text"] = engine::with_advice(warning);
+  return dict;
+}
+
 // ---- the world
 
 using Class = WorldClass;
@@ -297,6 +310,18 @@ void define_lists(Class* world) {
         return names;
       },
       "Names of bodies of stiff islands that the last step was too long to resolve.");
+  world->def(
+      "step_warnings",
+      [](const SharedWorld& self) {
+        py::list list;
+        for (const engine::StepWarning& warning : self.read().warnings())
+          list.append(warning_dict(warning));
+        return list;
+      },
+      "Warnings of the last step, as dicts: kind ('unclosed', 'energy_rise', 'hits_left', "
+      "'overlap', 'creep', 'unsolved', 'unresolved', 'handed_over'), name of the joint or body, "
+      "value, unit ('' of a number), advice, is_notice where the result is still trustworthy, and "
+      "text, one line with the advice. Empty between an edit and the next step.");
 }
 
 void define_texts(Class* world) {
@@ -307,7 +332,7 @@ void define_texts(Class* world) {
       "left_out", [](const SharedWorld& self) { return engine::left_out(self.read()); },
       "What the world leaves out and why, one line each.");
   world->def(
-      "warnings", [](const SharedWorld& self) { return engine::warnings(self.read()); },
+      "warnings", [](const SharedWorld& self) { return engine::doubtful_settings(self.read()); },
       "What the world has that may not be meant, one line each: inertias that no distribution of "
       "mass has.");
   world->def(

@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/warning.h"
 #include "ros/time_conversions.h"
 
 namespace constraint_sim {
@@ -37,6 +37,9 @@ void warn(DiagnosticStatus* status, const std::string& why) {
   status->level = std::max<std::int8_t>(status->level, DiagnosticStatus::WARN);
   status->message += (status->message.empty() ? "" : "; ") + why;
 }
+
+/// Adds a text that does not change the level.
+void note(DiagnosticStatus* status, const std::string& text) { status->message += "; " + text; }
 
 }  // namespace
 
@@ -122,7 +125,8 @@ Diagnostics::Status Diagnostics::constraints(const World& world) const {
   if (ticks_.max_constraint_error > parameters_.diagnostics_constraint_error)
     warn(&status, ticks_.worst_constraint + " is off by " + shown(ticks_.max_constraint_error));
   if (!unclosed.empty())
-    warn(&status, std::to_string(unclosed.size()) + " inconsistent or not being closed");
+    warn(&status, std::to_string(unclosed.size()) + " inconsistent or not being closed: " +
+                      engine::info(engine::StepWarning::Kind::kUnclosed).advice);
   add(&status, "largest error [m]", shown(ticks_.max_constraint_error));
   add(&status, "worst constraint", ticks_.worst_constraint);
   add(&status, "inconsistent", inconsistent);
@@ -135,9 +139,11 @@ Diagnostics::Status Diagnostics::physics(const World& world, const Stepper& step
   Status status = begin("physics");
   status.message = "goes on";
   if (!stepper.has_failed())
-    for (const engine::StepWarning& warning : engine::step_warnings(world))
-      if (warning.kind != engine::StepWarning::Kind::kUnclosed)  // reported by constraints()
-        warn(&status, engine::to_string(warning));
+    for (const engine::StepWarning& warning : world.warnings()) {
+      if (warning.kind == engine::StepWarning::Kind::kUnclosed) continue;  // see constraints()
+      const bool is_notice = engine::info(warning.kind).is_notice;
+      (is_notice ? note : warn)(&status, engine::with_advice(warning));
+    }
   if (stepper.has_failed()) {
     status.level = Status::ERROR;
     status.message = "failed: " + stepper.failure();

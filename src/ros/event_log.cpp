@@ -4,9 +4,10 @@
 #include <ros/time.h>
 
 #include <cmath>
+#include <iterator>
 #include <utility>
 
-#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/warning.h"
 #include "ros/time_conversions.h"
 
 namespace constraint_sim {
@@ -31,11 +32,13 @@ std::string listed(const std::vector<std::string>& names) {
   return text;
 }
 
+using Kind = engine::StepWarning::Kind;
+
 std::string unresolved(const World& world) {
   std::vector<std::string> names;
   for (const engine::BodyId id : world.unresolved_bodies()) names.push_back(world.body(id).name);
   return "the tick is too long to show the motion of " + listed(names) +
-         ": it is damped away or off; a shorter time_step would show it";
+         ": it is damped away or off";
 }
 
 std::string unclosed(const World& world) {
@@ -45,27 +48,12 @@ std::string unclosed(const World& world) {
          ": these constraints contradict others, or the method cannot hold them";
 }
 
-std::string warning_of(const World& world, engine::StepWarning::Kind kind) {
-  for (const engine::StepWarning& warning : engine::step_warnings(world))
-    if (warning.kind == kind) return engine::to_string(warning);
-  return {};
-}
-
-std::string gaining(const World& world) {
-  const std::string rise = warning_of(world, engine::StepWarning::Kind::kEnergyRise);
-  return rise.empty() ? rise : rise + ": a shorter time_step or a smaller tolerance may keep it";
-}
-
-std::string hitting_too_often(const World& world) {
-  return warning_of(world, engine::StepWarning::Kind::kHitsLeft);
-}
-
 std::string handing_over(const World& world) {
-  const engine::StepReport& report = world.report();
+  const std::optional<engine::BodyId>& body = world.report().contacts.handed_over_body;
   std::string why;
   for (const engine::Island& island : world.islands())
-    if (report.contacts.handed_over_body == island.first_body) why = engine::to_string(island.why);
-  return "contacts of '" + world.body(*report.contacts.handed_over_body).name +
+    if (body == island.first_body) why = engine::to_string(island.why);
+  return "contacts of '" + world.body(*body).name +
          "' and what it touches go from event_driven to time_stepping: " + why;
 }
 
@@ -82,42 +70,37 @@ bool is_beyond_range(const engine::StepReport& report) {
          std::isinf(report.local_error);  // NaN means no estimate
 }
 
-/// A condition of the step report that is logged when it begins and when it ends.
+/// A kind of warning that is logged when it begins and when it ends.
 struct Reported {
-  bool (*holds)(const engine::StepReport&);
-  std::string (*begins)(const World&);  ///< text of the warning
+  Kind kind;
   const char* ends;
+  /// Text of the warning without its advice; null: its text in World::warnings().
+  std::string (*begins)(const World&) = nullptr;
   double patience = 0.0;  ///< simulated time for which it has to hold before it is logged [s]
 };
 
-// Each reported condition is one row.
+// Each reported kind is one row.
 const Reported kReported[] = {
-    {[](const engine::StepReport& report) { return report.unresolved_bodies > 0; }, unresolved,
-     "the tick shows the motion of all bodies again", kUnresolvedFor},
-    {[](const engine::StepReport& report) { return report.joints.unclosed > 0; }, unclosed,
-     "errors are closed, or are being closed, again"},
-    {[](const engine::StepReport& report) { return report.energy.rise > 0.0; }, gaining,
-     "energy no longer rises without a cause"},
-    {[](const engine::StepReport& report) { return report.contacts.hits_left_body.has_value(); },
-     hitting_too_often, "fast bodies no longer hit more often than a tick looks for"},
-    {[](const engine::StepReport& report) { return report.contacts.overlap_body.has_value(); },
-     [](const World& world) { return warning_of(world, engine::StepWarning::Kind::kOverlap); },
-     "contacts by impulses no longer overlap"},
-    {[](const engine::StepReport& report) { return report.contacts.creep_body.has_value(); },
-     [](const World& world) { return warning_of(world, engine::StepWarning::Kind::kCreep); },
-     "contacts by impulses no longer creep"},
-    {[](const engine::StepReport& report) { return report.contacts.unsolved_body.has_value(); },
-     [](const World& world) { return warning_of(world, engine::StepWarning::Kind::kUnsolved); },
-     "impulses are solved again"},
-    {[](const engine::StepReport& report) { return report.contacts.handed_over > 0; }, handing_over,
-     "no more contacts go from event_driven to time_stepping"},
-    {is_beyond_range,
-     [](const World&) {
-       return std::string(
-           "energy or errors are beyond the range of numbers: messages have the largest instead");
-     },
-     "energy and errors are numbers again"},
+    {Kind::kUnresolved, "the tick shows the motion of all bodies again", unresolved,
+     kUnresolvedFor},
+    {Kind::kUnclosed, "errors are closed, or are being closed, again", unclosed},
+    {Kind::kEnergyRise, "energy no longer rises without a cause"},
+    {Kind::kHitsLeft, "fast bodies no longer hit more often than a tick looks for"},
+    {Kind::kOverlap, "contacts by impulses no longer overlap"},
+    {Kind::kCreep, "contacts by impulses no longer creep"},
+    {Kind::kUnsolved, "impulses are solved again"},
+    {Kind::kHandedOver, "no more contacts go from event_driven to time_stepping", handing_over},
 };
+static_assert(std::size(kReported) == engine::kWarningKindCount);
+
+/// Returns the line that a warning begins with.
+std::string line_of(const Reported& reported, const World& world) {
+  if (reported.begins != nullptr)
+    return reported.begins(world) + "; " + engine::info(reported.kind).advice;
+  for (const engine::StepWarning& warning : world.warnings())
+    if (warning.kind == reported.kind) return engine::with_advice(warning);
+  return {};
+}
 
 }  // namespace
 
@@ -131,13 +114,13 @@ void EventLog::stepped(const World& world) {
   const engine::StepReport& report = world.report();
   if (report.outcome.failed) return;  // a failed step fills in no other field
   for (std::size_t i = 0; i < reported_.size(); ++i) {
-    const bool is_now = kReported[i].holds(report);
+    const bool is_now = engine::info(kReported[i].kind).is_in(report);
     held_for_[i] = is_now ? held_for_[i] + world.options().time_step : 0.0;
     const bool holds = is_now && held_for_[i] > kReported[i].patience;
     if (!holds && !reported_[i].has_begun()) continue;
     switch (reported_[i].update(holds, steady_now())) {
       case Condition::Change::kBegan:
-        ROS_WARN("step %lu: %s", world.step_count(), kReported[i].begins(world).c_str());
+        ROS_WARN("step %lu: %s", world.step_count(), line_of(kReported[i], world).c_str());
         break;
       case Condition::Change::kEnded:
         ROS_INFO("step %lu: %s", world.step_count(), kReported[i].ends);
@@ -146,8 +129,27 @@ void EventLog::stepped(const World& world) {
         break;
     }
   }
+  tell_of_range(world);
   if (report.joints.broken > 0) report_broken(world);
   tell_of_return(world);
+}
+
+void EventLog::tell_of_range(const World& world) {
+  const bool holds = is_beyond_range(world.report());
+  if (!holds && !beyond_range_.has_begun()) return;
+  switch (beyond_range_.update(holds, steady_now())) {
+    case Condition::Change::kBegan:
+      ROS_WARN(
+          "step %lu: energy or errors are beyond the range of numbers: messages have the largest "
+          "instead",
+          world.step_count());
+      break;
+    case Condition::Change::kEnded:
+      ROS_INFO("step %lu: energy and errors are numbers again", world.step_count());
+      break;
+    case Condition::Change::kNone:
+      break;
+  }
 }
 
 void EventLog::tell_of_return(const World& world) {

@@ -15,7 +15,7 @@
 namespace constraint_sim {
 
 /// Log lines of the node: one when a condition begins and one when it ends, never one a tick. A
-/// condition that the engine reports is a row of kReported in event_log.cpp. Stepping thread only,
+/// warning that the engine reports is a row of kReported in event_log.cpp. Stepping thread only,
 /// except heard_clock().
 class EventLog {
  public:
@@ -40,6 +40,7 @@ class EventLog {
   };
 
   void report_broken(const World& world);
+  void tell_of_range(const World& world);
   void tell_of_return(const World& world);
   void tell_of_failure(const World& world, const Stepper& stepper);
   void tell_of_dropped_ticks(const World& world, const Stepper& stepper, double now);
@@ -50,6 +51,7 @@ class EventLog {
   std::vector<Condition> reported_;  // one for each row of kReported
   std::vector<double> held_for_;     // simulated time for which each condition has held [s]
   std::set<std::uint32_t> broken_;   // ids of joints known to be broken
+  Condition beyond_range_;           // energy or errors that exceed the range of numbers
   Condition returning_;              // contacts that are event-driven again after impulses
   bool has_failed_ = false;
   Condition dropping_;

@@ -236,13 +236,16 @@ struct Outcome {
   std::set<std::string> unresolved_bodies;
   std::map<std::pair<StepWarning::Kind, std::string>, StepWarning>
       warnings;  ///< each kind and name once, with its largest value
+  std::map<StepWarning::Kind, StepWarning> notices;  ///< each kind once, at its largest value
   bool failed = false;
 };
 
 void add(const StepWarning& warning, Outcome* outcome) {
   StepWarning& known =
-      outcome->warnings.emplace(std::pair(warning.kind, warning.whose), warning).first->second;
-  known.amount = std::max(known.amount, warning.amount);
+      info(warning.kind).is_notice
+          ? outcome->notices.emplace(warning.kind, warning).first->second
+          : outcome->warnings.emplace(std::pair(warning.kind, warning.name), warning).first->second;
+  if (warning.value > known.value) known = warning;
 }
 
 Outcome run(std::uint64_t steps, World* world, OutputFile* csv, OutputFile* constraint_csv) {
@@ -278,9 +281,7 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv, OutputFile* cons
     if (report.unresolved_bodies > 0)
       for (const BodyId id : world->unresolved_bodies())
         outcome.unresolved_bodies.insert(world->body(id).name);
-    if (report.joints.unclosed > 0 || report.energy.rise > 0.0 || report.contacts.hits_left_body ||
-        report.contacts.overlap_body || report.contacts.creep_body || report.contacts.unsolved_body)
-      for (const StepWarning& now : step_warnings(*world)) add(now, &outcome);
+    for (const StepWarning& now : world->warnings()) add(now, &outcome);
     outcome.failed = report.outcome.failed;
     if (csv->is_wanted()) csv->write(csv_rows(*world));
     if (constraint_csv->is_wanted()) constraint_csv->write(constraint_csv_rows(*world));
@@ -314,8 +315,8 @@ std::vector<double> list(const Vector& vector) {
 }
 
 std::vector<std::string> warnings_of(const World& world, const Outcome& outcome) {
-  std::vector<std::string> lines = warnings(world);
-  for (const auto& [key, warning] : outcome.warnings) lines.push_back(to_string(warning));
+  std::vector<std::string> lines = doubtful_settings(world);
+  for (const auto& [key, warning] : outcome.warnings) lines.push_back(with_advice(warning));
   return lines;
 }
 
@@ -339,9 +340,9 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
   std::vector<std::string> unclosed_joints;
   double energy_rise = 0.0;
   for (const auto& [key, warning] : outcome.warnings) {
-    if (warning.kind == StepWarning::Kind::kUnclosed) unclosed_joints.push_back(warning.whose);
+    if (warning.kind == StepWarning::Kind::kUnclosed) unclosed_joints.push_back(warning.name);
     if (warning.kind == StepWarning::Kind::kEnergyRise)
-      energy_rise = std::max(energy_rise, warning.amount);
+      energy_rise = std::max(energy_rise, warning.value);
   }
   return {
       {"steps", world.step_count()},
@@ -397,6 +398,8 @@ void print_summary(const World& world, const Outcome& outcome) {
   if (!outcome.unresolved_bodies.empty())
     std::printf("not resolved           %zu bodies; the report names them\n",
                 outcome.unresolved_bodies.size());
+  for (const auto& [kind, notice] : outcome.notices)
+    std::printf("note                   %s\n", with_advice(notice).c_str());
   std::printf("state hash             %s\n", hash_text(world).c_str());
 }
 
@@ -407,7 +410,7 @@ int run(const Arguments& arguments) {
   const std::uint64_t steps = steps_in(arguments.duration, world.options().time_step);
   if (arguments.explain) std::cout << explain(world) << std::flush;
 
-  for (const std::string& warning : warnings(world))
+  for (const std::string& warning : doubtful_settings(world))
     std::fprintf(stderr, "constraint_sim_run: warning: %s\n", warning.c_str());
 
   stop_on_signals();
@@ -443,7 +446,7 @@ int run(const Arguments& arguments) {
     return kPhysicsFailed;
   }
   for (const auto& [key, warning] : outcome.warnings)
-    std::fprintf(stderr, "constraint_sim_run: warning: %s\n", to_string(warning).c_str());
+    std::fprintf(stderr, "constraint_sim_run: warning: %s\n", with_advice(warning).c_str());
   const bool exceeds = verified && verified->exceeds();
   if (exceeds)
     std::fprintf(stderr,

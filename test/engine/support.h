@@ -47,6 +47,16 @@ inline std::string refusal(const std::function<void()>& attempt) {
   return "";
 }
 
+/// Returns the warnings of the last step without notices.
+inline std::vector<StepWarning> faults_of(const World& world) {
+  std::vector<StepWarning> list = world.warnings();
+  list.erase(
+      std::remove_if(list.begin(), list.end(),
+                     [](const StepWarning& warning) { return info(warning.kind).is_notice; }),
+      list.end());
+  return list;
+}
+
 // ---- worlds
 
 /// Returns number i of several boxes that tumble onto a floor and each other.

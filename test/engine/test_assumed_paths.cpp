@@ -427,7 +427,7 @@ TEST(RepeatedSteps, NameBodiesThatMayStillPassThrough) {
               world.state(wrench.body).position.x() < 0.08);
   if (world.report().contacts.hits_left_body) {
     EXPECT_EQ(world.report().contacts.hits_left_body, wrench.body);
-    EXPECT_EQ(step_warnings(world).size(), 1u);
+    EXPECT_EQ(faults_of(world).size(), 1u);
   }
 }
 

@@ -399,7 +399,7 @@ TEST(Warnings, NameAnInertiaThatNoMassHas) {
     Body body = make_body("a", Sphere{1.0}, 1.0, Vector3d::Zero());
     body.inertia = I;
     world.add_body(body);
-    return warnings(world);
+    return doubtful_settings(world);
   };
   EXPECT_TRUE(inertia({0.0, 0.0, 0.0}).empty());
   EXPECT_TRUE(inertia({1.0, 2.0, 3.0}).empty());  // a plate
@@ -407,7 +407,7 @@ TEST(Warnings, NameAnInertiaThatNoMassHas) {
   ASSERT_EQ(inertia({1.0, 2.0, 4.0}).size(), 1u);
   EXPECT_EQ(inertia({1.0, 2.0, 4.0}).front().rfind("body 'a': inertia (1, 2, 4) is", 0), 0u);
   EXPECT_EQ(inertia({9.0, 2.0, 4.0}).size(), 1u);
-  EXPECT_EQ(warnings(shipped("worked_example")).size(), 2u);
+  EXPECT_EQ(doubtful_settings(shipped("worked_example")).size(), 2u);
 }
 
 }  // namespace

@@ -131,7 +131,7 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
   for (const double h : {0.01, 0.005}) {
     double weight = 0.0;
     World world = balls_that_pass(h, &weight);
-    unsigned handed_over = 0, taken_back = 0, switches = 0;
+    unsigned handed_over = 0, named = 0, taken_back = 0, switches = 0;
     std::set<std::uint32_t> away;  // bodies advanced by impulses, according to events
     bool was_by_impulses = false;
     double booked = 0.0, least = world.energy();
@@ -139,6 +139,10 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
     for (int i = 0; world.time() < 10.0; ++i) {
       const StepReport& report = world.step();
       handed_over += report.contacts.handed_over;
+      for (const StepWarning& warning : world.warnings())
+        named += warning.kind == StepWarning::Kind::kHandedOver
+                     ? static_cast<unsigned>(std::lround(warning.value))
+                     : 0u;
       const bool is_now = is_by_impulses(world);
       // switches alternate for each body, at the beginning of a step
       std::array<unsigned, 2> told{};
@@ -167,6 +171,7 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
       again = read_snapshot(write_snapshot(world));
     }
     EXPECT_GE(handed_over, 6u) << h;
+    EXPECT_EQ(named, handed_over) << h;
     EXPECT_EQ(handed_over, taken_back + away.size()) << h;
     EXPECT_TRUE(away.empty()) << h;
     EXPECT_GE(switches, 2u) << h;

@@ -283,7 +283,7 @@ TEST(Gear, TellsALoopThatContradictsAMotor) {
     bool is_told = false;
     for (int i = 0; i < 300; ++i) {
       wheels.world.step();
-      is_told = is_told || !step_warnings(wheels.world).empty();
+      is_told = is_told || !faults_of(wheels.world).empty();
     }
     EXPECT_TRUE(is_told) << name(method);
     EXPECT_EQ(wheels.world.islands().front().why, MethodReason::kInconsistent) << name(method);

@@ -117,8 +117,8 @@ TEST(FastBodies, TooManyHitsAreToldAndNothingIsPassedThrough) {
   add_wall(&world, {0.06, 0.0, 0.0});
   const BodyId ball = add_ball(&world, {0.0, 0.0, 0.0}, {500.0, 0.0, 0.0}, 1.0);
   EXPECT_EQ(world.step().contacts.hits, kMostHits);
-  ASSERT_EQ(step_warnings(world).size(), 1u);
-  EXPECT_EQ(to_string(step_warnings(world)[0]),
+  ASSERT_EQ(faults_of(world).size(), 1u);
+  EXPECT_EQ(with_advice(faults_of(world)[0]),
             "body 'ball2': it and what it hits met 20 times in a step, and may pass through each "
             "other: take a shorter time_step");
   EXPECT_EQ(world.report().contacts.hits_left_body, ball);
@@ -323,10 +323,10 @@ TEST(FastBodies, AStepOfAWideDiscSaysThatItMayMissHits) {
     if (!report.contacts.hits_left_body) continue;
     is_any_left = true;
     bool is_named = false;
-    for (const StepWarning& warning : step_warnings(world))
+    for (const StepWarning& warning : faults_of(world))
       is_named = is_named || (warning.kind == StepWarning::Kind::kHitsLeft &&
-                              (warning.whose.find("roller") != std::string::npos ||
-                               warning.whose.find("box") != std::string::npos));
+                              (warning.name.find("roller") != std::string::npos ||
+                               warning.name.find("box") != std::string::npos));
     EXPECT_TRUE(is_named);
   }
   EXPECT_TRUE(is_any_left);

@@ -213,8 +213,8 @@ TEST(FastJointedBodies, WhatIsLeftIsTold) {
   add_plate(&world, {40.0, 4.0, kPlate}, {15.0, 0.0, 0.0}, 0.0);
   add_joined_balls(&world, 0.0, 0.5 * kPlate + kBobRadius + 1e-5, 0.0);
   world.step();
-  ASSERT_EQ(step_warnings(world).size(), 1u);
-  EXPECT_EQ(to_string(step_warnings(world)[0]),
+  ASSERT_EQ(faults_of(world).size(), 1u);
+  EXPECT_EQ(with_advice(faults_of(world)[0]),
             "body 'ball0': it, or what it touches, may pass through what it meets within a step: "
             "take a shorter "
             "time_step");

@@ -39,7 +39,7 @@ TEST_P(ImpulseStacks, StandOrAreReported) {
     double moved = 0.0;
     for (int i = 0; i < static_cast<int>(std::lround(GetParam().duration / h)); ++i) {
       ASSERT_FALSE(world.step().outcome.failed);
-      for (const StepWarning& warning : step_warnings(world)) reported.insert(warning.whose);
+      for (const StepWarning& warning : faults_of(world)) reported.insert(warning.name);
       for (std::size_t k = 0; k < start.size(); ++k)
         moved = std::max(moved, (world.state(world.body_ids()[k]).position - start[k]).norm());
     }
@@ -97,8 +97,8 @@ TEST(ImpulseReports, SayNothingOfWhatRests) {
       World world = cylinder_on_floor(h, tilt);
       for (int i = 0; i < static_cast<int>(std::lround(2.0 / h)); ++i) {
         world.step();
-        ASSERT_TRUE(step_warnings(world).empty())
-            << to_string(step_warnings(world).front()) << " at 1/" << 1.0 / h << ", " << i;
+        ASSERT_TRUE(faults_of(world).empty())
+            << to_string(faults_of(world).front()) << " at 1/" << 1.0 / h << ", " << i;
       }
     }
   }

@@ -143,7 +143,7 @@ TEST(RandomCommands, AreNoErrors) {
           << seed << " step " << i << " of " << steps << ", sent at " << sent << " and "
           << sent_again << ", switched at " << switched << " to " << name(options.method);
       ASSERT_EQ(report.joints.unclosed, 0u) << seed << " step " << i;
-      const std::vector<StepWarning> warnings = step_warnings(arm.world);
+      const std::vector<StepWarning> warnings = faults_of(arm.world);
       ASSERT_TRUE(warnings.empty()) << seed << " step " << i << " of " << steps << ", switched at "
                                     << switched << ": " << to_string(warnings.front());
     }

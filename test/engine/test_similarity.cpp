@@ -74,7 +74,7 @@ void expect_similar(Make make, double duration, double tolerance, const std::str
       World other = make(Similar(length), h);
       run(other, ticks);
       EXPECT_LE(difference(one, 1.0, other, length), tolerance);
-      EXPECT_TRUE(step_warnings(other).empty());
+      EXPECT_TRUE(faults_of(other).empty());
     }
   }
 }

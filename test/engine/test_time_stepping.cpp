@@ -280,10 +280,10 @@ TEST(TimeStepping, NamesABodyWhoseImpulsesAreNotSolved) {
     ASSERT_GT(report.contacts.solver_residual, 1e-5 * 9.81 / 60.0) << k;
     ++named;
     bool is_named = false;
-    for (const StepWarning& warning : step_warnings(unsolved))
+    for (const StepWarning& warning : faults_of(unsolved))
       is_named = is_named || (warning.kind == StepWarning::Kind::kUnsolved &&
-                              warning.whose == unsolved.body(*report.contacts.unsolved_body).name &&
-                              warning.amount == report.contacts.solver_residual);
+                              warning.name == unsolved.body(*report.contacts.unsolved_body).name &&
+                              warning.value == report.contacts.solver_residual);
     EXPECT_TRUE(is_named) << k;
   }
   EXPECT_GT(named, 0);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <set>
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
@@ -33,7 +34,7 @@ std::vector<std::string> warnings_within(World world, double seconds) {
   for (long i = 0; i < steps; ++i) {
     if (world.step().outcome.failed) return {to_string(world.report().outcome.failure)};
     std::vector<std::string> lines;
-    for (const StepWarning& warning : step_warnings(world)) lines.push_back(to_string(warning));
+    for (const StepWarning& warning : faults_of(world)) lines.push_back(to_string(warning));
     if (!lines.empty()) return lines;
   }
   return {};
@@ -70,27 +71,27 @@ TEST(Warnings, NamesNothingThatWasRemoved) {
   world.remove({}, {world.find_body("bob"), box, ball});
   EXPECT_FALSE(world.report().contacts.overlap_body || world.report().joints.worst_unclosed ||
                world.report().joints.worst);
-  EXPECT_TRUE(step_warnings(world).empty());
-  EXPECT_TRUE(step_warnings(read_snapshot(write_snapshot(world))).empty());
+  EXPECT_TRUE(world.warnings().empty());
+  EXPECT_TRUE(read_snapshot(write_snapshot(world)).warnings().empty());
 }
 
 TEST(Warnings, NamesRodsThatContradictEachOther) {
   World world = after(two_lengths(), 2.0);
   EXPECT_EQ(world.report().joints.unclosed, 2u);
   ASSERT_EQ(world.unclosed_joints().size(), 2u);
-  const std::vector<StepWarning> list = step_warnings(world);
+  const std::vector<StepWarning> list = faults_of(world);
   ASSERT_EQ(list.size(), 2u);
-  EXPECT_EQ(list[0].whose, "short");
-  EXPECT_EQ(list[1].whose, "long");
+  EXPECT_EQ(list[0].name, "short");
+  EXPECT_EQ(list[1].name, "long");
   for (const StepWarning& warning : list) {
     EXPECT_EQ(warning.kind, StepWarning::Kind::kUnclosed);
-    EXPECT_NEAR(warning.amount, 0.1, 1e-9);  // equal shares of least squares
+    EXPECT_NEAR(warning.value, 0.1, 1e-9);  // equal shares of least squares
   }
   EXPECT_EQ(to_string(list[0]), "constraint 'short': its error of 0.1 m is not being closed");
   Motor winding;
   winding.bias = 0.1;
   world.set_motor(world.find_joint("short"), winding);
-  EXPECT_TRUE(step_warnings(world).empty());  // an edit clears warnings until the next step
+  EXPECT_TRUE(world.warnings().empty());  // an edit clears warnings until the next step
 }
 
 TEST(Warnings, NothingWhileAnEditIsBeingClosed) {
@@ -187,10 +188,10 @@ TEST(Warnings, EnergyThatImpulsesGain) {
     }
   }
   ASSERT_GT(gained, 1.0);
-  const std::vector<StepWarning> list = step_warnings(world);
+  const std::vector<StepWarning> list = faults_of(world);
   ASSERT_EQ(list.size(), 1u);
   EXPECT_EQ(list[0].kind, StepWarning::Kind::kEnergyRise);
-  EXPECT_EQ(list[0].whose, "left");
+  EXPECT_EQ(list[0].name, "left");
 }
 
 // Without a tolerance steps are as long as ticks, which are much too long here.
@@ -243,10 +244,26 @@ TEST(Warnings, DrivesAreCauses) {
         world.set_state(moved, state);
       }
       world.step();
-      ASSERT_TRUE(step_warnings(world).empty())
-          << to_string(step_warnings(world).front()) << " at step " << step;
+      ASSERT_TRUE(faults_of(world).empty())
+          << to_string(faults_of(world).front()) << " at step " << step;
     }
   }
+}
+
+// ---- kinds
+
+// Each kind has a name of its own, and an advice that follows the text.
+TEST(Warnings, EachKindHasANameAndAnAdvice) {
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < kWarningKindCount; ++i) {
+    const StepWarning warning{static_cast<StepWarning::Kind>(i), "bob", 2.0};
+    names.insert(info(warning.kind).name);
+    EXPECT_NE(to_string(warning).find("'bob': "), std::string::npos) << i;
+    EXPECT_NE(*warning.advice(), '\0') << i;
+    EXPECT_EQ(with_advice(warning), to_string(warning) + ": " + warning.advice());
+    EXPECT_FALSE(info(warning.kind).is_in(StepReport{})) << i;
+  }
+  EXPECT_EQ(names.size(), kWarningKindCount);
 }
 
 // ---- correct scenes
@@ -312,6 +329,12 @@ TEST(Warnings, SpinThatImpulsesCannotFollow) {
       redundant::with(redundant::fast_box({0.0, 1e3, 1e6}), Method::kSequentialImpulses, 100.0);
   EXPECT_EQ(world.step().unresolved_bodies, 1u);
   ASSERT_EQ(world.unresolved_bodies().size(), 1u);
+  const std::vector<StepWarning> list = world.warnings();
+  ASSERT_FALSE(list.empty());
+  EXPECT_EQ(list.back().kind, StepWarning::Kind::kUnresolved);
+  EXPECT_EQ(list.back().name, world.body(world.unresolved_bodies().front()).name);
+  EXPECT_EQ(list.back().value, 1.0);
+  EXPECT_TRUE(info(list.back().kind).is_notice);
   world =
       redundant::with(redundant::fast_box({0.0, 0.0, 10.0}), Method::kSequentialImpulses, 100.0);
   EXPECT_EQ(world.step().unresolved_bodies, 0u);

@@ -323,7 +323,7 @@ TEST(Report, NamesTheWorstJoint) {
   EXPECT_EQ(*report.joints.worst_closing, row.joints[3]);
   EXPECT_EQ(report.joints.closing_error, std::abs(row.world.joint_state(row.joints[3]).error));
   EXPECT_GT(report.joints.closing_error, 0.05);
-  // worst_joint is a joint that nothing closes
+  // joints.worst is a joint that nothing closes
   ASSERT_TRUE(report.joints.worst.has_value());
   EXPECT_NE(*report.joints.worst, row.joints[3]);
   EXPECT_EQ(report.joints.max_error, std::abs(row.world.joint_state(*report.joints.worst).error));

@@ -442,8 +442,8 @@ class Editor {
     const std::uint64_t before = hashes_ ? hash_.of(world_) : 0;
     explain(world_);
     left_out(world_);
-    warnings(world_);
-    step_warnings(world_);
+    doubtful_settings(world_);
+    world_.warnings();
     world_.islands();
     world_.energy();
     world_.unresolved_bodies();

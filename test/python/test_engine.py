@@ -934,6 +934,15 @@ def test_typed_dicts_of_the_stubs_have_the_keys_there_are():
     assert keys['RayHit'] == set(world.ray(world.positions[0], (1, 0, 0)))
     world.add_body('other', shape=engine.Sphere(0.1), mass=1.0)
     assert keys['ClosestPoints'] == set(world.closest_points('bob', 'other'))
+    overlapping = engine.World(time_step=0.01)
+    overlapping.add_body('box', shape=engine.Box((1, 1, 1)), mass=1.0)
+    overlapping.add_body('ball', shape=engine.Sphere(0.4), mass=1.0, position=(0, 0, 0.3))
+    overlapping.step()
+    assert overlapping.report.overlap_body is not None
+    warning = next(each for each in overlapping.step_warnings() if each['kind'] == 'overlap')
+    assert keys['StepWarning'] == set(warning)
+    assert warning['value'] == overlapping.report.overlap and warning['unit'] == 'm'
+    assert warning['text'].endswith(': ' + warning['advice']) and not warning['is_notice']
 
 
 def test_python_knows_every_key_of_a_scene():

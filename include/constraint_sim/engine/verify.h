@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/stop_flag.h"
+#include "constraint_sim/engine/warning.h"
 #include "constraint_sim/engine/world.h"
 
 namespace constraint_sim::engine {
@@ -72,7 +72,7 @@ struct VerifyReport {
   Method method = Method::kAuto;        ///< method in the options of the verified run
   Method other_method = Method::kAuto;  ///< method in the options of the other run
   std::vector<VerifiedBody> bodies;     ///< dynamic bodies, in the order of adding
-  /// Warnings of the verified run, each once, at its largest amount.
+  /// Warnings of the verified run without notices, each once, at its largest value.
   std::vector<StepWarning> warnings;
   bool stopped = false;  ///< the stop flag was set
   std::string failure;   ///< reason for an early end; empty: none

@@ -17,6 +17,7 @@
 #include "constraint_sim/engine/options.h"
 #include "constraint_sim/engine/report.h"
 #include "constraint_sim/engine/stop_flag.h"
+#include "constraint_sim/engine/warning.h"
 #include "constraint_sim/engine/wrench.h"
 
 namespace constraint_sim::engine {
@@ -191,14 +192,9 @@ class World {
   /// Joints that the last step found off by more than kUnclosedError [m] or kUnclosedAngle [rad]
   /// without being closed, in the order of adding. Empty between an edit and the next step.
   std::vector<JointId> unclosed_joints() const;
-  /// First body of the island whose energy rose without a cause in the last step; none between an
-  /// edit and the next step.
-  std::optional<BodyId> gaining_body() const;
-  /// StepReport::hits_left_body of the last step; none between an edit and the next step.
-  std::optional<BodyId> hits_left_body() const;
-  /// Whether StepReport::overlap_body, creep_body and unsolved_body of the last step are bodies of
-  /// this world; false between an edit and the next step.
-  bool has_reported_contacts() const;
+  /// Warnings of the last step: unclosed joints in the order of adding, then at most one of each
+  /// other kind, in the order of StepWarning::Kind. Empty between an edit and the next step.
+  std::vector<StepWarning> warnings() const;
   /// Present kinetic energy plus the potential energy of gravity (0 at the origin) and of springs
   /// [J].
   double energy() const;

@@ -213,7 +213,7 @@ std::vector<std::string> left_out(const World& world) {
   return lines;
 }
 
-std::vector<std::string> warnings(const World& world) {
+std::vector<std::string> doubtful_settings(const World& world) {
   constexpr double kRounding = 1e-9;  // relative rounding of inertias typed by hand
   std::vector<std::string> lines;
   for (const BodyId id : world.body_ids()) {
@@ -226,61 +226,6 @@ std::vector<std::string> warnings(const World& world) {
                       "others");
   }
   return lines;
-}
-
-std::vector<StepWarning> step_warnings(const World& world) {
-  std::vector<StepWarning> list;
-  for (const JointId id : world.unclosed_joints())
-    list.push_back({StepWarning::Kind::kUnclosed, world.joint(id).name,
-                    std::abs(world.joint_state(id).error)});
-  if (const std::optional<BodyId> body = world.gaining_body())
-    list.push_back(
-        {StepWarning::Kind::kEnergyRise, world.body(*body).name, world.report().energy.rise});
-  if (const std::optional<BodyId> body = world.hits_left_body())
-    list.push_back({StepWarning::Kind::kHitsLeft, world.body(*body).name,
-                    static_cast<double>(world.report().contacts.hits)});
-  const StepReport& report = world.report();
-  if (!world.has_reported_contacts()) return list;
-  if (report.contacts.overlap_body)
-    list.push_back({StepWarning::Kind::kOverlap, world.body(*report.contacts.overlap_body).name,
-                    report.contacts.overlap});
-  if (report.contacts.creep_body)
-    list.push_back({StepWarning::Kind::kCreep, world.body(*report.contacts.creep_body).name,
-                    report.contacts.creep});
-  if (report.contacts.unsolved_body)
-    list.push_back({StepWarning::Kind::kUnsolved, world.body(*report.contacts.unsolved_body).name,
-                    report.contacts.solver_residual});
-  return list;
-}
-
-std::string to_string(const StepWarning& warning) {
-  char amount[32];
-  std::snprintf(amount, sizeof amount, "%.3g", warning.amount);
-  const std::string whose = in_quotes(warning.whose);
-  switch (warning.kind) {
-    case StepWarning::Kind::kUnclosed:
-      return "constraint " + whose + ": its error of " + amount + " m is not being closed";
-    case StepWarning::Kind::kEnergyRise:
-      return "body " + whose + ": energy of its island rose by " + amount + " J without a cause";
-    case StepWarning::Kind::kHitsLeft:
-      if (warning.amount < kMostHits)
-        return "body " + whose +
-               ": it, or what it touches, may pass through what it meets within a step: take a "
-               "shorter time_step";
-      return "body " + whose + ": it and what it hits met " + amount +
-             " times in a step, and may pass through each other: take a shorter time_step";
-    case StepWarning::Kind::kOverlap:
-      return "body " + whose + ": it and what it touches overlap by " + amount +
-             " m, which impulses do not push out";
-    case StepWarning::Kind::kCreep:
-      return "body " + whose + ": it has crept by " + amount +
-             " m where friction holds it, since impulses are not solved to the end";
-    case StepWarning::Kind::kUnsolved:
-      return "body " + whose +
-             ": impulses on it and on what it touches were not solved, to a residual of " + amount +
-             " m/s";
-  }
-  return "";
 }
 
 namespace {

@@ -2,6 +2,7 @@
 // every round, so these functions are optimized as the stages of a step are.
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <string_view>
 
@@ -148,16 +149,31 @@ std::vector<JointId> World::unclosed_joints() const {
   return impl_->monitors.unclosed();
 }
 
-std::optional<BodyId> World::gaining_body() const {
-  if (impl_->edits.is_edited()) return std::nullopt;
-  return impl_->report.energy.rise_body;
+std::vector<StepWarning> World::warnings() const {
+  using Kind = StepWarning::Kind;
+  std::vector<StepWarning> list;
+  if (impl_->edits.is_edited()) return list;
+  const StepReport& report = impl_->report;
+  const StepReport::Contacts& contacts = report.contacts;
+  const auto add = [&](Kind kind, BodyId id, double value) {
+    list.push_back({kind, body(id).name, value});
+  };
+  for (const JointId id : unclosed_joints())
+    list.push_back({Kind::kUnclosed, joint(id).name, std::abs(joint_state(id).error)});
+  if (report.energy.rise_body) add(Kind::kEnergyRise, *report.energy.rise_body, report.energy.rise);
+  if (contacts.hits_left_body) add(Kind::kHitsLeft, *contacts.hits_left_body, contacts.hits);
+  if (contacts.overlap_body) add(Kind::kOverlap, *contacts.overlap_body, contacts.overlap);
+  if (contacts.creep_body) add(Kind::kCreep, *contacts.creep_body, contacts.creep);
+  if (contacts.unsolved_body)
+    add(Kind::kUnsolved, *contacts.unsolved_body, contacts.solver_residual);
+  if (report.unresolved_bodies > 0) {
+    const std::vector<BodyId> unresolved = unresolved_bodies();
+    if (!unresolved.empty())
+      add(Kind::kUnresolved, unresolved.front(), static_cast<double>(unresolved.size()));
+  }
+  if (contacts.handed_over_body)
+    add(Kind::kHandedOver, *contacts.handed_over_body, contacts.handed_over);
+  return list;
 }
-
-std::optional<BodyId> World::hits_left_body() const {
-  if (impl_->edits.is_edited()) return std::nullopt;
-  return impl_->report.contacts.hits_left_body;
-}
-
-bool World::has_reported_contacts() const { return !impl_->edits.is_edited(); }
 
 }  // namespace constraint_sim::engine

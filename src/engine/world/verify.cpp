@@ -278,15 +278,16 @@ class Verification {
   }
 
   void note_warnings() {
-    for (const StepWarning& now : step_warnings(base_.world)) {
+    for (const StepWarning& now : base_.world.warnings()) {
+      if (info(now.kind).is_notice) continue;
       const auto known = std::find_if(report_.warnings.begin(), report_.warnings.end(),
                                       [&](const StepWarning& before) {
-                                        return before.kind == now.kind && before.whose == now.whose;
+                                        return before.kind == now.kind && before.name == now.name;
                                       });
       if (known == report_.warnings.end())
         report_.warnings.push_back(now);
       else
-        known->amount = std::max(known->amount, now.amount);
+        known->value = std::max(known->value, now.value);
     }
   }
 

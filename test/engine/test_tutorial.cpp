@@ -1,6 +1,6 @@
 // Numbers of the tutorial: the constraint on a line, the worked example, the experiment.
 
-#include "constraint_sim/engine/distance_1d.h"
+#include "engine/constraints/distance_1d.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

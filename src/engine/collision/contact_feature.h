@@ -4,10 +4,10 @@
 #include <cstdint>
 
 #include "constraint_sim/engine/body.h"
-#include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/shape.h"
 #include "engine/collision/contact_tolerances.h"
 #include "engine/math/list.h"
+#include "engine/model/jacobian.h"
 
 namespace constraint_sim::engine {
 

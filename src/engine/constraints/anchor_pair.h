@@ -4,7 +4,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/joint.h"
-#include "constraint_sim/engine/row.h"
+#include "engine/model/jacobian.h"
 
 namespace constraint_sim::engine {
 

@@ -4,7 +4,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/contact.h"
-#include "constraint_sim/engine/row.h"
+#include "engine/constraints/row.h"
 
 namespace constraint_sim::engine {
 

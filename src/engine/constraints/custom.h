@@ -7,8 +7,8 @@
 
 #include "constraint_sim/engine/custom.h"
 #include "constraint_sim/engine/joint.h"
-#include "constraint_sim/engine/row.h"
 #include "engine/constraints/vectors.h"
+#include "engine/model/jacobian.h"
 
 namespace constraint_sim::engine {
 

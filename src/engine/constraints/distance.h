@@ -2,6 +2,7 @@
 
 #include "constraint_sim/engine/joint.h"
 #include "engine/constraints/anchor_pair.h"
+#include "engine/constraints/row.h"
 
 namespace constraint_sim::engine {
 

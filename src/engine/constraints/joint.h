@@ -1,13 +1,13 @@
 #pragma once
 
 #include "constraint_sim/engine/joint.h"
-#include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/world.h"
 #include "engine/constraints/anchor_pair.h"
 #include "engine/constraints/closing_errors.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/law.h"
 #include "engine/constraints/moving_frame.h"
+#include "engine/constraints/row.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {

@@ -3,9 +3,9 @@
 #include <array>
 
 #include "constraint_sim/engine/joint.h"
-#include "constraint_sim/engine/row.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/row.h"
 
 namespace constraint_sim::engine {
 

@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 
-#include "constraint_sim/engine/row.h"
 #include "engine/constraints/vectors.h"
+#include "engine/model/jacobian.h"
 
 namespace constraint_sim::engine {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "constraint_sim/engine/row.h"
+#include "engine/constraints/row.h"
 
 namespace constraint_sim::engine {
 

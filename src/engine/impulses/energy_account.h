@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "constraint_sim/engine/row.h"
+#include "engine/constraints/row.h"
 #include "engine/impulses/row_system.h"
 #include "engine/math/list.h"
 

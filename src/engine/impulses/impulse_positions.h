@@ -4,7 +4,7 @@
 #include <cstddef>
 
 #include "constraint_sim/engine/body.h"
-#include "constraint_sim/engine/row.h"
+#include "engine/constraints/row.h"
 #include "engine/impulses/energy_account.h"
 #include "engine/impulses/row_system.h"
 #include "engine/math/list.h"

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 
 #include "constraint_sim/engine/body.h"
-#include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/constraints/row.h"
 #include "engine/impulses/energy_account.h"
 #include "engine/impulses/impulse_positions.h"
 #include "engine/impulses/row_system.h"

@@ -4,7 +4,7 @@
 #include <cstddef>
 
 #include "constraint_sim/engine/body.h"
-#include "constraint_sim/engine/row.h"
+#include "engine/constraints/row.h"
 #include "engine/math/disjoint_sets.h"
 #include "engine/math/list.h"
 #include "engine/model/mass_properties.h"

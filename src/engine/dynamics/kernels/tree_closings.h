@@ -3,13 +3,13 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "constraint_sim/engine/row.h"
 #include "engine/constraints/vectors.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/dynamics/kernel_view.h"
 #include "engine/dynamics/kernels/joint_tree.h"
 #include "engine/dynamics/kernels/tree_dynamics.h"
 #include "engine/math/list.h"
+#include "engine/model/jacobian.h"
 
 namespace constraint_sim::engine {
 

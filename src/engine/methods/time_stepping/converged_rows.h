@@ -2,8 +2,8 @@
 
 #include <cstddef>
 
-#include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/constraints/row.h"
 #include "engine/impulses/row_solver.h"
 #include "engine/math/body_cone_solver.h"
 #include "engine/math/list.h"

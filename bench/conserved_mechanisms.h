@@ -102,7 +102,7 @@ inline Conserved pair_of(JointKind kind, double mass_ratio = 2.0) {
   made.bodies = {a, b};
   const Vector3d axis(1.0, 1.0, 0.3);
   JointAt joint{kind, 0, 1, {0.1, 0.2, 0.3}, axis, std::nullopt};
-  if (has_two_axes(kind)) joint.second_axis = axis.cross(Vector3d::UnitX());
+  if (info(kind).has_two_axes) joint.second_axis = axis.cross(Vector3d::UnitX());
   made.joints = {joint};
   return scene;
 }

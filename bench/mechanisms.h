@@ -75,7 +75,7 @@ inline void add_joint(World* world, const std::vector<BodyId>& ids, const JointA
   joint.body_b = id(at.b);
   joint.anchor_a = anchor(at.a);
   joint.anchor_b = anchor(at.b);
-  if (has_frames(at.kind))
+  if (info(at.kind).has_frames)
     joint.frame_a = frame_along(state(at.a).orientation.conjugate() * at.axis);
   if (at.second_axis) joint.axis_b = state(at.b).orientation.conjugate() * *at.second_axis;
   if (at.motor) static_cast<Motor&>(joint.coordinates.front().motor.emplace()) = *at.motor;

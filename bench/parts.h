@@ -105,7 +105,7 @@ inline World assemble(const Parts& parts, WorldOptions options, const Placing& p
       joint.body_a = ids[static_cast<std::size_t>(a)];
     }
     joint.body_b = ids[static_cast<std::size_t>(b)];
-    if (couples_joints(joint.kind))
+    if (info(joint.kind).couples_joints)
       for (JointId* id : {&joint.coupling.first, &joint.coupling.second}) *id = joints[id->value];
     joints.push_back(world.add_joint(joint));
   }

@@ -109,12 +109,12 @@ inline Joint joint_of_mechanism(Draw& draw, const std::string& name, const BodyS
   joint.frame_a = draw.turn();
   const bool is_length = joint.kind == JointKind::kFreeDistance;
   if (is_length) joint.anchor_b.setZero();
-  if (has_two_axes(joint.kind))
+  if (info(joint.kind).has_two_axes)
     joint.axis_b =
         b.orientation.conjugate() * (a.orientation * (joint.frame_a * Eigen::Vector3d::UnitX()));
-  for (int i = 0; i < coordinates(joint.kind); ++i) {
+  for (int i = 0; i < info(joint.kind).coordinates; ++i) {
     CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
-    law = law_of_mechanism(draw, is_angle(joint.kind, i), with_motors);
+    law = law_of_mechanism(draw, info(joint.kind).is_angle[i], with_motors);
     if (is_length) law.lower = 0.05 + 0.1 * draw.share();
     if (is_length) law.upper = 3.0 + draw.share();
   }
@@ -279,9 +279,9 @@ inline Joint joint_with_laws(Draw& draw, const std::string& name, const BodyStat
     joint.anchor_b = 0.05 * draw.vector();
     joint.frame_a = Eigen::Quaterniond::Identity();
   }
-  for (int i = 0; i < coordinates(joint.kind); ++i) {
+  for (int i = 0; i < info(joint.kind).coordinates; ++i) {
     CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
-    law = law_of_touching(draw, is_angle(joint.kind, i), with_motors);
+    law = law_of_touching(draw, info(joint.kind).is_angle[i], with_motors);
     if (joint.kind != JointKind::kFreeDistance || !law.is_limited()) continue;
     law.lower = 0.3 * apart;
     law.upper = apart + 0.2 + 0.3 * draw.share();
@@ -341,7 +341,8 @@ inline void let_joints_break(Scene* scene) {
     const double bears = scene->largest * std::pow(10.0, draw());
     joint.break_force = bears;
     const bool has_torque = joint.kind != JointKind::kDistance &&
-                            joint.kind != JointKind::kFreeDistance && !couples_joints(joint.kind);
+                            joint.kind != JointKind::kFreeDistance &&
+                            !info(joint.kind).couples_joints;
     if (has_torque && draw.below(2) == 0) joint.break_torque = 0.5 * bears;
   }
 }
@@ -357,13 +358,13 @@ inline void add_servos(unsigned seed, Parts* parts) {
       joint.distance.damping = draw.below(2) == 0 ? 0.0 : draw.share();
       joint.motor.max_force = 0.1 + 20.0 * draw.share();
     }
-    for (int i = 0; i < coordinates(joint.kind); ++i) {
+    for (int i = 0; i < info(joint.kind).coordinates; ++i) {
       CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
       if (draw.below(3) == 0) continue;
       law.motor.emplace();
       law.motor->max_force = 0.1 + 4.0 * draw.share();
       law.motor->position = 0.0;
-      if (draw.below(2) == 0 && !is_free_length(joint.kind)) continue;
+      if (draw.below(2) == 0 && !info(joint.kind).is_free_length) continue;
       law.motor->position = draw();
       law.motor->servo_stiffness = std::pow(10.0, 3.0 * draw.share());
       law.motor->servo_damping = draw.below(2) == 0 ? 0.0 : draw.share();
@@ -424,8 +425,8 @@ inline void couple(unsigned seed, Parts* parts) {
       joint.kind = JointKind::kScrew;
       joint.pitch = 0.1 + draw.share();
     }
-    if (coordinates(joint.kind) > 0)
-      (is_free_length(joint.kind) ? lengths_at : coordinates_at).push_back(j);
+    if (info(joint.kind).coordinates > 0)
+      (info(joint.kind).is_free_length ? lengths_at : coordinates_at).push_back(j);
   }
   const auto add = [&](JointKind kind, const std::vector<std::size_t>& at) {
     for (std::size_t k = 0; k + 1 < at.size(); ++k) {
@@ -450,7 +451,7 @@ inline void open_joints(unsigned seed, Parts* parts) {
   Draw draw(seed + 3000029);
   for (std::size_t j = 0; j < parts->joints.size(); ++j) {
     Joint& joint = parts->joints[j];
-    const bool has_frames = coordinates(joint.kind) > 0 && !is_free_length(joint.kind);
+    const bool has_frames = info(joint.kind).coordinates > 0 && !info(joint.kind).is_free_length;
     if (!has_frames) continue;
     const auto [a, b] = parts->ends[j];
     const auto turn_of = [&](int body) {
@@ -463,7 +464,7 @@ inline void open_joints(unsigned seed, Parts* parts) {
       joint.anchor_a += 0.005 * draw.vector();
       joint.frame_b = turn_of(b).conjugate() * (turn_of(a) * joint.frame_a) * off;
     }
-    for (int i = 0; i < coordinates(joint.kind); ++i) {
+    for (int i = 0; i < info(joint.kind).coordinates; ++i) {
       if (draw.below(2) == 0) continue;
       CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
       law.motor.emplace();

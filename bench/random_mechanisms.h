@@ -71,11 +71,11 @@ class MechanismGenerator {
     joint.name = std::string(name(joint.kind)) + "_" + std::to_string(scene_.joints.size());
     joint.body_a = BodyId{static_cast<std::uint32_t>(a + 1)};
     joint.body_b = BodyId{static_cast<std::uint32_t>(b + 1)};
-    if (!has_frames(joint.kind)) joint.frame_b.reset();
+    if (!info(joint.kind).has_frames) joint.frame_b.reset();
     scene_.joints.push_back(joint);
   }
 
-  static bool turns_over(JointKind kind) { return has_two_axes(kind); }
+  static bool turns_over(JointKind kind) { return info(kind).has_two_axes; }
   // Returns the frame on B relative to A at zero; in universal joints z_B is normal to z_A.
   static Quaterniond home_of(JointKind kind) {
     return turns_over(kind) ? Quaterniond(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0)
@@ -274,7 +274,7 @@ class MechanismGenerator {
     if (!r.chance(0.6)) return;
     std::vector<std::size_t> with_coordinates;
     for (std::size_t j = 0; j < scene_.joints.size(); ++j)
-      if (coordinates(scene_.joints[j].kind) > 0) with_coordinates.push_back(j);
+      if (info(scene_.joints[j].kind).coordinates > 0) with_coordinates.push_back(j);
     const int gears = r.between(0, 2);
     const std::size_t n = with_coordinates.size();
     for (int i = 0; i < gears && n > 1; ++i) {
@@ -288,8 +288,8 @@ class MechanismGenerator {
       const std::size_t left = rope(ground, first), right = rope(ground, second);
       couple(JointKind::kPulley, left, right);
     }
-    if (couples_joints(scene_.joints.back().kind)) words_ += ", couplings";
-    if (couples_joints(scene_.joints.back().kind) && r.chance(0.2)) {
+    if (info(scene_.joints.back().kind).couples_joints) words_ += ", couplings";
+    if (info(scene_.joints.back().kind).couples_joints && r.chance(0.2)) {
       scene_.joints.push_back(scene_.joints.back());
       scene_.joints.back().name += "_once_more";
     }

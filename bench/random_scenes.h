@@ -382,7 +382,7 @@ inline World make_world(const Scene& scene) {
   for (const Body& body : scene.bodies) world.add_body(body);
   std::vector<JointId> ids;
   for (Joint joint : scene.joints) {
-    if (couples_joints(joint.kind))
+    if (info(joint.kind).couples_joints)
       for (JointId* coupled : {&joint.coupling.first, &joint.coupling.second})
         *coupled = ids[coupled->value - 1];
     ids.push_back(world.add_joint(joint));

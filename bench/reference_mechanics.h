@@ -48,7 +48,7 @@ class Mechanics {
     readings_ = read(start_, Readings(joints, {0, 0}));
     for (std::size_t j = 0; j < joints; ++j) {
       const Joint& joint = scene_.joints[j];
-      if (!couples(joint.kind)) continue;
+      if (!info(joint.kind).couples) continue;
       constant_[j] = joint.coupling.value ? static_cast<Real>(*joint.coupling.value)
                                           : coupled(j, start_, readings_).C;
     }
@@ -93,7 +93,7 @@ class Mechanics {
   Readings read(const std::vector<Pose>& poses, const Readings& expected) const {
     Readings now = expected;
     for (std::size_t j = 0; j < now.size(); ++j)
-      for (std::size_t k = 0; couples(scene_.joints[j].kind) && k < 2; ++k)
+      for (std::size_t k = 0; info(scene_.joints[j].kind).couples && k < 2; ++k)
         now[j][k] = read(terms_of(scene_.joints, j)[k], poses, expected[j][k]).C;
     return now;
   }
@@ -101,7 +101,7 @@ class Mechanics {
   Readings read_on(const std::vector<Pose>& from, const std::vector<Pose>& to, Real h,
                    Readings readings) const {
     for (std::size_t j = 0; j < readings.size(); ++j) {
-      for (std::size_t k = 0; couples(scene_.joints[j].kind) && k < 2; ++k) {
+      for (std::size_t k = 0; info(scene_.joints[j].kind).couples && k < 2; ++k) {
         const Term term = terms_of(scene_.joints, j)[k];
         for (const auto* poses : {&from, &to})
           readings[j][k] += h / 2 * read(term, *poses, 0).times(*poses);
@@ -117,7 +117,7 @@ class Mechanics {
     bool are_known = true;
     const Real turn = 2 * std::acos(Real{-1});
     for (std::size_t j = 0; j < now->size(); ++j) {
-      if (!couples(scene_.joints[j].kind)) continue;
+      if (!info(scene_.joints[j].kind).couples) continue;
       const std::array<Term, 2> terms = terms_of(scene_.joints, j);
       std::array<int, 2> most{};
       for (std::size_t k = 0; k < 2; ++k)
@@ -150,7 +150,7 @@ class Mechanics {
     const Placed p(joint, poses, origin_);
     const auto* distance = if_distance(joint);
     if (distance == nullptr) {
-      const Real off = couples(joint.kind) ? std::abs(coupled(j, poses, before).C) : 0;
+      const Real off = info(joint.kind).couples ? std::abs(coupled(j, poses, before).C) : 0;
       return std::max(off, error_of(joint.kind, p, static_cast<Real>(radius_of_ends(p))));
     }
     if (distance->is_soft()) return 0;
@@ -323,7 +323,7 @@ class Mechanics {
       if (is_spring(joint) || is_limit(joint)) continue;
       const Placed p(joint, poses, origin_);
       add_rows(joint.kind, p, &rows);
-      if (couples(joint.kind)) rows.push_back(coupled(j, poses, before));
+      if (info(joint.kind).couples) rows.push_back(coupled(j, poses, before));
       if (joint.kind != JointKind::kDistance) continue;
       const Travel s = travel(joint.motor, t);
       const Real length = static_cast<Real>(*joint.distance.length) + s.s;

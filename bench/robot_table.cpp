@@ -117,7 +117,7 @@ std::vector<Case> cases(const std::string& folder) {
 std::vector<JointId> driven(const World& world) {
   std::vector<JointId> joints;
   for (const JointId id : world.joint_ids())
-    if (engine::coordinates(world.joint(id).kind) > 0 && world.joint(id).coordinates[0].motor)
+    if (engine::info(world.joint(id).kind).coordinates > 0 && world.joint(id).coordinates[0].motor)
       joints.push_back(id);
   return joints;
 }

@@ -378,7 +378,7 @@ class Judge {
     shuffle(&scene.joints);
     // couplings must follow the joints that they couple
     std::stable_partition(scene.joints.begin(), scene.joints.end(),
-                          [](const Joint& joint) { return !couples_joints(joint.kind); });
+                          [](const Joint& joint) { return !info(joint.kind).couples_joints; });
     for (Joint& joint : scene.joints)
       for (JointId* coupled : coupled_by(&joint))
         *coupled = id_of(mechanics_.scene().joints[coupled->value - 1].name, scene);
@@ -406,7 +406,7 @@ class Judge {
       std::swap(joint.body_a, joint.body_b);
       std::swap(joint.anchor_a, joint.anchor_b);
       if (joint.frame_b) std::swap(joint.frame_a, *joint.frame_b);
-      if (!couples_joints(joint.kind)) continue;
+      if (!info(joint.kind).couples_joints) continue;
       Coupling& coupling = joint.coupling;
       coupling.ratio *= sign[coupling.first.value - 1] * sign[coupling.second.value - 1];
       coupling.ratio = 1.0 / coupling.ratio;
@@ -417,7 +417,7 @@ class Judge {
 
   // Returns the joints that a gear or pulley couples.
   static std::vector<JointId*> coupled_by(Joint* joint) {
-    if (!couples_joints(joint->kind)) return {};
+    if (!info(joint->kind).couples_joints) return {};
     return {&joint->coupling.first, &joint->coupling.second};
   }
   static JointId id_of(const std::string& name, const Scene& scene) {
@@ -429,7 +429,7 @@ class Judge {
     return JointId{number};
   }
   static bool is_length(const Scene& scene, JointId joint) {
-    return !is_angle(scene.joints[joint.value - 1].kind, 0);
+    return !info(scene.joints[joint.value - 1].kind).is_angle[0];
   }
 
   // Scales all lengths, with gravity, inertia and the tolerance.
@@ -452,7 +452,7 @@ class Judge {
       joint.motor.bias *= factor;
       joint.motor.amplitude *= factor;
       joint.pitch *= factor;
-      if (!couples_joints(joint.kind)) continue;
+      if (!info(joint.kind).couples_joints) continue;
       if (is_length(scene, joint.coupling.first)) joint.coupling.ratio *= factor;
       if (is_length(scene, joint.coupling.second)) joint.coupling.ratio /= factor;
     }

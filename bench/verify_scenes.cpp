@@ -96,7 +96,7 @@ struct RandomEdit {
       world.set_enabled(joints[which % joints.size()], false);
     if (kind == Kind::kMotor && !joints.empty()) {
       const JointId id = joints[which % joints.size()];
-      if (coordinates(world.joint(id).kind) == 0) return;
+      if (info(world.joint(id).kind).coordinates == 0) return;
       CoordinateMotor motor;
       motor.bias = amount;
       motor.max_force = which % 2 == 0 ? 5.0 : 0.0;

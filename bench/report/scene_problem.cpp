@@ -97,7 +97,7 @@ Joint made_from(const World& world, engine::JointId id, const std::map<BodyId, i
   made.anchor_b = joint.anchor_b;
   made.rate = motor.bias;
   made.max_force = motor.max_force;
-  for (int i = 0; i < engine::coordinates(joint.kind); ++i)
+  for (int i = 0; i < engine::info(joint.kind).coordinates; ++i)
     if (!is_free(joint.coordinates[static_cast<std::size_t>(i)]))
       refuse("has a law on a free coordinate");
   if (joint.kind == engine::JointKind::kBall) {

@@ -255,7 +255,7 @@ void read_laws(Keywords* reading, engine::Joint* joint) {
   if (!py::isinstance<py::sequence>(list) || py::isinstance<py::str>(list))
     throw std::invalid_argument("coordinates: must be a list of dicts, got " +
                                 std::string(py::str(py::repr(list))));
-  const auto count = static_cast<std::size_t>(engine::coordinates(joint->kind));
+  const auto count = static_cast<std::size_t>(engine::info(joint->kind).coordinates);
   const auto laws = list.cast<py::sequence>();
   if (laws.size() > count)
     throw std::invalid_argument("coordinates: a " + std::string(engine::name(joint->kind)) +
@@ -275,10 +275,11 @@ namespace {
 /// Reads the further keywords of gears, pulleys and screws.
 void read_coupling(Keywords* reading, const engine::World& world, engine::Joint* joint) {
   reading->read("value", &joint->coupling.value);
-  if (engine::has_pitch(joint->kind)) reading->read("pitch", &joint->pitch);
-  if (!engine::couples_joints(joint->kind)) return;
+  if (engine::info(joint->kind).has_pitch) reading->read("pitch", &joint->pitch);
+  if (!engine::info(joint->kind).couples_joints) return;
   reading->read("ratio", &joint->coupling.ratio);
-  if (engine::couples_lengths(joint->kind)) reading->read("one_sided", &joint->coupling.one_sided);
+  if (engine::info(joint->kind).couples_lengths)
+    reading->read("one_sided", &joint->coupling.one_sided);
   const py::object names = reading->find("joints");
   if (!names || !py::isinstance<py::sequence>(names) || py::isinstance<py::str>(names) ||
       py::len(names) != 2 || !py::isinstance<py::str>(names.cast<py::sequence>()[0]) ||
@@ -304,15 +305,15 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
   joint.body_b = body_named(world, body_b);
   bool is_free = false;
   reading.read("free", &is_free);
-  if (is_free && type == "distance") type = engine::name(engine::free_length());
+  if (is_free && type == "distance") type = engine::name(engine::JointKind::kFreeDistance);
   const std::optional<engine::JointKind> kind = engine::joint_kind_named(type);
   if (!kind)
     throw std::invalid_argument("type: there is no '" + type + "'; there are distance" +
                                 engine::names_of_further_kinds());
   joint.kind = *kind;
-  if (engine::couples(joint.kind)) read_coupling(&reading, world, &joint);
+  if (engine::info(joint.kind).couples) read_coupling(&reading, world, &joint);
   if (engine::if_distance(joint) != nullptr) engine::visit_fields(joint.distance, reader(&reading));
-  if (engine::has_frames(joint.kind)) {
+  if (engine::info(joint.kind).has_frames) {
     const auto is_given = [&](const char* key) { return static_cast<bool>(reading.find(key)); };
     if (is_given("axis_a")) {
       if (is_given("frame_a"))
@@ -326,7 +327,7 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
     if (is_given("frame_b"))
       reading.read("frame_b", &joint.frame_b.emplace(Eigen::Quaterniond::Identity()));
   }
-  if (engine::coordinates(joint.kind) > 0)
+  if (engine::info(joint.kind).coordinates > 0)
     read_laws(&reading, &joint);
   else if (const py::object motor = reading.find("motor"))
     motor_from(as_dict("motor", motor), &joint.motor);
@@ -344,7 +345,7 @@ void change_joint(const py::dict& keywords, engine::Joint* joint) {
       if (!motor.is_none()) motor_from(as_dict("motor", motor), &joint->motor);
     }
   }
-  if (const int count = engine::coordinates(joint->kind)) {
+  if (const int count = engine::info(joint->kind).coordinates) {
     int coordinate = 0;
     reading.read("coordinate", &coordinate);
     if (coordinate < 0 || coordinate >= count)
@@ -363,27 +364,27 @@ py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool
   py::dict dict;
   visit_joint(joint, writer(&dict));
   dict["type"] = engine::name(joint.kind);
-  if (engine::has_frames(joint.kind)) {
+  if (engine::info(joint.kind).has_frames) {
     dict["frame_a"] = to_python(joint.frame_a);
     dict["frame_b"] = to_python(*joint.frame_b);
   }
   dict["body_a"] = body_name(world, joint.body_a);
   dict["body_b"] = body_name(world, joint.body_b);
-  if (engine::couples_joints(joint.kind)) {
+  if (engine::info(joint.kind).couples_joints) {
     for (const char* key : {"body_a", "body_b", "anchor_a", "anchor_b"}) dict.attr("pop")(key);
     dict["joints"] = py::make_tuple(world.joint(joint.coupling.first).name,
                                     world.joint(joint.coupling.second).name);
     dict["ratio"] = joint.coupling.ratio;
-    if (engine::couples_lengths(joint.kind)) dict["one_sided"] = joint.coupling.one_sided;
+    if (engine::info(joint.kind).couples_lengths) dict["one_sided"] = joint.coupling.one_sided;
   }
-  if (engine::has_pitch(joint.kind)) dict["pitch"] = joint.pitch;
-  if (engine::couples(joint.kind))
+  if (engine::info(joint.kind).has_pitch) dict["pitch"] = joint.pitch;
+  if (engine::info(joint.kind).couples)
     dict["value"] = world.joint_state(world.find_joint(joint.name)).coupling.constant;
   if (const auto* distance = engine::if_distance(joint)) {
     engine::visit_fields(*distance, writer(&dict));
     dict["motor"] = dict_of(joint.motor);
   }
-  if (const int count = engine::coordinates(joint.kind)) {
+  if (const int count = engine::info(joint.kind).coordinates) {
     py::list laws;
     for (int i = 0; i < count; ++i)
       laws.append(dict_of(joint.coordinates[static_cast<std::size_t>(i)]));

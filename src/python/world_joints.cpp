@@ -22,7 +22,7 @@ using Class = WorldClass;
 py::dict joint_state_dict(const engine::Joint& joint, const engine::JointState& state) {
   py::dict dict;
   py::list coordinates;
-  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+  for (int i = 0; i < engine::info(joint.kind).coordinates; ++i) {
     const engine::CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(i)];
     py::dict each;
     each["position"] = coordinate.position;
@@ -49,7 +49,7 @@ py::dict joint_state_dict(const engine::Joint& joint, const engine::JointState& 
 /// Sets the motor of a coordinate where the joint has coordinates, else the motor of its length.
 void set_motor(engine::World* world, const std::string& name, const py::dict& keywords) {
   const engine::JointId id = world->find_joint(name);
-  if (engine::coordinates(world->joint(id).kind) == 0) {
+  if (engine::info(world->joint(id).kind).coordinates == 0) {
     engine::Motor motor;
     motor_from(keywords, &motor);
     world->set_motor(id, motor);

@@ -140,7 +140,7 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
   const JointBounds bounds = robots_.bounds(world, id);
   engine::CoordinateMotor motor;
   const double asked = value;
-  if (engine::coordinates(joint.kind) == 0) {
+  if (engine::info(joint.kind).coordinates == 0) {
     static_cast<engine::Motor&>(motor) = joint.motor;
     motor.bias = bounded(value, bounds.velocity);
     return driver->set_motor(id, motor);

@@ -149,8 +149,8 @@ void read_law_of_length(const Constraint& msg, engine::Joint* joint) {
 
 void read_laws(const Constraint& msg, engine::Joint* joint) {
   const bool is_distance = engine::if_distance(*joint) != nullptr;
-  const auto most =
-      is_distance ? std::size_t{1} : static_cast<std::size_t>(engine::coordinates(joint->kind));
+  const auto most = is_distance ? std::size_t{1}
+                                : static_cast<std::size_t>(engine::info(joint->kind).coordinates);
   if (msg.coordinates.size() > most)
     refuse("coordinates", of_type(msg) + " have " + std::to_string(most) +
                               (most == 1 ? " coordinate" : " coordinates") + ", got " +
@@ -219,7 +219,7 @@ Eigen::Vector3d finite_axis(const char* field, const geometry_msgs::Vector3& axi
 /// Reads the axes. A zero axis_a means z of body A; a zero axis_b means that axis B coincides with
 /// axis A in the present poses.
 void read_axes(const Constraint& msg, engine::Joint* joint) {
-  if (!engine::has_frames(joint->kind)) return check_left_out(msg, {});
+  if (!engine::info(joint->kind).has_frames) return check_left_out(msg, {});
   check_left_out(msg, {"axis_a", "axis_b"});
   const Eigen::Vector3d axis_a = finite_axis("axis_a", msg.axis_a);
   const Eigen::Vector3d axis_b = finite_axis("axis_b", msg.axis_b);
@@ -230,12 +230,13 @@ void read_axes(const Constraint& msg, engine::Joint* joint) {
 void read_coupling(const Constraint& msg, engine::Joint* joint) {
   const Coupling& coupling = msg.coupling;
   const std::string why = of_type(msg) + " have none";
-  if (!engine::couples_joints(joint->kind))
+  if (!engine::info(joint->kind).couples_joints)
     check_zero("coupling.", why, {{"ratio", coupling.ratio}});
-  if (!engine::has_pitch(joint->kind)) check_zero("coupling.", why, {{"pitch", coupling.pitch}});
-  if (!engine::couples(joint->kind))
+  if (!engine::info(joint->kind).has_pitch)
+    check_zero("coupling.", why, {{"pitch", coupling.pitch}});
+  if (!engine::info(joint->kind).couples)
     check_zero("coupling.", why, {{"has_value", coupling.has_value ? 1.0 : 0.0}});
-  if (!engine::couples_lengths(joint->kind))
+  if (!engine::info(joint->kind).couples_lengths)
     check_zero("coupling.", why, {{"one_sided", coupling.one_sided ? 1.0 : 0.0}});
   if (coupling.ratio != 0.0) joint->coupling.ratio = coupling.ratio;
   joint->pitch = coupling.pitch;
@@ -249,7 +250,7 @@ void read_coupling(const Constraint& msg, engine::Joint* joint) {
 /// Reads a constraint of a plugin: its type stands after a colon.
 void read_plugin(const Constraint& msg, engine::Joint* joint) {
   const std::size_t colon = msg.type.find(':');
-  if (!engine::is_custom(joint->kind)) {
+  if (!engine::info(joint->kind).is_custom) {
     if (colon != std::string::npos)
       refuse("type",
              "only custom: and custom_force: have a type after them, got '" + msg.type + "'");
@@ -288,7 +289,7 @@ engine::Joint coupling_between(const Constraint& msg, const engine::World& world
 /// Returns the joint kind. A `distance` that is free is a kind of its own.
 engine::JointKind kind_of(const Constraint& msg) {
   if (msg.free && msg.type != "distance") refuse("free", of_type(msg) + " have none, got true");
-  if (msg.free) return engine::free_length();
+  if (msg.free) return engine::JointKind::kFreeDistance;
   return engine::joint_kind_named(msg.type.substr(0, msg.type.find(':')))
       .value_or(engine::Joint{}.kind);
 }
@@ -326,7 +327,7 @@ engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine
 engine::Joint from_msg(const Constraint& msg, const engine::World& world) {
   const engine::JointKind kind = kind_of(msg);
   engine::Joint joint =
-      engine::couples_joints(kind) ? coupling_between(msg, world) : joint_between(msg, world);
+      engine::info(kind).couples_joints ? coupling_between(msg, world) : joint_between(msg, world);
   joint.kind = kind;
   const engine::DistanceJoint* distance = engine::if_distance(joint);
   if (distance == nullptr)

@@ -33,7 +33,7 @@ void write_errors(const Joint& joint, const JointState& state, ConstraintState* 
 bool has_rigid_motor(const Joint& joint) {
   if (engine::if_distance(joint) != nullptr) return true;
   const std::optional<engine::CoordinateMotor>& motor = joint.coordinates[0].motor;
-  return engine::coordinates(joint.kind) > 0 && motor && motor->is_rigid();
+  return engine::info(joint.kind).coordinates > 0 && motor && motor->is_rigid();
 }
 
 void write_motion(const engine::World& world, engine::JointId id, ConstraintState* msg) {
@@ -42,7 +42,7 @@ void write_motion(const engine::World& world, engine::JointId id, ConstraintStat
   const bool is_distance = engine::if_distance(joint) != nullptr;
   msg->position = msg->reached_rate = msg->bias = kNone;
   if (has_rigid_motor(joint)) msg->bias = state.bias;
-  if (!is_distance && engine::coordinates(joint.kind) == 0) return;
+  if (!is_distance && engine::info(joint.kind).coordinates == 0) return;
   const engine::World::Anchors anchors = world.anchors(id);
   msg->position = is_distance ? (anchors.p_b - anchors.p_a).norm() : state.coordinates[0].position;
   msg->reached_rate = state.reached_rate;
@@ -54,11 +54,11 @@ void write_wrench(const engine::World& world, engine::JointId id, ConstraintStat
   msg->wrench.force.x = msg->wrench.force.y = msg->wrench.force.z = kNone;
   msg->wrench.torque = msg->wrench.force;
   msg->wrench_point.x = msg->wrench_point.y = msg->wrench_point.z = kNone;
-  if (engine::couples_joints(joint.kind)) return;
+  if (engine::info(joint.kind).couples_joints) return;
   msg->wrench_point = to_point(world.anchors(id).p_b);
   const Eigen::Quaterniond& of_body = world.state(joint.body_b).orientation;
   const Eigen::Quaterniond to_world =
-      engine::has_frames(joint.kind) ? of_body * *joint.frame_b : of_body;
+      engine::info(joint.kind).has_frames ? of_body * *joint.frame_b : of_body;
   try {
     const engine::World::JointWrench wrench = world.joint_wrench(id);
     msg->wrench.force = to_vector(to_world * wrench.force);

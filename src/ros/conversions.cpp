@@ -163,7 +163,7 @@ BodyState to_msg(const std::string& name, const engine::BodyState& state) {
 void add_coordinates(const engine::Joint& joint, const engine::JointState& state,
                      const std::array<double, engine::kMaxCoordinates>& efforts,
                      sensor_msgs::JointState* msg) {
-  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+  for (int i = 0; i < engine::info(joint.kind).coordinates; ++i) {
     const engine::CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(i)];
     msg->name.push_back(i == 0 ? joint.name : joint.name + "/" + std::to_string(i));
     msg->position.push_back(finite(coordinate.position));

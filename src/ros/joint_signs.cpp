@@ -116,7 +116,7 @@ struct Wheel {
 
 Wheel wheel_of(const engine::World& world, engine::JointId id, JointSize* size) {
   const engine::Joint& joint = world.joint(id);
-  const Vector3d axis = engine::has_frames(joint.kind)
+  const Vector3d axis = engine::info(joint.kind).has_frames
                             ? Vector3d(orientation_of(world, joint) * Vector3d::UnitZ())
                             : Vector3d(Vector3d::Zero());
   return {joint, size, world.anchors(id).p_b, axis, joint.kind == JointKind::kHinge};
@@ -185,7 +185,7 @@ void draw_rack(const JointSize& size, const Vector3d& p_b, ShownMarker* marker) 
 std::pair<double, double> rail(const engine::Joint& joint, const JointSize& size, double q) {
   const auto& law = joint.coordinates[0];
   double low = std::min(q, 0.0), high = std::max(q, 0.0);
-  if (law.is_limited() && engine::coordinates(joint.kind) > 0) {
+  if (law.is_limited() && engine::info(joint.kind).coordinates > 0) {
     if (std::isfinite(law.lower)) low = std::min(low, law.lower - law.zero);
     if (std::isfinite(law.upper)) high = std::max(high, law.upper - law.zero);
   }
@@ -249,7 +249,7 @@ JointSize size_of(const engine::World& world, const engine::Joint& joint) {
         std::max(std::visit(LengthOfAxis{}, world.body(body).shape), 2.0 * anchor.norm());
     if (through > 0.0) size.axis = std::min(size.axis, through);
   }
-  if (engine::has_frames(joint.kind)) find_reach(world, joint, &size);
+  if (engine::info(joint.kind).has_frames) find_reach(world, joint, &size);
   return size;
 }
 
@@ -285,7 +285,7 @@ bool find_wheels(const engine::World& world, const engine::Joint& gear, JointSiz
 }
 
 std::int32_t type_of_sign(const engine::Joint& joint, const JointSize& size) {
-  if (!engine::has_frames(joint.kind)) return Marker::SPHERE;
+  if (!engine::info(joint.kind).has_frames) return Marker::SPHERE;
   switch (joint.kind) {
     case JointKind::kSlider:
       return has_rack(size) ? Marker::LINE_LIST : Marker::CUBE;
@@ -309,7 +309,7 @@ void draw_joint(const engine::World& world, const engine::Joint& joint, const Jo
   marker->pose.position = point_at(p_a);
   marker->color = colour(0.8, 0.8, 0.85);
   set_scale(thickness, 0.0, 0.0, marker);
-  if (!engine::has_frames(joint.kind))
+  if (!engine::info(joint.kind).has_frames)
     return set_scale(2.0 * thickness, 2.0 * thickness, 2.0 * thickness, marker);
   const Eigen::Quaterniond orientation = orientation_of(world, joint);
   marker->pose.orientation = quaternion_of(orientation);
@@ -380,7 +380,7 @@ Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, con
                      const Vector3d& p_b, const Vector3d& up) {
   const Vector3d place = slides_along_axis(joint.kind) ? p_b : p_a;
   double top = 0.0;  // top of the smaller body, which would hide the label
-  if (engine::has_frames(joint.kind)) {
+  if (engine::info(joint.kind).has_frames) {
     const Vector3d z = orientation_of(world, joint) * Vector3d::UnitZ();
     if (motor && !motor->is_angle) {
       const bool positive = motor->direction() > 0.0;

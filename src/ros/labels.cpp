@@ -82,7 +82,7 @@ bool stands(const engine::World::Anchors& anchors, const Vector3d& end) {
 
 Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken) {
   const engine::Joint& joint = world.joint(id);
-  if (engine::couples_joints(joint.kind)) {
+  if (engine::info(joint.kind).couples_joints) {
     const auto& first = world.anchors(joint.coupling.first);
     const auto& second = world.anchors(joint.coupling.second);
     const bool is_pulley = joint.kind == engine::JointKind::kPulley;  // drawn between upper ends
@@ -107,9 +107,9 @@ std::string limit_of_motor(const engine::Joint& joint, const engine::JointState&
       return ", at its limit of " + newtons(most);
     return ", at its end";  // no length is left
   }
-  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+  for (int i = 0; i < engine::info(joint.kind).coordinates; ++i) {
     const auto& own = joint.coordinates[static_cast<std::size_t>(i)].motor;
-    if (!own || own->max_force == 0.0 || engine::is_angle(joint.kind, i) != motor.is_angle)
+    if (!own || own->max_force == 0.0 || engine::info(joint.kind).is_angle[i] != motor.is_angle)
       continue;
     return ", at its limit of " +
            (motor.is_angle ? shown("%.3g N m", own->max_force) : newtons(own->max_force));
@@ -131,10 +131,10 @@ std::vector<std::string> limits_reached(const engine::Joint& joint, const engine
         "%.3g m");
     return reached;
   }
-  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+  for (int i = 0; i < engine::info(joint.kind).coordinates; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const engine::CoordinateLaw& law = joint.coordinates[at];
-    const char* const format = engine::is_angle(joint.kind, i) ? "%.3g rad" : "%.3g m";
+    const char* const format = engine::info(joint.kind).is_angle[i] ? "%.3g rad" : "%.3g m";
     const double q = state.coordinates[at].position;
     if (q < law.lower + kToldError) add(false, law.lower, format);
     if (q > law.upper - kToldError) add(true, law.upper, format);
@@ -175,7 +175,7 @@ double top_of(const engine::World& world) {
   }
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
-    if (engine::couples_joints(joint.kind) || is_grip(joint)) continue;
+    if (engine::info(joint.kind).couples_joints || is_grip(joint)) continue;
     top = std::max(top, top_of_rail(world, joint, size_of(world, joint), world.anchors(id).p_a,
                                     world.anchors(id).p_b));
   }

@@ -74,7 +74,7 @@ bool set_property(const std::string& given, double value, engine::Joint* joint) 
            set_field(engine::kFields<engine::Motor>, given, value, &joint->motor);
   std::string name = given;
   const std::size_t i = take_coordinate(&name);
-  if (i >= static_cast<std::size_t>(engine::coordinates(joint->kind))) return false;
+  if (i >= static_cast<std::size_t>(engine::info(joint->kind).coordinates)) return false;
   engine::CoordinateLaw& law = joint->coordinates[i];
   if (name != "motor") return set_key(name, value, &law);
   if (!flag(value, given.c_str()))

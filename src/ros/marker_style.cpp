@@ -167,9 +167,10 @@ double radius_of_ball(const engine::Body& body) {
 }
 
 Look look_of(const engine::Joint& joint) {
-  if (engine::couples_joints(joint.kind)) return Look::kCoupling;
+  if (engine::info(joint.kind).couples_joints) return Look::kCoupling;
   const engine::DistanceJoint* distance = engine::if_distance(joint);
-  if (distance == nullptr) return engine::is_free_length(joint.kind) ? Look::kRope : Look::kJoint;
+  if (distance == nullptr)
+    return engine::info(joint.kind).is_free_length ? Look::kRope : Look::kJoint;
   if (distance->is_soft()) return distance->one_sided ? Look::kRope : Look::kSpring;
   if (distance->min_length > 0.0) return Look::kStrut;
   return distance->is_limited() ? Look::kRope : Look::kRod;
@@ -186,11 +187,11 @@ bool is_slack(const engine::Joint& joint, const engine::JointState& state) {
 
 double error_while_closing(const engine::Joint& joint, const engine::JointState& state) {
   const double error = std::abs(state.error);
-  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+  for (int i = 0; i < engine::info(joint.kind).coordinates; ++i) {
     const auto& motor = joint.coordinates[static_cast<std::size_t>(i)].motor;
     if (!motor || !motor->is_rigid() || !motor->position) continue;
     const engine::CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(i)];
-    const double metres = engine::is_angle(joint.kind, i) ? state.radius : 1.0;
+    const double metres = engine::info(joint.kind).is_angle[i] ? state.radius : 1.0;
     if (std::abs(metres * (coordinate.position - coordinate.held)) == error) return 0.0;
   }
   return error;
@@ -211,11 +212,11 @@ std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::
   // coordinates of planar and universal joints have other axes than the drawn one
   if (joint.kind == engine::JointKind::kPlanar || joint.kind == engine::JointKind::kUniversal)
     return std::nullopt;
-  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+  for (int i = 0; i < engine::info(joint.kind).coordinates; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const std::optional<engine::CoordinateMotor>& motor = joint.coordinates[at].motor;
     if (!motor) continue;
-    shown.is_angle = engine::is_angle(joint.kind, i);
+    shown.is_angle = engine::info(joint.kind).is_angle[i];
     shown.rate = state.coordinates[at].bias;
     shown.force = motor->force.value_or(0.0);
     if (shown.direction() != 0.0) return shown;
@@ -245,7 +246,7 @@ bool is_length(Look look) { return look != Look::kJoint && look != Look::kCoupli
 
 bool is_on_world(const engine::Joint& joint) {
   return (joint.body_a == engine::kWorldBody) != (joint.body_b == engine::kWorldBody) &&
-         is_length(look_of(joint)) && !engine::is_free_length(joint.kind);
+         is_length(look_of(joint)) && !engine::info(joint.kind).is_free_length;
 }
 
 void set_shape(Marker* marker, const engine::Shape& shape) {
@@ -379,7 +380,7 @@ Extent extent_of(const engine::World& world) {
   }
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
-    if (engine::couples_joints(joint.kind) || is_grip(joint)) continue;
+    if (engine::info(joint.kind).couples_joints || is_grip(joint)) continue;
     const auto anchors = world.anchors(id);
     include(anchors.p_a, 0.0);
     include(anchors.p_b, 0.0);

@@ -26,7 +26,7 @@ geometry_msgs::WrenchStamped to_msg(const engine::World::JointWrench& wrench) {
 geometry_msgs::Transform frame_of(const engine::Joint& joint) {
   engine::BodyState frame;
   frame.position = joint.anchor_b;
-  if (engine::has_frames(joint.kind)) frame.orientation = *joint.frame_b;
+  if (engine::info(joint.kind).has_frames) frame.orientation = *joint.frame_b;
   return to_transform(frame);
 }
 
@@ -42,7 +42,8 @@ void WrenchTopics::update(const engine::World& world) {
   std::size_t count = 0;
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
-    if (engine::couples_joints(joint.kind)) continue;  // acts along coordinates of other joints
+    if (engine::info(joint.kind).couples_joints)
+      continue;                    // acts along coordinates of other joints
     if (is_grip(joint)) continue;  // exists only while a mouse button is pressed
     const std::string& name = joint.name;
     if (++count > kMost) {

@@ -19,7 +19,7 @@ std::vector<double> coordinates_of(const World& world, JointId id) {
     return {(anchors.p_b - anchors.p_a).norm()};
   }
   std::vector<double> list;
-  for (int i = 0; i < coordinates(joint.kind); ++i)
+  for (int i = 0; i < info(joint.kind).coordinates; ++i)
     list.push_back(world.joint_state(id).coordinates[static_cast<std::size_t>(i)].position);
   return list;
 }
@@ -42,7 +42,7 @@ std::string constraint_csv_rows(const World& world) {
     const JointState& state = world.joint_state(id);
     out << ',' << (std::isfinite(state.error) ? shortest(state.error) : "") << ','
         << shortest(state.force);
-    if (couples_joints(joint.kind)) {  // acts along coordinates of other joints
+    if (info(joint.kind).couples_joints) {  // acts along coordinates of other joints
       out << ",,,,,,\n";
       continue;
     }
@@ -66,7 +66,7 @@ nlohmann::json constraints_of(const World& world) {
         {"error", state.error},     {"angle_error", state.angle_error},
         {"effort", state.force},    {"broken", state.broken},
     };
-    if (couples_joints(joint.kind)) continue;
+    if (info(joint.kind).couples_joints) continue;
     const World::JointWrench wrench = world.joint_wrench(id);
     constraint["force"] = std::vector<double>(wrench.force.data(), wrench.force.data() + 3);
     constraint["torque"] = std::vector<double>(wrench.torque.data(), wrench.torque.data() + 3);

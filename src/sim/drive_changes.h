@@ -44,7 +44,7 @@ class Driver {
   // The setters call the functions of the world with these names, which throw
   // std::invalid_argument.
   void set_motor(engine::JointId id, const engine::CoordinateMotor& motor) {
-    const bool has_coordinate = engine::coordinates(world_->joint(id).kind) > 0;
+    const bool has_coordinate = engine::info(world_->joint(id).kind).coordinates > 0;
     if (has_coordinate)
       world_->set_motor(id, 0, motor);
     else
@@ -64,7 +64,7 @@ class Driver {
   void repeat(const DriveChanges& changes) {
     for (const DriveChanges::Motor& each : changes.motors) {
       const engine::JointId id = world_->find_joint(each.joint);
-      if (each.has_coordinate != (engine::coordinates(world_->joint(id).kind) > 0))
+      if (each.has_coordinate != (engine::info(world_->joint(id).kind).coordinates > 0))
         throw std::invalid_argument("the motor of '" + each.joint + "' is of another kind");
       set_motor(id, each.motor);
     }

@@ -49,7 +49,7 @@ double mass_moved_with(const World& world, BodyId body) {
   };
   for (const JointId id : world.joint_ids()) {
     const Joint& joint = world.joint(id);
-    if (joint.enabled && !world.joint_state(id).broken && !engine::couples_joints(joint.kind))
+    if (joint.enabled && !world.joint_state(id).broken && !engine::info(joint.kind).couples_joints)
       connect(joint.body_a, joint.body_b);
   }
   for (const engine::Contact& contact : world.contacts()) connect(contact.body_a, contact.body_b);

@@ -62,7 +62,7 @@ int order_of(const JointTrajectory& trajectory) {
 
 /// Returns the motor that follows the trajectory.
 const engine::CoordinateMotor& motor_of(const engine::Joint& joint) {
-  if (engine::coordinates(joint.kind) == 0)
+  if (engine::info(joint.kind).coordinates == 0)
     refuse_joints(of_joint(joint.name) + "has no coordinate");
   if (!joint.coordinates[0].motor)
     refuse_joints(of_joint(joint.name) + "has no motor to follow a trajectory with");

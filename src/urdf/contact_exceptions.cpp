@@ -41,7 +41,7 @@ class ExceptionSearch {
                   const std::map<std::string, std::size_t>& models)
       : lumps_(lumps), bodies_(bodies), models_(models) {
     for (const engine::Joint& joint : joints) {
-      const bool is_pair = !engine::couples_joints(joint.kind) && !joint.collide_connected;
+      const bool is_pair = !engine::info(joint.kind).couples_joints && !joint.collide_connected;
       if (!is_pair || joint.body_a == engine::kWorldBody || joint.body_b == engine::kWorldBody)
         continue;
       joined_.insert(
@@ -206,14 +206,15 @@ engine::Joint no_contact_joint(const std::string& prefix, const LinkPair& links,
                                engine::BodyId b) {
   engine::Joint joint;
   joint.name = prefix + kNoContact + links.first + "/" + links.second;
-  joint.kind = engine::free_length();
+  joint.kind = engine::JointKind::kFreeDistance;
   joint.body_a = a;
   joint.body_b = b;
   return joint;
 }
 
 bool is_contact_exception(const engine::Joint& joint) {
-  return engine::is_free_length(joint.kind) && joint.name.find(kNoContact) != std::string::npos;
+  return engine::info(joint.kind).is_free_length &&
+         joint.name.find(kNoContact) != std::string::npos;
 }
 
 std::vector<LinkPair> disabled_collisions(const std::string& srdf) {

@@ -432,7 +432,7 @@ class Builder {
       engine::Joint joint = engine::read_joint(item, scene);
       item.attempt([&] { scene.add_joint(joint); });  // later constraints may couple it
       if (is_within_a_body(item, scene, joint)) continue;
-      if (engine::couples_joints(joint.kind)) {
+      if (engine::info(joint.kind).couples_joints) {
         for (engine::JointId* id : {&joint.coupling.first, &joint.coupling.second})
           *id = in_world(item, scene.joint(*id).name);
       } else {
@@ -451,7 +451,7 @@ class Builder {
   // warning, and rejected where it does not.
   bool is_within_a_body(const engine::YamlElement& item, const World& scene,
                         const engine::Joint& joint) {
-    if (engine::couples_joints(joint.kind) || joint.body_a == engine::kWorldBody ||
+    if (engine::info(joint.kind).couples_joints || joint.body_a == engine::kWorldBody ||
         joint.body_b == engine::kWorldBody)
       return false;
     const std::string &a = scene.body(joint.body_a).name, &b = scene.body(joint.body_b).name;
@@ -671,7 +671,7 @@ Robot add_robot(const BuiltRobot& built, World* world) {
   for (engine::Joint joint : built.joints) {
     joint.body_a = bodies[joint.body_a.value];
     joint.body_b = bodies[joint.body_b.value];
-    if (engine::couples_joints(joint.kind))
+    if (engine::info(joint.kind).couples_joints)
       for (engine::JointId* id : {&joint.coupling.first, &joint.coupling.second})
         *id = joints[id->value];
     joints.push_back(world->add_joint(joint));

@@ -65,7 +65,7 @@ class Tree {
   void add(JointId id, const std::set<std::uint32_t>& bodies) {
     const engine::Joint& joint = world_.joint(id);
     if (is_contact_exception(joint)) return;
-    if (engine::couples_joints(joint.kind)) {
+    if (engine::info(joint.kind).couples_joints) {
       shared_.insert(joint.coupling.first.value);
       shared_.insert(joint.coupling.second.value);
       return;

@@ -36,7 +36,7 @@ inline World displaced(const World& world, const RobotDynamics& robot, const Eig
     flow.set_state(flow.find_body("base"), still);
   }
   for (const JointId id : flow.joint_ids())
-    for (int c = 0; c < coordinates(flow.joint(id).kind); ++c) flow.set_law(id, c, {});
+    for (int c = 0; c < info(flow.joint(id).kind).coordinates; ++c) flow.set_law(id, c, {});
   for (const BodyId body : robot.bodies()) {
     BodyState state = flow.state(body);
     const Vector6d twist = robot.motion_of(body).J * rates * (h < 0.0 ? -1.0 : 1.0);

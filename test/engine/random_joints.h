@@ -24,7 +24,7 @@ inline Joint random_joint(JointKind kind, Random* random) {
 inline BodyState attached(const Joint& joint, const BodyState& a, Random* random) {
   using Eigen::Quaterniond;
   using Eigen::Vector3d;
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const Quaterniond frame_A = a.orientation * joint.frame_a;
   Quaterniond frame_B = frame_A * home(kind.alignment);
   Vector3d off = Vector3d::Zero();

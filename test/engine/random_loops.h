@@ -25,9 +25,9 @@ inline void close_loop(JointKind kind, int a, int b, Random* random, RandomTree*
   if (kind == JointKind::kDistance) {
     joint.anchor_b += random->vector();
     joint.frame_a.setIdentity();
-  } else if (has_frames(kind)) {
+  } else if (info(kind).has_frames) {
     joint.frame_b = on_b.orientation.conjugate() * on_a.orientation * joint.frame_a *
-                    home(info(kind).alignment);
+                    home(forms(kind).alignment);
   } else {
     joint.frame_a.setIdentity();
   }
@@ -35,7 +35,7 @@ inline void close_loop(JointKind kind, int a, int b, Random* random, RandomTree*
 }
 
 /// Number of free directions of a joint.
-inline int freedom(JointKind kind) { return 6 - info(kind).rows; }
+inline int freedom(JointKind kind) { return 6 - forms(kind).rows; }
 
 /// A random tree with as many closing joints as leave it at least one free direction, without
 /// motors. Gears may hold further ones.
@@ -55,8 +55,8 @@ inline RandomTree random_loops(int seed) {
     const JointKind kind = kClosing[draws.below(kClosing.size())];
     const int a = static_cast<int>(draws.below(tree.bodies.size() + 1)) - 1;
     const int b = static_cast<int>(draws.below(tree.bodies.size()));
-    if (a == b || (is_free && a < 0) || info(kind).rows > left) continue;
-    left -= info(kind).rows;
+    if (a == b || (is_free && a < 0) || forms(kind).rows > left) continue;
+    left -= forms(kind).rows;
     close_loop(kind, a, b, &draws.random, &tree);
   }
   return tree;

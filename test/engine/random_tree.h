@@ -135,13 +135,14 @@ inline RandomTree random_tree(int seed, double far = 0.0) {
       const JointKind kind = kKinds[draws.below(kKinds.size())];
       Joint joint = random_joint(kind, &random);
       joint.name = "joint_" + std::to_string(i);
-      if (!has_frames(kind)) joint.frame_a = joint.frame_b.emplace(Eigen::Quaterniond::Identity());
+      if (!info(kind).has_frames)
+        joint.frame_a = joint.frame_b.emplace(Eigen::Quaterniond::Identity());
       const bool is_a = draws.share() < 0.4;
       if (parent < 0 && !tree.has_base) (is_a ? joint.anchor_b : joint.anchor_a) += origin;
       body.state =
           hung(joint, parent < 0 ? base : tree.bodies[to_index(parent)].state, is_a, &random);
-      if (!has_frames(kind)) joint.frame_b.reset();
-      for (std::size_t c = 0; c < to_index(coordinates(kind)); ++c) {
+      if (!info(kind).has_frames) joint.frame_b.reset();
+      for (std::size_t c = 0; c < to_index(info(kind).coordinates); ++c) {
         CoordinateLaw& law = joint.coordinates[c];
         const double which = draws.share();
         if (which < 0.3) {
@@ -167,7 +168,7 @@ inline RandomTree random_tree(int seed, double far = 0.0) {
   std::vector<std::size_t> free_ones;
   for (std::size_t l = 0; l < tree.links.size(); ++l) {
     const Joint& joint = tree.links[l].joint;
-    if (coordinates(joint.kind) > 0 && !joint.coordinates[0].motor) free_ones.push_back(l);
+    if (info(joint.kind).coordinates > 0 && !joint.coordinates[0].motor) free_ones.push_back(l);
   }
   for (std::size_t i = 0; i + 1 < free_ones.size() && draws.share() < 0.5; ++i)
     tree.gears.push_back({free_ones[i], free_ones[i + 1], 2.0 * draws.share() - 2.5});
@@ -179,7 +180,7 @@ inline RandomTree random_tree(int seed, double far = 0.0) {
 inline bool has_coordinates(const RandomTree& tree) {
   std::size_t turning = tree.links.size() < tree.bodies.size() ? 1 : 0;
   for (const RandomTree::Link& link : tree.links)
-    turning += info(link.joint.kind).alignment == Alignment::kFree ? 1 : 0;
+    turning += forms(link.joint.kind).alignment == Alignment::kFree ? 1 : 0;
   return 2 * turning <= tree.bodies.size();
 }
 
@@ -205,7 +206,7 @@ inline World after_steps(World world, int divisor = 1) {
 /// Largest distance of the ends of a joint from what its rows allow, by the published poses [m].
 inline double opening(const World& world, JointId id) {
   const Joint& joint = world.joint(id);
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, world.state(joint.body_a), world.state(joint.body_b));
   double largest = 0.0;
   for (int k = 0; k < kind.rows; ++k)

@@ -164,7 +164,7 @@ TEST(Breaking, ALengthBearsNoTorque) {
   World world(by_events(1.0 / 60));
   Joint joint = hang("length", world.add_body(make_body("bob", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0})));
   joint.break_torque = 1.0;
-  for (const JointKind kind : {JointKind::kDistance, free_length()}) {
+  for (const JointKind kind : {JointKind::kDistance, JointKind::kFreeDistance}) {
     joint.kind = kind;
     EXPECT_EQ(refusal([&] { world.add_joint(joint); }),
               "break_torque: a distance joint has no torque, got 1");

@@ -40,8 +40,8 @@ World open_pair(const Opening& opening, Method method, double h, int trial, doub
   // an axis about which the rotation opens the joint by the full angle
   Vector3d axis = met.axes_B * random.vector();
   const Vector3d z = met.axes_B.col(2), z_A = met.axes_A.col(2);
-  if (info(opening.kind).alignment == Alignment::kParallelZ) axis -= z * z.dot(axis);
-  if (info(opening.kind).alignment == Alignment::kPerpendicularZ) axis = z.cross(z_A);
+  if (forms(opening.kind).alignment == Alignment::kParallelZ) axis -= z * z.dot(axis);
+  if (forms(opening.kind).alignment == Alignment::kPerpendicularZ) axis = z.cross(z_A);
   b.state.orientation = Eigen::AngleAxisd(opening.angle, axis.normalized()) * b.state.orientation;
   b.state.position += gap * random.vector();
   b.state.linear_velocity =
@@ -58,8 +58,8 @@ World open_pair(const Opening& opening, Method method, double h, int trial, doub
 std::vector<Opening> openings() {
   std::vector<Opening> list;
   for (const JointKind kind : joint_kinds()) {
-    if (info(kind).alignment == Alignment::kFree) continue;
-    const bool is_universal = info(kind).alignment == Alignment::kPerpendicularZ;
+    if (forms(kind).alignment == Alignment::kFree) continue;
+    const bool is_universal = forms(kind).alignment == Alignment::kPerpendicularZ;
     const std::vector<double> most_are{5.0, 60.0, 90.0, 120.0, 150.0, 175.0, 179.9};
     // beyond 90° the other solution is nearer
     for (const double degrees : is_universal ? std::vector<double>{5.0, 60.0, 89.9} : most_are)

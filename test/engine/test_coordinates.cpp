@@ -439,7 +439,7 @@ World sprung_pair(JointKind kind, Method method, double h) {
   Joint joint = random_joint(kind, &random);
   joint.anchor_a *= 0.4;
   joint.anchor_b *= 0.4;
-  for (int i = 0; i < coordinates(kind); ++i) {
+  for (int i = 0; i < info(kind).coordinates; ++i) {
     joint.coordinates[static_cast<std::size_t>(i)].stiffness = 20.0;
     joint.coordinates[static_cast<std::size_t>(i)].rest = 0.2;
   }
@@ -517,7 +517,7 @@ TEST_P(SpringsOfEachKind, AreSavedAndLoadedAsTheyAre) {
 std::vector<JointKind> kinds_with_coordinates() {
   std::vector<JointKind> kinds;
   for (const JointKind kind : joint_kinds())
-    if (coordinates(kind) > 0) kinds.push_back(kind);
+    if (info(kind).coordinates > 0) kinds.push_back(kind);
   return kinds;
 }
 

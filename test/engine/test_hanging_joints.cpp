@@ -31,7 +31,7 @@ Scene hanging_scene(JointKind kind, int hinges, bool is_free, engine::Random* ra
     joint.body_a = is_first ? kWorldBody : BodyId{static_cast<std::uint32_t>(scene.bodies.size())};
     scene.bodies.push_back(body);
     joint.body_b = BodyId{static_cast<std::uint32_t>(scene.bodies.size())};
-    if (!has_frames(by)) joint.frame_b.reset();
+    if (!info(by).has_frames) joint.frame_b.reset();
     if (by == JointKind::kDistance) {
       const BodyState a = is_first ? BodyState{} : scene.bodies[scene.bodies.size() - 2].state;
       joint.distance.length = (body.state.position + body.state.orientation * joint.anchor_b -

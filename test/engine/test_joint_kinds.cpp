@@ -25,7 +25,7 @@ PairPose closed_pose(const Joint& joint, Random* random) {
 }
 
 const ScalarForm& form_of(const Joint& joint, int row) {
-  return info(joint.kind).function[static_cast<std::size_t>(row)];
+  return forms(joint.kind).function[static_cast<std::size_t>(row)];
 }
 
 double value_at(const Joint& joint, int row, const PairPose& pose) {
@@ -42,7 +42,7 @@ void for_each_row(
     for (int trial = 0; trial < kJointKindTrials; ++trial) {
       const Joint joint = random_joint(kind, &random);
       const PairPose pose{random.state(), random.state()};
-      for (int k = 0; k < info(kind).rows + info(kind).coordinates; ++k) {
+      for (int k = 0; k < forms(kind).rows + forms(kind).coordinates; ++k) {
         const ScalarForm& form = form_of(joint, k);
         if (form.is_angle) {
           const auto at = values(form.angle, JointVectors(joint, pose.a, pose.b));
@@ -142,14 +142,14 @@ TEST(JointRows, HoldAllThatIsNotFree) {
       const Joint joint = random_joint(kind, &random);
       const PairPose pose = closed_pose(joint, &random);
       const JointVectors vectors(joint, pose.a, pose.b);
-      Eigen::MatrixXd G(info(kind).rows, 12);
-      for (int k = 0; k < info(kind).rows; ++k) {
+      Eigen::MatrixXd G(forms(kind).rows, 12);
+      for (int k = 0; k < forms(kind).rows; ++k) {
         EXPECT_NEAR(value_at(joint, k, pose), 0.0, 1e-14) << name(kind) << " row " << k;
-        const Jacobian J = jacobian(info(kind).row[static_cast<std::size_t>(k)], vectors);
+        const Jacobian J = jacobian(forms(kind).row[static_cast<std::size_t>(k)], vectors);
         G.row(k) << J.j1.transpose(), J.j2.transpose(), J.j3.transpose(), J.j4.transpose();
       }
-      EXPECT_EQ(dense_rank(G, 0.01), info(kind).rows) << name(kind);
-      EXPECT_LE(misalignment(info(kind).alignment, vectors).norm(), 1e-7) << name(kind);
+      EXPECT_EQ(dense_rank(G, 0.01), forms(kind).rows) << name(kind);
+      EXPECT_LE(misalignment(forms(kind).alignment, vectors).norm(), 1e-7) << name(kind);
     }
   }
 }
@@ -158,17 +158,17 @@ TEST(JointRows, HoldAllThatIsNotFree) {
 TEST(JointRows, MisalignmentIsTheWayHome) {
   Random random;
   for (const JointKind kind : joint_kinds()) {
-    if (info(kind).alignment == Alignment::kFree) continue;
+    if (forms(kind).alignment == Alignment::kFree) continue;
     for (int trial = 0; trial < kJointKindTrials; ++trial) {
       const Joint joint = random_joint(kind, &random);
       PairPose pose{random.state(), random.state()};
-      const Vector3d way = misalignment(info(kind).alignment, JointVectors(joint, pose.a, pose.b));
+      const Vector3d way = misalignment(forms(kind).alignment, JointVectors(joint, pose.a, pose.b));
       const Quaterniond frame_B = pose.b.orientation * *joint.frame_b;
       if (way.norm() > 0.0)
         pose.b.orientation =
             frame_B * Eigen::AngleAxisd(way.norm(), way.normalized()) * joint.frame_b->conjugate();
       // a rotation by nearly zero has an angle computed from a cosine
-      EXPECT_LE(misalignment(info(kind).alignment, JointVectors(joint, pose.a, pose.b)).norm(),
+      EXPECT_LE(misalignment(forms(kind).alignment, JointVectors(joint, pose.a, pose.b)).norm(),
                 1e-7)
           << name(kind) << " " << way.norm();
     }
@@ -235,7 +235,7 @@ World free_triple(JointKind kind, Method method, double h) {
 }
 
 World free_joint(JointKind kind, Method method, double h) {
-  return couples_joints(kind) ? free_triple(kind, method, h) : free_pair(kind, method, h);
+  return info(kind).couples_joints ? free_triple(kind, method, h) : free_pair(kind, method, h);
 }
 
 class EachKind : public testing::TestWithParam<JointKind> {};

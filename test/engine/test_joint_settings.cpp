@@ -121,7 +121,7 @@ TEST_P(EnabledJoint, ClosesWhatHasOpened) {
 std::vector<JointKind> kinds_with_rows() {
   std::vector<JointKind> kinds;
   for (const JointKind kind : joint_kinds())
-    if (info(kind).rows > 0) kinds.push_back(kind);
+    if (forms(kind).rows > 0) kinds.push_back(kind);
   return kinds;
 }
 
@@ -359,13 +359,13 @@ TEST(SetJoint, IgnoresFieldsOfOtherKinds) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   for (std::size_t k = 0; k < kJointKindCount; ++k) {
     const auto kind = static_cast<JointKind>(k);
-    if (is_custom(kind) || couples_joints(kind)) continue;
+    if (info(kind).is_custom || info(kind).couples_joints) continue;
     World world = pair(kind, Method::kRungeKutta, 0.01);
     const Joint plain = world.joint(world.joint_ids().front());
     world.remove_joint(world.joint_ids().front());
     Joint joint = plain;
     joint.coupling.ratio = kNone;
-    if (!has_pitch(kind)) joint.pitch = kNone;
+    if (!info(kind).has_pitch) joint.pitch = kNone;
     joint.custom = {"none", {{"k", kNone}}, {}};
     if (if_distance(joint) == nullptr) joint.distance.stiffness = kNone;
     const JointId id = world.add_joint(joint);
@@ -375,7 +375,7 @@ TEST(SetJoint, IgnoresFieldsOfOtherKinds) {
     world.set_joint(id, joint);
     const World read = read_snapshot(write_snapshot(world));
     EXPECT_EQ(read.state_hash(), world.state_hash()) << name(kind);
-    if (coordinates(kind) == static_cast<int>(kMaxCoordinates)) continue;
+    if (info(kind).coordinates == static_cast<int>(kMaxCoordinates)) continue;
     joint = plain;
     joint.name = "other";
     joint.coordinates.back().rest = kNone;

@@ -43,7 +43,7 @@ Scene scene_of(const World& world) {
   };
   for (const JointId id : ids) {
     scene.joints.push_back(world.joint(id));
-    if (!couples_joints(scene.joints.back().kind)) continue;
+    if (!info(scene.joints.back().kind).couples_joints) continue;
     Coupling& coupling = scene.joints.back().coupling;
     coupling.first = place(coupling.first);
     coupling.second = place(coupling.second);
@@ -149,10 +149,10 @@ std::pair<Eigen::VectorXd, double> imbalance(World world, double h) {
   double largest = 0.0;
   for (const JointId id : world.joint_ids()) {
     const Joint& joint = world.joint(id);
-    if (couples_joints(joint.kind)) continue;  // acts through the joints that it couples
+    if (info(joint.kind).couples_joints) continue;  // acts through the joints that it couples
     const World::JointWrench wrench = world.joint_wrench(id);
     Quaterniond to_world = world.state(joint.body_b).orientation;
-    if (has_frames(joint.kind)) to_world = to_world * *joint.frame_b;
+    if (info(joint.kind).has_frames) to_world = to_world * *joint.frame_b;
     const Vector3d f = to_world * wrench.force, tau = to_world * wrench.torque;
     for (const auto& [body, sign] : {std::pair(joint.body_a, -1.0), {joint.body_b, 1.0}}) {
       const Vector3d arm = world.anchors(id).p_b - world.state(body).position;

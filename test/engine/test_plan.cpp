@@ -134,7 +134,8 @@ TEST(Plan, SaysHowFarAJointIsOpen) {
     joint.body_b = b;
     joint.anchor_a = {1.0 + gap, 0.0, 0.0};
     const double angle = degrees / 180.0 * kPi;
-    if (has_frames(kind)) joint.axis_b = Eigen::Vector3d(0.0, std::sin(angle), std::cos(angle));
+    if (info(kind).has_frames)
+      joint.axis_b = Eigen::Vector3d(0.0, std::sin(angle), std::cos(angle));
     if (kind == JointKind::kDistance) joint.distance.length = 2.0 * gap;
     CoordinateLaw& first = joint.coordinates[0];
     if (law == std::string("motor")) first.motor.emplace().position = 1.5;

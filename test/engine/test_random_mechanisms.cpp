@@ -111,7 +111,7 @@ CoordinateLaw one_sided_law(Random* random) {
 /// velocities stay.
 void open(const Joint& joint, Random* random, BodyState* b) {
   const Vector3d p = b->position + b->orientation * joint.anchor_b;
-  if (info(joint.kind).alignment != Alignment::kFree) {
+  if (forms(joint.kind).alignment != Alignment::kFree) {
     const double angle = joint.kind == JointKind::kUniversal ? 1.5 : 3.0;
     b->orientation = Quaterniond(Eigen::AngleAxisd(angle * (*random)(),
                                                    random->orientation() * Vector3d::UnitZ())) *
@@ -123,7 +123,7 @@ void open(const Joint& joint, Random* random, BodyState* b) {
 enum class Laws { kNone, kSoft, kMotors, kOneSided };
 
 void add_laws(Laws laws, Random* random, Joint* joint) {
-  for (int i = 0; i < coordinates(joint->kind); ++i) {
+  for (int i = 0; i < info(joint->kind).coordinates; ++i) {
     CoordinateLaw& law = joint->coordinates[static_cast<std::size_t>(i)];
     if (below(3, random) == 0) continue;
     law = laws == Laws::kOneSided ? one_sided_law(random) : draw_soft_law(random);
@@ -143,7 +143,7 @@ struct Extras {
 JointKind kind_with_coordinates(Random* random) {
   for (;;) {
     const JointKind kind = joint_kinds()[static_cast<std::size_t>(below(14, random))];
-    if (coordinates(kind) > 0) return kind;
+    if (info(kind).coordinates > 0) return kind;
   }
 }
 
@@ -212,7 +212,7 @@ Mechanism make_mechanism(int seed, const Extras& extras = {}) {
     Joint joint = random_joint(kind, &random);
     const BodyState &of_a = made.state(a), &of_b = made.state(b);
     joint.frame_b = of_b.orientation.conjugate() * of_a.orientation * joint.frame_a *
-                    home(info(kind).alignment);
+                    home(forms(kind).alignment);
     const Vector3d p = of_b.position + of_b.orientation * (0.4 * random.vector());
     if (extras.laws != Laws::kNone) add_laws(extras.laws, &random, &joint);
     const Vector3d off = kind == JointKind::kDistance ? Vector3d(0.5, 0.2, 0.3) : Vector3d::Zero();

@@ -122,7 +122,7 @@ Motions accelerations_by_rows(const World& world, const List<AppliedWrench>& loa
   for (std::size_t j = 0; j < impl.joints.size(); ++j) {
     all.push_back(static_cast<int>(j));
     ends.push_back(ends_of(impl, impl.joints[j]));
-    couplings.push_back(couples(impl.joints[j].kind) ? impl.terms_of(j) : CoupledTerms{});
+    couplings.push_back(info(impl.joints[j].kind).couples ? impl.terms_of(j) : CoupledTerms{});
     motions.emplace_back(impl.joints[j], JointStep{impl.time(), 0.01, 0.1, 0.0}, states[j]);
   }
   EquationsOfMotion equations(all, impl.joints, ends, impl.masses, couplings);

@@ -449,10 +449,10 @@ TEST_F(Runner, WritesConstraints) {
     const JointState& state = world.joint_state(id);
     EXPECT_EQ(json.at("error"), state.error);
     EXPECT_EQ(json.at("effort"), state.force);
-    for (int i = 0; i < coordinates(world.joint(id).kind); ++i)
+    for (int i = 0; i < info(world.joint(id).kind).coordinates; ++i)
       EXPECT_EQ(json.at("coordinates").at(static_cast<std::size_t>(i)),
                 state.coordinates[static_cast<std::size_t>(i)].position);
-    if (couples_joints(world.joint(id).kind)) continue;
+    if (info(world.joint(id).kind).couples_joints) continue;
     EXPECT_EQ(json.at("force").at(2), world.joint_wrench(id).force.z());
     EXPECT_EQ(json.at("torque").at(0), world.joint_wrench(id).torque.x());
   }

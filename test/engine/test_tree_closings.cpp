@@ -54,7 +54,7 @@ double largest_opening(const World& world) {
   double largest = 0.0;
   for (const JointId id : world.joint_ids()) {
     const JointKind kind = world.joint(id).kind;
-    if (info(kind).form == RowsForm::kDistance || couples_joints(kind)) continue;
+    if (forms(kind).form == RowsForm::kDistance || info(kind).couples_joints) continue;
     largest = std::max(largest, opening(world, id));
   }
   return largest;

@@ -125,7 +125,7 @@ std::pair<JointId, std::size_t> add_turning_body(World* world, JointKind kind) {
   joint.name = "joint";
   joint.kind = kind;
   joint.body_b = world->add_body(wheel);
-  return {world->add_joint(joint), static_cast<std::size_t>(coordinates(kind) - 1)};
+  return {world->add_joint(joint), static_cast<std::size_t>(info(kind).coordinates - 1)};
 }
 
 // A torque reverses in the middle of the step: the body turns by 40 rad, and is at rest at both

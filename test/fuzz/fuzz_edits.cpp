@@ -222,7 +222,7 @@ class Editor {
       if (below(4) == 0) distance->damping = positive();
       if (below(4) == 0) joint->motor = motor();
     }
-    for (int i = 0; i < coordinates(joint->kind); ++i)
+    for (int i = 0; i < info(joint->kind).coordinates; ++i)
       if (below(3) == 0) joint->coordinates[static_cast<std::size_t>(i)] = law();
   }
   Joint new_joint() {
@@ -237,7 +237,7 @@ class Editor {
     if (below(3) == 0) joint.frame_b = orientation();
     if (below(6) == 0) joint.axis_b = vector();
     set_settings(&joint);
-    if (couples(joint.kind)) {
+    if (info(joint.kind).couples) {
       joint.coupling.first = this->joint();
       joint.coupling.second = this->joint();
       joint.coupling.ratio = number();
@@ -451,7 +451,7 @@ class Editor {
     for (const JointId id : world_.joint_ids()) {
       world_.anchors(id);
       text_of_opening(world_, id);
-      if (!couples_joints(world_.joint(id).kind)) world_.joint_wrench(id);
+      if (!info(world_.joint(id).kind).couples_joints) world_.joint_wrench(id);
     }
     if (saves_) fuzz::check_saved(world_);
     fuzz::require(!hashes_ || world_.state_hash() == before, "a question has changed the world");

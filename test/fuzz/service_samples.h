@@ -81,18 +81,18 @@ inline std::vector<AddDistanceConstraintRequest> samples(AddDistanceConstraint*)
 
 /// Returns a constraint of any type but the custom ones.
 inline Constraint sample_constraint(const std::string& type, engine::JointKind kind) {
-  const bool couples = engine::couples_joints(kind);
+  const bool couples = engine::info(kind).couples_joints;
   Constraint constraint;
   constraint.name = "new";
   constraint.type = type;
   constraint.body_a = couples ? "elbow" : "";
   constraint.body_b = couples ? "rail" : "bob";
   if (!couples) constraint.anchor_a = point(0.0, 0.0, 1.0);
-  if (engine::has_frames(kind)) constraint.axis_a.y = 1.0;
-  if (engine::has_two_axes(kind)) constraint.axis_b.x = 1.0;
+  if (engine::info(kind).has_frames) constraint.axis_a.y = 1.0;
+  if (engine::info(kind).has_two_axes) constraint.axis_b.x = 1.0;
   if (couples) constraint.coupling.ratio = 1.0;
-  if (engine::has_pitch(kind)) constraint.coupling.pitch = 1.0;
-  constraint.free = engine::is_free_length(kind);
+  if (engine::info(kind).has_pitch) constraint.coupling.pitch = 1.0;
+  constraint.free = engine::info(kind).is_free_length;
   if (type == "hinge" || type == "slider" || type == "spring") {
     CoordinateLaw& law = constraint.coordinates.emplace_back();
     law.damping = 1.0;

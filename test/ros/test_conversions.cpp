@@ -444,7 +444,7 @@ TEST(ConstraintMessages, APulleyMayBeOneSided) {
   for (const char* body : {"a", "b"}) {
     engine::Joint length;
     length.name = std::string("to_") + body;
-    length.kind = engine::free_length();
+    length.kind = engine::JointKind::kFreeDistance;
     length.body_b = world.find_body(body);
     length.anchor_a = {0.0, 0.0, 1.0};
     world.add_joint(length);

@@ -65,7 +65,7 @@ std::vector<Case> cases() {
 std::vector<engine::JointId> driven(const World& world) {
   std::vector<engine::JointId> joints;
   for (const engine::JointId id : world.joint_ids())
-    if (engine::coordinates(world.joint(id).kind) > 0 && world.joint(id).coordinates[0].motor)
+    if (engine::info(world.joint(id).kind).coordinates > 0 && world.joint(id).coordinates[0].motor)
       joints.push_back(id);
   return joints;
 }

@@ -362,7 +362,7 @@ TEST(Massless, RandomRobotsLoadOrAreRejectedByName) {
     }
     std::map<std::string, double> before;
     for (const std::string& joint : robot.constraints)
-      if (engine::coordinates(world.joint(world.find_joint(joint)).kind) == 1 &&
+      if (engine::info(world.joint(world.find_joint(joint)).kind).coordinates == 1 &&
           !is_contact_exception(world.joint(world.find_joint(joint))))
         before[joint] = position_of(world, joint);
     bool is_touched = false;

@@ -265,7 +265,7 @@ TEST(Robots, HoldTheirPoses) {
         ASSERT_FALSE(world.report().outcome.failed);
         if (!held.fixed && world.time() < 1.0) continue;
         for (const engine::JointId id : world.joint_ids())
-          if (engine::coordinates(world.joint(id).kind) > 0)
+          if (engine::info(world.joint(id).kind).coordinates > 0)
             most = std::max(most, std::abs(world.joint_state(id).coordinates[0].position -
                                            first[world.joint(id).name]));
       }
@@ -551,7 +551,7 @@ TEST(Robots, AreAddedAfterOthers) {
     const engine::Joint& joint = world.joint(world.find_joint(name));
     for (const engine::BodyId id : {joint.body_a, joint.body_b})
       EXPECT_TRUE(is_own(world.body(id).name)) << name;
-    if (!engine::couples_joints(joint.kind)) continue;
+    if (!engine::info(joint.kind).couples_joints) continue;
     any_coupling = true;
     for (const engine::JointId id : {joint.coupling.first, joint.coupling.second})
       EXPECT_TRUE(is_own(world.joint(id).name)) << name;

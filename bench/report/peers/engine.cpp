@@ -105,7 +105,7 @@ void add(const Coupling& coupling, const std::vector<engine::JointId>& ids, Worl
   added.coupling.first = ids[static_cast<std::size_t>(coupling.first)];
   added.coupling.second = ids[static_cast<std::size_t>(coupling.second)];
   added.coupling.ratio = coupling.ratio;
-  const bool is_pulley = engine::is_free_length(world->joint(added.coupling.first).kind);
+  const bool is_pulley = engine::info(world->joint(added.coupling.first).kind).is_free_length;
   added.kind = is_pulley ? engine::JointKind::kPulley : engine::JointKind::kGear;
   world->add_joint(added);
 }

@@ -158,7 +158,8 @@ struct Joint {
   std::optional<Eigen::Vector3d> axis_b;
   DistanceJoint distance;  ///< for kind kDistance
   Motor motor;             ///< for kind kDistance
-  /// Laws of the free coordinates, coordinates() of them; for kinds other than kDistance.
+  /// Laws of the free coordinates, JointKindInfo::coordinates of them; for kinds other than
+  /// kDistance.
   std::array<CoordinateLaw, kMaxCoordinates> coordinates;
   Coupling coupling;     ///< for kinds kGear and kPulley; kScrew uses its `value` alone [m]
   double pitch = 0.0;    ///< for kind kScrew [m per turn], not 0
@@ -265,8 +266,28 @@ struct JointState {
   RowVector impulse = RowVector::Zero();
 };
 
+/// Properties of a kind of joint.
+struct JointKindInfo {
+  const char* name = "";         ///< name in scene files
+  bool has_frames = false;       ///< joints have frames with axes
+  bool has_two_axes = false;     ///< z axes are at right angles, so that scenes give both
+  bool is_free_length = false;   ///< the only coordinate is ‖d‖, and no row holds anything
+  bool is_custom = false;        ///< joints need functions of another package
+  bool couples = false;          ///< joints couple coordinates, their own or of other joints
+  bool couples_joints = false;   ///< joints couple other joints: no bodies, anchors and axes
+  bool couples_lengths = false;  ///< the coupled joints are of a kind with `is_free_length`
+  bool has_pitch = false;        ///< joints couple their own two coordinates by a pitch
+  /// Number of free coordinates with laws; 0 for kDistance, whose length has laws of its own.
+  int coordinates = 0;
+  /// Per coordinate, whether it is an angle [rad]; else it is a translation [m].
+  std::array<bool, kMaxCoordinates> is_angle{};
+};
+
+/// Returns the properties of a kind.
+const JointKindInfo& info(JointKind kind);
+
 /// Name as in scene files: `distance`, `ball`, `hinge` ...
-const char* name(JointKind kind);
+inline const char* name(JointKind kind) { return info(kind).name; }
 
 /// Returns the kind with this name(), or none.
 std::optional<JointKind> joint_kind_named(std::string_view name);
@@ -281,34 +302,6 @@ inline const DistanceJoint* if_distance(const Joint& joint) {
 inline DistanceJoint* if_distance(Joint& joint) {
   return joint.kind == JointKind::kDistance ? &joint.distance : nullptr;
 }
-
-/// Whether joints of this kind have frames with axes.
-bool has_frames(JointKind kind);
-
-/// Number of free coordinates with laws; 0 for a distance joint, whose length has laws of its own.
-int coordinates(JointKind kind);
-/// Whether the coordinate is an angle [rad]; else it is a translation [m].
-bool is_angle(JointKind kind, int coordinate);
-
-/// Whether the z axes of both frames are at right angles, so that scenes give both.
-bool has_two_axes(JointKind kind);
-
-/// Whether the kind couples coordinates of other joints, and so has no bodies, anchors and axes.
-bool couples_joints(JointKind kind);
-/// Whether the kind couples lengths of other joints, which are of kind free_length().
-bool couples_lengths(JointKind kind);
-/// Whether the kind couples its own two coordinates by a pitch.
-bool has_pitch(JointKind kind);
-/// Whether the kind couples coordinates, its own or of other joints.
-bool couples(JointKind kind);
-
-/// Whether the one coordinate of the kind is the length ‖d‖, and no row holds anything.
-bool is_free_length(JointKind kind);
-/// Returns kFreeDistance: `distance` with `free: true` in scene files.
-JointKind free_length();
-
-/// Whether the kind needs functions of another package.
-bool is_custom(JointKind kind);
 
 /// Returns all kinds that need no other package.
 const std::array<JointKind, kOwnJointKindCount>& joint_kinds();

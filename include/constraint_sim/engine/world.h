@@ -125,10 +125,10 @@ class World {
   };
   JointWrench joint_wrench(JointId id) const;
   /// Replaces the motor of the joint; its timeout [s] counts from the present time. For kinds with
-  /// coordinates() it is the motor of the first. Throws for settings out of range, and for a joint
+  /// coordinates it is the motor of the first. Throws for settings out of range, and for a joint
   /// without a coordinate to drive.
   void set_motor(JointId id, const Motor& motor);
-  /// Replaces the motor of coordinate `coordinate` (from 0) of a joint with coordinates(); none:
+  /// Replaces the motor of coordinate `coordinate` (from 0) of a joint with coordinates; none:
   /// the coordinate is free.
   void set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor);
   /// Replaces all laws of the coordinate. Without a `position` its value continues; an existing

@@ -21,7 +21,7 @@ MotionBefore motion_before(const Joint& joint, const JointState& state, int coor
   if (!law.motor || !law.motor->is_rigid() || !law.motor->position || is_lost)
     return {now.velocity, 0.0, kInfinity};
   const Prescribed error =
-      closing_errors(joint, state, t, closing_time).of(info(joint.kind).rows + coordinate);
+      closing_errors(joint, state, t, closing_time).of(forms(joint.kind).rows + coordinate);
   const MovingStart& moving = state.to_close.moving[to_index(coordinate)];
   const double end =
       moving.duration > 0.0 ? moving.since + moving.duration : state.to_close.since + closing_time;
@@ -30,7 +30,7 @@ MotionBefore motion_before(const Joint& joint, const JointState& state, int coor
 
 void send_coordinate(const Joint& joint, int coordinate, const MotionBefore& before, double t,
                      double closing_time, JointState& state) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const CoordinateState& now = state.coordinates[to_index(coordinate)];
   const double off = now.position - now.held;
   MovingStart& moving = state.to_close.moving[to_index(coordinate)];

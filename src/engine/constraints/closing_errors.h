@@ -25,7 +25,7 @@ class ClosingErrors {
   ClosingErrors(const ErrorsToClose& start, int rows, double t, double closing_time)
       : start_(&start), rows_(rows), t_(t), share_(closing_course(t - start.since, closing_time)) {}
 
-  /// Returns the error of a row or coordinate; `function` is its index in JointKindInfo::function.
+  /// Returns the error of a row or coordinate; `function` is its index in JointForms::function.
   Prescribed of(int function) const {
     if (start_ == nullptr) return {};
     if (function >= rows_) {
@@ -64,7 +64,7 @@ class ClosingErrors {
 inline ClosingErrors closing_errors(const Joint& joint, const JointState& state, double t,
                                     double closing_time) {
   if (!state.closing || closing_time == 0.0) return {};
-  return {state.to_close, info(joint.kind).rows, t, closing_time};
+  return {state.to_close, forms(joint.kind).rows, t, closing_time};
 }
 
 /// Calls `visit(since)` for each time at which errors began to be closed.

@@ -41,7 +41,7 @@ Eigen::Matrix3d axes_on_b(const Joint& joint) {
 // errors of all rows to zero, for joints that close their errors by moving this frame.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> opening_of(const Joint& joint, const BodyState& a,
                                                        const BodyState& b) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, a, b);
   Eigen::Vector3d open = Eigen::Vector3d::Zero();
   for (int k = 0; k < kind.separation_rows; ++k) {
@@ -67,7 +67,7 @@ void measure_distance(const Joint& joint, const BodyState& a, const BodyState& b
 }
 
 // Returns the values of up to three rows from `first` on; rows along the axes of the world are d.
-Eigen::Vector3d row_values(const JointKindInfo& kind, int first, int count,
+Eigen::Vector3d row_values(const JointForms& kind, int first, int count,
                            const JointVectors& vectors) {
   if (count > 0 && kind.row[first].v.kind == VectorKind::kWorldAxis) return vectors.d;
   Eigen::Vector3d values = Eigen::Vector3d::Zero();
@@ -76,7 +76,7 @@ Eigen::Vector3d row_values(const JointKindInfo& kind, int first, int count,
 }
 
 // Returns the rate of the norm of these values of rows.
-double rate_of_norm(const Eigen::Vector3d& values, const JointKindInfo& kind, int first, int count,
+double rate_of_norm(const Eigen::Vector3d& values, const JointForms& kind, int first, int count,
                     const JointVectors& vectors, const JointMotion& motion) {
   Eigen::Vector3d rates = Eigen::Vector3d::Zero();
   if (count > 0 && kind.row[first].v.kind == VectorKind::kWorldAxis)
@@ -125,7 +125,7 @@ double expected(const Passed& passed, const CoordinateLaw& law, const Coordinate
 // error.
 void measure_coordinates(const Joint& joint, const JointVectors& vectors, const JointMotion& motion,
                          const Passed& passed, JointState& state) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i) {
     const ScalarForm& form = kind.coordinate[i];
     const CoordinateLaw& law = joint.coordinates[i];
@@ -148,7 +148,7 @@ void measure_coordinates(const Joint& joint, const JointVectors& vectors, const 
 // moving frame.
 void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
                         const Passed& passed, const MovingFrame& frame, JointState& state) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, a, b);
   const JointMotion motion(vectors, a, b);
   const int turns = kind.rows - kind.separation_rows;
@@ -175,7 +175,7 @@ void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState&
 
 // Sets value and rate of the coupling of a screw from its coordinates.
 void read_own_coupling(const Joint& joint, JointState& state) {
-  if (!has_pitch(joint.kind)) return;
+  if (!info(joint.kind).has_pitch) return;
   const CoordinateState &along = state.coordinates[0], &about = state.coordinates[1];
   state.coupling.value = along.position - lead(joint) * about.position;
   state.coupling.rate = along.velocity - lead(joint) * about.velocity;
@@ -191,7 +191,7 @@ double coupling_error(const Joint& joint, const JointState& state) {
 void measure_coupling(const Joint& joint, JointState& state) {
   read_own_coupling(joint, state);
   const double off = coupling_error(joint, state);
-  if (!has_pitch(joint.kind)) state.reached_rate = state.coupling.rate;
+  if (!info(joint.kind).has_pitch) state.reached_rate = state.coupling.rate;
   if (std::abs(off) <= state.error) return;
   state.error = std::abs(off);
   state.error_rate = std::copysign(1.0, off) * state.coupling.rate;
@@ -201,7 +201,7 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, d
                    const Passed& passed, const MovingFrame& frame, JointState& state) {
   if (has_length(joint.kind)) return measure_distance(joint, a, b, zeta, state);
   measure_table_rows(joint, a, b, passed, frame, state);
-  if (couples(joint.kind)) measure_coupling(joint, state);
+  if (info(joint.kind).couples) measure_coupling(joint, state);
 }
 
 // Returns the errors of all rows and coordinates.
@@ -212,7 +212,7 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
     errors[0] = state.error;
     return errors;
   }
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, a, b);
   for (int k = 0; k < kind.rows; ++k) errors[k] = value(kind.row[k], vectors);
   for (int i = 0; i < kind.coordinates; ++i) {
@@ -229,7 +229,7 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
 bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
             double h, const JointState& state) {
   if (joint.break_force == 0.0 && joint.break_torque == 0.0) return false;
-  const double coupling = couples_joints(joint.kind) ? state.coupling.effort : 0.0;
+  const double coupling = info(joint.kind).couples_joints ? state.coupling.effort : 0.0;
   return load_of(joint, a, b, impulse / h, coupling).breaks(joint);
 }
 
@@ -249,7 +249,7 @@ bool is_closed(const JointState& state, const JointStep& step) {
 
 MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState& state,
                      bool at_end) {
-  if (!state.closing || !closes_by_frame(info(joint.kind))) return {};
+  if (!state.closing || !closes_by_frame(forms(joint.kind))) return {};
   const double beta = joint.baumgarte.value_or(step.beta);
   const Eigen::Vector3d shift =
       step.closing_time > 0.0 ? state.to_close.shift : Eigen::Vector3d(Eigen::Vector3d::Zero());
@@ -258,18 +258,18 @@ MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState
 }
 
 void note_force(const Joint& joint, const RowVector& impulse, double h, JointState& state) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i)
     state.coordinates[i].effort = impulse[kind.rows + i] / h;
   Eigen::Vector3d separation = impulse.head<3>();
   for (int k = kind.separation_rows; k < 3; ++k) separation[k] = 0.0;
   state.force = kind.coordinates > 0 ? state.coordinates[0].effort : separation.norm() / h;
-  if (couples_joints(joint.kind)) state.force = state.coupling.effort;
+  if (info(joint.kind).couples_joints) state.force = state.coupling.effort;
 }
 
 void add_own_coupling(const Joint& joint, double impulse, RowVector* done) {
-  if (!has_pitch(joint.kind)) return;
-  const int along = info(joint.kind).rows;
+  if (!info(joint.kind).has_pitch) return;
+  const int along = forms(joint.kind).rows;
   (*done)[along] += impulse;
   (*done)[along + 1] -= lead(joint) * impulse;
 }
@@ -298,7 +298,7 @@ void forget_impulses(JointState* state) {
 }
 
 void JointSum::add(const Joint& joint, double h, JointState* state) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   state->broken = false;
   rows += state->impulse;
   coupled_rows += state->coupling.impulse;
@@ -326,7 +326,7 @@ void JointSum::finish(const Joint& joint, const BodyState& a, const BodyState& b
 
 MovingFrame frame_where_met(const Joint& joint, const BodyState& a, const BodyState& b,
                             double radius) {
-  if (!closes_by_frame(info(joint.kind))) return {};
+  if (!closes_by_frame(forms(joint.kind))) return {};
   const auto [shift, turn] = opening_of(joint, a, b);
   if (std::max(shift.norm(), radius * turn.norm()) <= kFits) return {};
   return {joint.anchor_b, axes_on_b(joint), shift, turn, Prescribed{1.0, 0.0, 0.0}};
@@ -338,7 +338,7 @@ double reading(const ScalarForm& form, double value, double zero, double referen
 
 void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& b,
                        JointState& state) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, a, b, frame_where_met(joint, a, b, state.radius));
   for (int i = 0; i < kind.coordinates; ++i) {
     CoordinateState& coordinate = state.coordinates[i];
@@ -347,7 +347,7 @@ void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& 
     if (law.motor && law.motor->is_rigid())
       coordinate.held = law.motor->position.value_or(coordinate.position);
   }
-  if (!couples(joint.kind)) return;
+  if (!info(joint.kind).couples) return;
   read_own_coupling(joint, state);
   state.coupling.constant = joint.coupling.value.value_or(state.coupling.value);
 }
@@ -360,7 +360,7 @@ Jacobian custom_wrench(const Joint& joint, const BodyState& a, const BodyState& 
 World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyState& b,
                              const RowVector& impulse, double h) {
   const JointVectors vectors(joint, a, b);
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   Jacobian sum;
   for (int k = 0; k < kind.rows + kind.coordinates; ++k)
     sum = combined(1.0, sum, impulse[k] / h, jacobian(kind.function[k], vectors));
@@ -371,7 +371,7 @@ World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyS
 
 JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& rows,
                   double coupling) {
-  if (couples_joints(joint.kind)) return {std::abs(coupling), 0.0};
+  if (info(joint.kind).couples_joints) return {std::abs(coupling), 0.0};
   if (has_length(joint.kind)) return {std::abs(rows[0]), 0.0};
   RowVector all = rows;
   add_own_coupling(joint, coupling, &all);
@@ -381,7 +381,7 @@ JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b, co
 
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state, bool b_turns) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   for (std::size_t i = 0; i < to_index(kind.coordinates); ++i) {
     if (!has_course_to_lose(joint.coordinates[i])) continue;
     state.coordinates[i].held = *joint.coordinates[i].motor->position;
@@ -448,10 +448,10 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
     return std::abs(is_free_side && std::abs(error) <= std::abs(most) ? 0.0 : error - most) <=
            kFits;
   }
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const double coupling = state.coupling.value - state.coupling.constant - allowed.coupling().value;
   const bool is_slack = joint.coupling.one_sided && coupling <= kFits;
-  if (couples(joint.kind) && !is_slack && !(std::abs(coupling) <= kFits)) return false;
+  if (info(joint.kind).couples && !is_slack && !(std::abs(coupling) <= kFits)) return false;
   // The moving frame on B is used, since coordinates with the frame at home may differ widely.
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
   if (kind.alignment != Alignment::kFree) {

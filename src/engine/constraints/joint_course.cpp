@@ -45,7 +45,7 @@ Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* st
 
 void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointState& state) {
   if (is_closing()) *this = PrescribedMotion{};
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   start_ = span.t;
   is_driven_ = false;
   rows_ = kind.rows;

@@ -33,18 +33,30 @@ constexpr ScalarForm angle_2{AngleForm{{{{{xB, zA}, 1.0}, {}}}, {{{{yB, zA}, -1.
 
 // NOLINTEND(readability-identifier-naming)
 
+// Coordinates that a joint couples by a row.
+enum class Couples : std::uint8_t {
+  kNothing,
+  kJoints,   // the first coordinates of two other joints
+  kLengths,  // lengths of two other joints
+  kOwn,      // its own two coordinates, by a pitch
+};
+
 constexpr bool is_axis(VectorRef u) {
   return u.kind == VectorKind::kAxisA || u.kind == VectorKind::kAxisB ||
          u.kind == VectorKind::kCustom;
 }
 
-constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> rows,
-                             Alignment alignment, std::initializer_list<ScalarForm> coordinates,
-                             Couples couples = Couples::kNothing) {
-  JointKindInfo made;
-  made.couples = couples;
+constexpr JointForms kind(const char* name, std::initializer_list<RowForm> rows,
+                          Alignment alignment, std::initializer_list<ScalarForm> coordinates,
+                          Couples couples = Couples::kNothing) {
+  JointForms made;
   made.name = name;
   made.alignment = alignment;
+  made.has_two_axes = alignment == Alignment::kPerpendicularZ;
+  made.couples = couples != Couples::kNothing;
+  made.couples_joints = couples == Couples::kJoints || couples == Couples::kLengths;
+  made.couples_lengths = couples == Couples::kLengths;
+  made.has_pitch = couples == Couples::kOwn;
   for (const RowForm& row : rows) {
     made.row[static_cast<std::size_t>(made.rows++)] = row;
     made.separation_rows += row.has_separation() ? 1 : 0;
@@ -52,8 +64,12 @@ constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> ro
   }
   if (made.rows == 1 && made.row[0].is_square()) made.form = RowsForm::kDistance;
   if (made.rows == 3 && made.separation_rows == 3 && !made.has_frames) made.form = RowsForm::kPoint;
-  for (const ScalarForm& coordinate : coordinates)
-    made.coordinate[static_cast<std::size_t>(made.coordinates++)] = coordinate;
+  for (const ScalarForm& coordinate : coordinates) {
+    const auto i = static_cast<std::size_t>(made.coordinates++);
+    made.coordinate[i] = coordinate;
+    made.is_angle[i] = coordinate.is_angle;
+    made.is_free_length = made.is_free_length || coordinate.is_length;
+  }
   for (int k = 0; k < made.rows + made.coordinates; ++k)
     made.function[static_cast<std::size_t>(k)] =
         k < made.rows ? ScalarForm(made.row[static_cast<std::size_t>(k)])
@@ -61,8 +77,8 @@ constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> ro
   return made;
 }
 
-constexpr JointKindInfo custom_kind(const char* name, std::initializer_list<RowForm> rows) {
-  JointKindInfo made = kind(name, rows, Alignment::kFree, {});
+constexpr JointForms custom_kind(const char* name, std::initializer_list<RowForm> rows) {
+  JointForms made = kind(name, rows, Alignment::kFree, {});
   made.has_frames = made.is_custom = true;
   return made;
 }
@@ -70,7 +86,7 @@ constexpr JointKindInfo custom_kind(const char* name, std::initializer_list<RowF
 // Kinds in the order of JointKind. The rows x_A·y_B, y_A·z_B, z_A·x_B have eight solutions, all of
 // rank 3; misalignment() defines the intended solution.
 // clang-format off
-constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
+constexpr std::array<JointForms, kJointKindCount> kKinds{{
     kind("distance", {{d, d}}, Alignment::kFree, {}),
     kind("ball", {{d, xW}, {d, yW}, {d, zW}}, Alignment::kFree, {}),
     kind("hinge", {{d, xW}, {d, yW}, {d, zW}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {angle}),
@@ -102,9 +118,9 @@ Vector3d vector_of_turn(const Vector3d& n, double sine, double cosine) {
 
 }  // namespace
 
-const JointKindInfo& info(JointKind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
+const JointForms& forms(JointKind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
 
-const char* name(JointKind kind) { return info(kind).name; }
+const JointKindInfo& info(JointKind kind) { return forms(kind); }
 
 std::optional<JointKind> joint_kind_named(std::string_view text) {
   for (std::size_t i = 0; i < kKinds.size(); ++i)
@@ -114,40 +130,14 @@ std::optional<JointKind> joint_kind_named(std::string_view text) {
 
 std::string names_of_further_kinds() {
   std::string names;
-  for (const JointKindInfo& kind : kKinds)
-    if (&kind != &info(JointKind::kDistance)) names += std::string(", ") + kind.name;
+  for (const JointForms& kind : kKinds)
+    if (&kind != &forms(JointKind::kDistance)) names += std::string(", ") + kind.name;
   return names;
 }
 
-bool has_frames(JointKind kind) { return info(kind).has_frames; }
-
-int coordinates(JointKind kind) { return info(kind).coordinates; }
-
 bool bears_torque(JointKind kind) {
-  return has_frames(kind) || info(kind).form == RowsForm::kPoint;
+  return forms(kind).has_frames || forms(kind).form == RowsForm::kPoint;
 }
-
-bool is_angle(JointKind kind, int coordinate) {
-  return info(kind).coordinate[static_cast<std::size_t>(coordinate)].is_angle;
-}
-
-bool couples_joints(JointKind kind) {
-  return info(kind).couples == Couples::kJoints || couples_lengths(kind);
-}
-
-bool couples_lengths(JointKind kind) { return info(kind).couples == Couples::kLengths; }
-
-bool has_pitch(JointKind kind) { return info(kind).couples == Couples::kOwn; }
-
-bool couples(JointKind kind) { return info(kind).couples != Couples::kNothing; }
-
-bool is_free_length(JointKind kind) { return info(kind).coordinate[0].is_length; }
-
-JointKind free_length() { return JointKind::kFreeDistance; }
-
-bool is_custom(JointKind kind) { return info(kind).is_custom; }
-
-bool has_two_axes(JointKind kind) { return info(kind).alignment == Alignment::kPerpendicularZ; }
 
 const std::array<JointKind, kOwnJointKindCount>& joint_kinds() {
   static const std::array<JointKind, kOwnJointKindCount> kAll = [] {

@@ -23,43 +23,31 @@ enum class RowsForm : std::uint8_t {
   kGeneral,
 };
 
-/// Coordinates that a joint couples by a row.
-enum class Couples : std::uint8_t {
-  kNothing,
-  kJoints,   ///< the first coordinates of two other joints
-  kLengths,  ///< lengths of two other joints
-  kOwn,      ///< its own two coordinates, by a pitch
-};
-
-struct JointKindInfo {
-  const char* name = "";  ///< name in scene files
-  int rows = 0;           ///< number of entries of `row`; rows with d come first
+/// Entry of the table: the properties of a kind, with its rows and coordinates as functions of the
+/// joint's vectors.
+struct JointForms : JointKindInfo {
+  int rows = 0;  ///< number of entries of `row`; rows with d come first
   std::array<RowForm, kMaxJointRows> row{};
   int separation_rows = 0;  ///< number of rows with d
   RowsForm form = RowsForm::kGeneral;
   Alignment alignment = Alignment::kFree;
-  Couples couples = Couples::kNothing;
-  bool has_frames = false;  ///< whether any row has an axis of A or B
-  bool is_custom = false;   ///< evaluated by functions of another package
-  int coordinates = 0;      ///< number of free coordinates, which can have laws
-  /// Coordinates as functions of the joint's vectors.
   std::array<ScalarForm, kMaxCoordinates> coordinate{};
   std::array<ScalarForm, kMaxJointRows> function{};  ///< rows, then coordinates
 };
 
 /// Returns the entry of a kind. kDistance has one row ½(d·d − ℓ²), which its settings may replace;
 /// its length has laws of its own.
-const JointKindInfo& info(JointKind kind);
+const JointForms& forms(JointKind kind);
 
 /// Whether a joint of the kind closes by moving the frame on B to its home. Rows of other kinds are
 /// closed by decreasing errors, since they act along vectors fixed in A. A point on a body B that
 /// cannot turn is closed by decreasing errors too.
-constexpr bool closes_by_frame(const JointKindInfo& kind) {
+constexpr bool closes_by_frame(const JointForms& kind) {
   return kind.alignment != Alignment::kFree || kind.form == RowsForm::kPoint;
 }
 
 /// Whether rows depend on the orientation of B, so that B turns even with its anchor at its centre.
-constexpr bool turns_b(const JointKindInfo& kind) {
+constexpr bool turns_b(const JointForms& kind) {
   return kind.alignment != Alignment::kFree || kind.is_custom;
 }
 

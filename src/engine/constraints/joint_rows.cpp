@@ -85,7 +85,7 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
 // Writes the rows of a joint of a kind other than kDistance.
 int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
                        const JointStep& step, JointState& state, Row* rows) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const MovingFrame frame = frame_in(joint, step, state, false);
   const JointVectors vectors(joint, a, b, frame);
   const JointMotion motion(vectors, a, b);
@@ -166,7 +166,7 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
 // force limit yields, and then holds the reached position.
 RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, const JointStep& step,
                             const Row* rows, int count, JointState& state) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   RowVector done = RowVector::Zero();
   state.impulse.setZero();
   for (int i = 0; i < kind.coordinates; ++i)
@@ -204,7 +204,7 @@ void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                    const JointStep& step, JointState& state, List<Row>* rows) {
   const std::size_t first = rows->size();
   const bool is_distance = has_length(joint.kind);
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   rows->resize(first + to_index(is_distance ? kMaxDistanceRows
                                             : kind.rows + kMaxLawRows * kind.coordinates));
   Row* const written = rows->data() + first;
@@ -229,7 +229,7 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
     std::fill(J, J + count, anchors.along(direction(anchors)));
     return;
   }
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, true));
   for (int k = 0; k < count && rows[k].coordinate != kOfCoupling; ++k)
     J[k] = jacobian(rows[k].coordinate < 0 ? kind.function[rows[k].component]
@@ -263,7 +263,7 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
 Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,
                              const JointStep& step, const JointState& state, int coordinate,
                              bool at_end) {
-  return jacobian(info(joint.kind).coordinate[coordinate],
+  return jacobian(forms(joint.kind).coordinate[coordinate],
                   JointVectors(joint, a, b, frame_in(joint, step, state, at_end)));
 }
 

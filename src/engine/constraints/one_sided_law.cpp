@@ -89,7 +89,7 @@ void add_one_sided_laws(const Joint& joint, std::size_t index, List<OneSidedLaw>
     laws->back().joint = index;
   }
   if (joint.coupling.one_sided) laws->push_back(law_of_coupling(index));
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateLaw& from = joint.coordinates[static_cast<std::size_t>(i)];
     if (!is_one_sided(from)) continue;

@@ -67,7 +67,7 @@ struct OneSidedLaw {
   SoftLaw soft;                ///< soft law without force limit
   SoftLaw servo;               ///< servo or spring with a force limit; R is not used for a length
   double servo_most = 0.0;     ///< force limit of `servo`; 0: no servo [N or N m]
-  int function = 0;            ///< index of the coordinate in JointKindInfo::function
+  int function = 0;            ///< index of the coordinate in JointForms::function
 
   double limit(bool upper_one) const { return upper_one ? upper : lower; }
   /// Distance by which a coordinate was beyond its limits when it began to close errors; of a

@@ -16,7 +16,7 @@ double moving_errors(const IslandModel& island, const IntervalInputs& inputs, st
   const IslandModel::Link& link = island.links()[l];
   double square = 0.0;
   for (std::size_t k = 0; k < island.rows_of(l); ++k) {
-    const int coordinate = link.function[k] - info(link.kind).rows;
+    const int coordinate = link.function[k] - forms(link.kind).rows;
     if (coordinate < 0) continue;
     const MovingStart& moving = motion.to_close().moving[to_index(coordinate)];
     if (moving.duration == 0.0) continue;
@@ -46,13 +46,13 @@ double offset_of(const IslandModel& island, const IntervalInputs& inputs, std::s
   const double by_frame =
       motion.moves_frame() ? math::hypot(start.shift.norm(), link.radius * start.turn.norm()) : 0.0;
   for (std::size_t k = 0; k < island.rows_of(l); ++k)
-    if (link.function[k] < info(link.kind).rows ||
+    if (link.function[k] < forms(link.kind).rows ||
         (with_motors &&
-         start.moving[to_index(link.function[k] - info(link.kind).rows)].duration == 0.0))
+         start.moving[to_index(link.function[k] - forms(link.kind).rows)].duration == 0.0))
       offset[static_cast<Eigen::Index>(k)] =
           start.offset[link.function[k]] / inputs.row_length(island, island.row_of(l) + k);
   double by_coupling = 0.0;
-  if (couples(link.kind))
+  if (info(link.kind).couples)
     for (const IslandModel::CoupledRow& coupled : island.coupled_rows())
       if (coupled.link == l) by_coupling = coupled.metres * start.coupling;
   return math::hypot(offset.norm(), by_frame, by_coupling);

@@ -14,7 +14,7 @@ TurnedAngles unread_angles(const IslandModel& island) {
   TurnedAngles angles;
   for (std::size_t l = 0; l < island.links().size(); ++l) {
     const IslandModel::Link& link = island.links()[l];
-    const JointKindInfo& kind = info(link.kind);
+    const JointForms& kind = forms(link.kind);
     for (int i = 0; island.is_general(l) && i < kind.coordinates; ++i) {
       const auto is_read_by = [&](const IslandModel::CoupledRow& coupled) {
         return std::any_of(coupled.terms.begin(), coupled.terms.end(), [&](const auto& term) {
@@ -47,7 +47,7 @@ void CoordinatePositions::begin_step(const IslandModel& island, const List<Joint
   };
   for (std::size_t s = 0; s < softs_.size(); ++s) {
     const IslandModel::SoftCoordinate& soft = island.soft_coordinates()[s];
-    softs_[s] = noted(soft.link, soft.function - info(island.links()[soft.link].kind).rows);
+    softs_[s] = noted(soft.link, soft.function - forms(island.links()[soft.link].kind).rows);
   }
   for (std::size_t c = 0; c < coupled_.size(); ++c) {
     const IslandModel::CoupledRow& row = island.coupled_rows()[c];
@@ -130,7 +130,7 @@ bool CoordinatePositions::read(const IslandModel& island, std::size_t l,
     return false;
   positions->fill(std::numeric_limits<double>::quiet_NaN());
   for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
-    (*positions)[to_index(island.soft_coordinates()[s].function - info(link.kind).rows)] = soft(s);
+    (*positions)[to_index(island.soft_coordinates()[s].function - forms(link.kind).rows)] = soft(s);
   for (std::size_t c = 0; c < coupled_.size(); ++c)
     for (std::size_t k = 0; k < 2; ++k)
       if (island.coupled_rows()[c].terms[k].link == l)

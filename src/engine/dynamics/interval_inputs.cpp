@@ -105,11 +105,11 @@ void IntervalInputs::begin_general(const IslandModel& island, std::size_t l,
   else if (frame_b(l).moves)
     set_frame(island, l, {link.anchor_b, link.frame_b});
   scale_ = std::max(scale_, link.radius);
-  if (couples(link.kind)) update_coupling(island, l, motion, t);
+  if (info(link.kind).couples) update_coupling(island, l, motion, t);
   for (std::size_t k = 0; k < island.rows_of(l); ++k) {
     const std::size_t row = island.row_of(l) + k;
     value_target_[row] = motion.target(link.function[k], t).value;
-    if (link.function[k] >= info(link.kind).rows)
+    if (link.function[k] >= forms(link.kind).rows)
       scale_ = std::max(scale_, std::abs(value_target_[row]) / row_length(island, row));
   }
 }
@@ -146,7 +146,7 @@ void IntervalInputs::update(const IslandModel& island, double t) {
     }
     const IslandModel::Link& link = island.links()[l];
     length_[l] = motion.closing(t).share();
-    if (couples(link.kind)) update_coupling(island, l, motion, t);
+    if (info(link.kind).couples) update_coupling(island, l, motion, t);
     if (motion.moves_frame()) set_frame(island, l, motion.frame(t, link.anchor_b, link.frame_b));
     for (std::size_t k = 0; k < island.rows_of(l); ++k) {
       const Prescribed target = motion.target(link.function[k], t);

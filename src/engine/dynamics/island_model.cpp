@@ -56,7 +56,7 @@ void IslandModel::find_bodies(const List<Joint>& all_joints, const Ends& ends,
       const Joint& joint = all_joints[j];
       add(ends[j].first, joint.anchor_a, info(joint.kind).has_frames);
       const bool is_open = !open.empty() && open[j] != 0;
-      add(ends[j].second, joint.anchor_b, is_open || turns_b(info(joint.kind)));
+      add(ends[j].second, joint.anchor_b, is_open || turns_b(forms(joint.kind)));
     }
   }
   const auto sort_out = [](List<int>& list) {
@@ -85,7 +85,7 @@ bool IslandModel::order_as_chain(const List<Joint>& all_joints, const Ends& ends
   for (const int j : joints_) {
     const Joint& joint = all_joints[j];
     if (has_length(joint.kind) == is_of_bodies) return false;
-    if (info(joint.kind).form == RowsForm::kGeneral) return false;
+    if (forms(joint.kind).form == RowsForm::kGeneral) return false;
     if (!length_spring(joint).is_none()) return false;
     for (const std::size_t body : {ends[j].first, ends[j].second}) {
       if (!masses[body].is_movable()) continue;
@@ -144,7 +144,7 @@ void IslandModel::sort_joints(const List<Joint>& all_joints, const Ends& ends, c
     const Joint& joint = all_joints[j];
     if (!has_length(joint.kind)) {
       const bool is_open = !open.empty() && open[j] != 0;
-      return is_open || info(joint.kind).form == RowsForm::kGeneral ? 3 : 2;
+      return is_open || forms(joint.kind).form == RowsForm::kGeneral ? 3 : 2;
     }
     if (!length_spring(joint).is_none()) return 4;
     return turns_body(ends[j].first) || turns_body(ends[j].second) ? 1 : 0;
@@ -198,7 +198,7 @@ void IslandModel::add_links(const List<Joint>& all_joints, const Ends& ends,
 // Adds the motors and soft coordinates of a joint to link l.
 void IslandModel::add_coordinates(const Joint& joint, std::size_t l, Link* link,
                                   List<SoftCoordinate>* softs) {
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   link->rows = kind.rows;
   link->first_soft = softs->size();
   for (int i = 0; i < kind.coordinates; ++i) {
@@ -278,7 +278,7 @@ void IslandModel::add_coupled_rows(const List<Joint>& all_joints,
     return static_cast<std::size_t>(found - joints_.begin());
   };
   for (std::size_t l = first_.general; l < first_.spring; ++l) {
-    if (!couples(links_[l].kind)) continue;
+    if (!info(links_[l].kind).couples) continue;
     CoupledRow coupled{};
     coupled.link = l;
     for (std::size_t k = 0; k < 2; ++k) {
@@ -288,7 +288,7 @@ void IslandModel::add_coupled_rows(const List<Joint>& all_joints,
       CoupledRow::Term& term = coupled.terms[k];
       term.link = link_of(from.joint);
       term.coordinate = from.coordinate;
-      term.form = info(joint.kind).coordinate[i];
+      term.form = forms(joint.kind).coordinate[i];
       term.ratio = from.ratio;
       term.zero = joint.coordinates[i].zero;
     }

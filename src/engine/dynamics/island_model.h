@@ -132,7 +132,7 @@ class IslandModel {
   std::size_t rows_of(std::size_t l) const { return static_cast<std::size_t>(links_[l].rows); }
   /// Form of row k of general joint l.
   const ScalarForm& form(std::size_t l, std::size_t k) const {
-    return info(links_[l].kind).function[links_[l].function[k]];
+    return forms(links_[l].kind).function[links_[l].function[k]];
   }
   const FirstLinks& first() const { return first_; }
   const StateLayout& layout() const { return layout_; }

@@ -110,7 +110,7 @@ double JointForces::coupled(const IslandModel& island, std::size_t l,
 RowVector JointForces::force(const IslandModel& island, std::size_t l, std::size_t stage) const {
   const double* const forces = stage_forces_.data() + stage * impulses_.size();
   RowVector force = by_joint(island, l, forces);
-  if (couples_joints(island.links()[l].kind)) force[0] = coupled(island, l, forces);
+  if (info(island.links()[l].kind).couples_joints) force[0] = coupled(island, l, forces);
   return force;
 }
 

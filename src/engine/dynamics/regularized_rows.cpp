@@ -25,7 +25,7 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
   for (std::size_t i = 0; i < rotating_; ++i) inertia_.push_back(equations.inertia(i));
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     first_row_.push_back(rows_.size());
-    const bool is_ball = info(joints_[l].kind).form == RowsForm::kPoint;
+    const bool is_ball = forms(joints_[l].kind).form == RowsForm::kPoint;
     const int rigid_rows = static_cast<int>(equations.rows_of(l));
     for (int k = 0; k < rigid_rows + static_cast<int>(joints_[l].softs); ++k) {
       Row row;
@@ -98,7 +98,7 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     JointGeometry& g = (*geometry)[l];
     const EquationsOfMotion::Link& joint = joints_[l];
-    const bool is_ball = info(joint.kind).form == RowsForm::kPoint;
+    const bool is_ball = forms(joint.kind).form == RowsForm::kPoint;
     g.custom = joint.custom;
     g.d = configuration.position[joint.b] - configuration.position[joint.a];
     for (std::size_t e = 0; e < 2; ++e) {

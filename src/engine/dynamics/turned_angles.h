@@ -35,7 +35,7 @@ class TurnedAngles {
   }
   /// Adds a coordinate that is an angle. Joints are added in ascending order.
   void add(std::size_t joint, JointKind kind, int coordinate, std::size_t a, std::size_t b) {
-    const JointKindInfo& of = info(kind);
+    const JointForms& of = forms(kind);
     bool is_about_b = false;
     for (int i = 0; i < coordinate; ++i)
       is_about_b = is_about_b || of.coordinate[static_cast<std::size_t>(i)].is_angle;

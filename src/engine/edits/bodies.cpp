@@ -160,7 +160,7 @@ void World::set_body(BodyId id, const Body& body) {
   impl_->bodies[i] = changed;
   impl_->masses[i] = mass;
   for (const std::size_t j : impl_->joints_on(i)) {
-    if (couples_joints(impl_->joints[j].kind)) continue;
+    if (info(impl_->joints[j].kind).couples_joints) continue;
     const auto [a, b] = ends_of(*impl_, impl_->joints[j]);
     impl_->joint_states[j].radius =
         std::max(impl_->masses[a].radius_of_gyration(), impl_->masses[b].radius_of_gyration());

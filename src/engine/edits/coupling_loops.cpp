@@ -146,8 +146,8 @@ void check_coupling_loop(const Model& model, const State& state, const Joint& jo
   List<Acting> couplings;
   bool has_first = false, has_second = false;
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
-    if (!couples_joints(model.joints[j].kind) || !acts(model.joints[j], state.joint_states[j]) ||
-        model.joints[j].coupling.one_sided)
+    if (!info(model.joints[j].kind).couples_joints ||
+        !acts(model.joints[j], state.joint_states[j]) || model.joints[j].coupling.one_sided)
       continue;
     const CoupledTerms terms = model.terms_of(j);
     const CouplingState& now = state.joint_states[j].coupling;

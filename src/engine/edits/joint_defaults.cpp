@@ -54,10 +54,10 @@ double inverse_effective_mass(const Model& model, const State& state, const Jaco
 double inverse_effective_mass(const Model& model, const State& state, const Joint& joint,
                               int coordinate) {
   const std::size_t a = model.index(joint.body_a), b = model.index(joint.body_b);
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, state.states[a], state.states[b]);
   using Row = Eigen::Matrix<double, 1, 12>;
-  const int rows = kind.rows + (has_pitch(joint.kind) ? 1 : 0);
+  const int rows = kind.rows + (info(joint.kind).has_pitch ? 1 : 0);
   Eigen::Matrix<double, Eigen::Dynamic, 12> G(rows + 1, 12);  // G M^(-1/2), and g M^(-1/2)
   for (int k = 0; k <= rows; ++k) {
     const int function = k < rows ? k : kind.rows + coordinate;
@@ -91,7 +91,7 @@ double inverse_effective_mass(const Model& model, const State& state, const Join
 
 /// Fills in frame B where it is left out, from the present poses of the bodies.
 void fill_in_frames(const Model& model, const State& state, Joint* joint) {
-  const JointKindInfo& kind = info(joint->kind);
+  const JointForms& kind = forms(joint->kind);
   if (!kind.has_frames) {
     joint->frame_a.setIdentity();
     joint->frame_b.reset();
@@ -120,12 +120,12 @@ void fill_in_frames(const Model& model, const State& state, Joint* joint) {
 
 void clear_unused(Joint* joint) {
   if (!has_length(joint->kind)) joint->distance = DistanceJoint{};
-  if (!has_pitch(joint->kind)) joint->pitch = 0.0;
-  if (!is_custom(joint->kind)) joint->custom = CustomElement{};
-  if (couples_joints(joint->kind)) return;
+  if (!info(joint->kind).has_pitch) joint->pitch = 0.0;
+  if (!info(joint->kind).is_custom) joint->custom = CustomElement{};
+  if (info(joint->kind).couples_joints) return;
   const std::optional<double> value = joint->coupling.value;
   joint->coupling = Coupling{};
-  if (has_pitch(joint->kind)) joint->coupling.value = value;
+  if (info(joint->kind).has_pitch) joint->coupling.value = value;
 }
 
 void fill_in(const Model& model, const State& state, Joint* joint) {
@@ -163,7 +163,7 @@ void fill_in(const Model& model, const State& state, Joint* joint) {
 }
 
 void set_zeros(const Model& model, const State& state, Joint* joint) {
-  const JointKindInfo& kind = info(joint->kind);
+  const JointForms& kind = forms(joint->kind);
   const std::size_t a = model.index(joint->body_a), b = model.index(joint->body_b);
   const double radius =
       std::max(model.masses[a].radius_of_gyration(), model.masses[b].radius_of_gyration());
@@ -178,7 +178,7 @@ void set_zeros(const Model& model, const State& state, Joint* joint) {
 
 void fill_in_laws(const Model& model, const State& state, Joint* joint) {
   bool is_changed = false;
-  for (int i = 0; i < coordinates(joint->kind); ++i) {
+  for (int i = 0; i < info(joint->kind).coordinates; ++i) {
     CoordinateLaw& law = joint->coordinates[static_cast<std::size_t>(i)];
     const bool is_servo = law.motor && law.motor->servo_frequency > 0.0;
     if (law.frequency == 0.0 && !is_servo) continue;

@@ -40,7 +40,7 @@ bool differ_in_force_alone(const CoordinateLaw& a, const CoordinateLaw& b) {
 
 /// Whether a coordinate is beyond a limit that has changed.
 bool is_beyond_new_limits(const Joint& joint, const Joint& before, const JointState& state) {
-  for (std::size_t i = 0; i < to_index(coordinates(joint.kind)); ++i) {
+  for (std::size_t i = 0; i < to_index(info(joint.kind).coordinates); ++i) {
     const CoordinateLaw &law = joint.coordinates[i], &old = before.coordinates[i];
     if (law.lower == old.lower && law.upper == old.upper) continue;
     if (beyond_limits(law, state.coordinates[i].position) != 0.0) return true;
@@ -62,7 +62,7 @@ void JointEdits::start() {
   const MassProperties &mass_a = world_.masses[a], &mass_b = world_.masses[b];
   const double radius = std::max(mass_a.radius_of_gyration(), mass_b.radius_of_gyration());
   state.radius = radius;
-  if (couples_joints(joint.kind))
+  if (info(joint.kind).couples_joints)
     read_coupling(world_.terms_of(j_), world_.joint_states, &state.coupling);
   begin_coordinates(joint, world_.states[a], world_.states[b], state);
   begin_joint(joint, world_.states[a], world_.states[b], now, state, mass_b.can_turn());
@@ -73,7 +73,7 @@ void JointEdits::start() {
     visit_motors(joint, state, [&](const Motor&, double& end) { end += elapsed; });
     visit_starts(state.to_close, [&](double& since) { since += elapsed; });
   }
-  if (couples_joints(joint.kind)) end_with_coupled(joint.coupling);
+  if (info(joint.kind).couples_joints) end_with_coupled(joint.coupling);
 }
 
 void JointEdits::end_with_coupled(const Coupling& coupling) {
@@ -130,7 +130,7 @@ bool JointEdits::follow_law(std::size_t i, const CoordinateLaw& before, bool is_
 void JointEdits::shift_couplings(int coordinate, double change) {
   if (change == 0.0) return;
   List<std::size_t> affected = world_.couplings_of(j_);
-  if (has_pitch(world_.joints[j_].kind)) affected.push_back(j_);
+  if (info(world_.joints[j_].kind).has_pitch) affected.push_back(j_);
   for (const std::size_t coupling : affected)
     for (const CoupledTerm& term : world_.terms_of(coupling))
       if (term.joint == j_ && term.coordinate == coordinate) {
@@ -181,7 +181,7 @@ void JointEdits::hold_from_here() {
   const Joint& joint = world_.joints[j_];
   JointState& state = world_.joint_states[j_];
   bool is_held = false;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(info(joint.kind).coordinates); ++i) {
     const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
     if (!motor || !motor->is_rigid() || motor->position) continue;
     state.coordinates[i].held = state.coordinates[i].position;

@@ -69,7 +69,7 @@ void check_same_place(const Joint& joint, const Joint& before) {
 
 /// Checks that joints stay enabled as long as an enabled coupling couples them.
 void check_coupled_act(const Model& model, std::size_t j, bool enabled) {
-  if (enabled && couples_joints(model.joints[j].kind))
+  if (enabled && info(model.joints[j].kind).couples_joints)
     for (const JointId id : {model.joints[j].coupling.first, model.joints[j].coupling.second})
       if (!model.joints[model.index(id)].enabled)
         refuse("enabled",
@@ -101,7 +101,7 @@ void World::set_joint(JointId id, const Joint& joint) {
   }
   validate(changed);
   if (changed.enabled != before.enabled) check_coupled_act(*impl_, j, changed.enabled);
-  if (changed.enabled && !before.enabled && couples_joints(joint.kind))
+  if (changed.enabled && !before.enabled && info(joint.kind).couples_joints)
     check_coupling_loop(*impl_, *impl_, changed);
   const bool is_distance = has_length(joint.kind);
   if (is_distance) {

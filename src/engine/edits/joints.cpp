@@ -38,7 +38,7 @@ void check_ends(const Model& model, const Joint& joint) {
   };
   check_anchor("anchor_a", a, joint.anchor_a);
   check_anchor("anchor_b", b, joint.anchor_b);
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const auto check_axes = [&](const char* field, std::size_t i, bool has_axes) {
     if (has_axes && model.is_movable(i) && !model.masses[i].can_turn())
       refuse(field, in_quotes(model.bodies[i].name) +
@@ -55,12 +55,12 @@ void check_coupling(const Model& model, const State& state, const Joint& joint, 
   const Coupling& coupling = joint.coupling;
   const auto check = [&](JointId id) {
     const Joint& of = model.joints[model.index(id)];
-    const bool fits =
-        couples_lengths(joint.kind) ? is_free_length(of.kind) : coordinates(of.kind) > 0;
+    const bool fits = info(joint.kind).couples_lengths ? info(of.kind).is_free_length
+                                                       : info(of.kind).coordinates > 0;
     if (!fits)
       refuse("joints", in_quotes(of.name) + " is of type " + name(of.kind) + ", a " +
                            name(joint.kind) +
-                           (couples_lengths(joint.kind)
+                           (info(joint.kind).couples_lengths
                                 ? " joins distance constraints with free: true"
                                 : " joins constraints with a free coordinate, such as hinges"));
     if (!broken && state.joint_states[model.index(id)].broken)
@@ -80,7 +80,7 @@ BodyId movable_end(const Model& model, JointId id) {
 }
 
 void check_coordinate(const char* field, const Joint& joint, int coordinate) {
-  if (coordinate >= 0 && coordinate < coordinates(joint.kind)) return;
+  if (coordinate >= 0 && coordinate < info(joint.kind).coordinates) return;
   refuse(field, "a " + std::string(name(joint.kind)) + " joint has no coordinate " +
                     std::to_string(coordinate) + " with a law");
 }
@@ -93,12 +93,12 @@ JointId World::add_joint(const Joint& joint, bool broken) {
 
 JointId World::Impl::add_joint(const Joint& joint, bool broken, bool is_saved) {
   validate(joint);
-  if (couples_joints(joint.kind) && joint.enabled && !broken && !is_saved)
+  if (info(joint.kind).couples_joints && joint.enabled && !broken && !is_saved)
     check_coupling_loop(*this, *this, joint);
   if (joint_by_name.count(joint.name) > 0)
     refuse("name", "there is already a constraint named " + in_quotes(joint.name));
   Joint filled = joint;
-  if (couples_joints(joint.kind)) {
+  if (info(joint.kind).couples_joints) {
     check_coupling(*this, *this, joint, broken);
     filled.body_a = movable_end(*this, joint.coupling.first);
     filled.body_b = movable_end(*this, joint.coupling.second);
@@ -108,7 +108,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken, bool is_saved) {
     check_ends(*this, joint);
   }
   fill_in(*this, *this, &filled);
-  if (is_custom(filled.kind)) {
+  if (info(filled.kind).is_custom) {
     make_custom_code(&filled);
     if (!is_saved)
       filled.custom.code->check(
@@ -150,7 +150,7 @@ void World::Impl::wake_ends(const Joint& joint) {
 }
 
 void World::set_motor(JointId id, const Motor& motor) {
-  if (coordinates(joint(id).kind) > 0)
+  if (info(joint(id).kind).coordinates > 0)
     return set_motor(id, 0, CoordinateMotor{motor, {}, 0.0, 1.0, 0.0, 0.0, {}});
   const std::size_t j = impl_->index(id);
   Joint joint = impl_->joints[j];
@@ -186,7 +186,7 @@ void World::set_law(JointId id, int coordinate, const CoordinateLaw& law) {
 void World::set_broken(JointId id, bool broken) {
   const std::size_t j = impl_->index(id);
   const Joint& joint = impl_->joints[j];
-  if (!broken && couples_joints(joint.kind))
+  if (!broken && info(joint.kind).couples_joints)
     for (const JointId coupled : {joint.coupling.first, joint.coupling.second})
       if (joint_state(coupled).broken)
         refuse("name", in_quotes(this->joint(coupled).name) + ", which " + in_quotes(joint.name) +

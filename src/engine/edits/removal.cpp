@@ -20,7 +20,7 @@ using CouplingsOfJoints = List<std::pair<std::size_t, std::size_t>>;
 CouplingsOfJoints couplings_by_joint(const Model& model) {
   CouplingsOfJoints found;
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
-    if (!couples_joints(model.joints[j].kind)) continue;
+    if (!info(model.joints[j].kind).couples_joints) continue;
     const Coupling& coupling = model.joints[j].coupling;
     for (const JointId id : {coupling.first, coupling.second})
       found.emplace_back(model.index(id), j);

@@ -64,8 +64,8 @@ bool is_as_added(const WorldImpl& world, JointId id) {
   const std::size_t j = world.index(id);
   const JointState& state = world.joint_states[j];
   Joint joint = world.joints[j];
-  if (is_custom(joint.kind)) return false;  // adding it might be rejected by its functions
-  if (couples(joint.kind)) {
+  if (info(joint.kind).is_custom) return false;  // adding it might be rejected by its functions
+  if (info(joint.kind).couples) {
     if (std::abs(state.coupling.constant) > kMostMagnitude) return false;
     joint.coupling.value = state.coupling.constant;  // scenes save the constant as `value`
   }

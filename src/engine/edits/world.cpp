@@ -146,7 +146,7 @@ void World::continue_from(const World& other) {
   for (Joint& joint : impl_->joints) {
     renumber(joint.body_a);
     renumber(joint.body_b);
-    if (couples_joints(joint.kind))
+    if (info(joint.kind).couples_joints)
       for (JointId* id : {&joint.coupling.first, &joint.coupling.second}) id->value += new_joints;
     // Shifts the phase, so that a sinusoid continues although time jumps.
     const auto shift = [&](Motor* motor) {

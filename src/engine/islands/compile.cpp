@@ -14,7 +14,7 @@ List<int> open_points_of(const Model& model, const List<JointState>& joint_state
                          const IslandMembers& members) {
   List<int> open;
   for (const int j : members.joints)
-    if (joint_states[j].closing && info(model.joints[j].kind).form == RowsForm::kPoint)
+    if (joint_states[j].closing && forms(model.joints[j].kind).form == RowsForm::kPoint)
       open.push_back(j);
   return open;
 }
@@ -23,7 +23,7 @@ void compile_island(const Model& model, const Topology& topology, const List<int
                     IslandParts* parts, List<IslandMotion>* motions) {
   List<CoupledTerms> couplings;
   for (const int j : parts->members.joints) {
-    if (!couples(model.joints[j].kind)) continue;
+    if (!info(model.joints[j].kind).couples) continue;
     couplings.resize(model.joints.size());
     couplings[j] = model.terms_of(to_index(j));
   }

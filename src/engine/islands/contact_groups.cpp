@@ -281,7 +281,7 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
   joints.list().resize(count);
   for (std::size_t j = 0; j < count; ++j) {
     const auto index = to_index(joints[j].index);
-    if (couples(model.joints[index].kind) && !joints.set_terms(j, model.terms_of(index)))
+    if (info(model.joints[index].kind).couples && !joints.set_terms(j, model.terms_of(index)))
       return false;
   }
   return joints.coordinates().size() <= ContactEvents::kMostLaws &&

@@ -20,11 +20,11 @@ CoordinateMotions::CoordinateMotions(const Model& model, const State& state, std
     : joint_(joint) {
   const Joint& moved = model.joints[joint];
   JointState now = state.joint_states[joint];
-  if (coordinates(moved.kind) == 0 || !acts(moved, now)) return;
+  if (info(moved.kind).coordinates == 0 || !acts(moved, now)) return;
   const JointStep step = step_from_now(model, state);
   measure_joint(moved, state.states[model.index(moved.body_a)],
                 state.states[model.index(moved.body_b)], step, now);
-  for (int i = 0; i < coordinates(moved.kind); ++i)
+  for (int i = 0; i < info(moved.kind).coordinates; ++i)
     motions_[to_index(i)] = motion_before(moved, now, i, step.t, step.closing_time);
 }
 
@@ -40,7 +40,7 @@ void CoordinateMotions::send(const Model& model, const Flags& is_sent, State* st
   JointState& joint_state = state->joint_states[joint_];
   const JointStep step = step_from_now(model, *state);
   if (step.closing_time == 0.0 || !acts(joint, joint_state)) return;
-  for (int i = 0; i < coordinates(joint.kind); ++i)
+  for (int i = 0; i < info(joint.kind).coordinates; ++i)
     if (is_sent[to_index(i)])
       send_coordinate(joint, i, motions_[to_index(i)], step.t, step.closing_time, joint_state);
 }

@@ -104,7 +104,7 @@ void begin_misfit(const Model& model, std::size_t j, double t, State* state) {
 
 void open_joint(const Model& model, std::size_t j, double t, State* state) {
   const Joint& joint = model.joints[j];
-  if (couples_joints(joint.kind))
+  if (info(joint.kind).couples_joints)
     read_coupling(model.terms_of(j), state->joint_states, &state->joint_states[j].coupling);
   const std::size_t a = model.index(joint.body_a), b = model.index(joint.body_b);
   begin_joint(joint, state->states[a], state->states[b], t, state->joint_states[j],
@@ -331,7 +331,7 @@ void IslandIntegration::compile_where_closed(const Model& model, const Topology&
                                              IslandLists* lists) {
   for (const int index : time_varying_joints_) {
     const std::size_t j = to_index(index);
-    if (state->joint_states[j].closing || info(model.joints[j].kind).form != RowsForm::kPoint)
+    if (state->joint_states[j].closing || forms(model.joints[j].kind).form != RowsForm::kPoint)
       continue;
     courses_[j].begin(model.joints[j], span, state->joint_states[j]);
     compile_if_opened(model, topology, state->joint_states,

@@ -51,7 +51,7 @@ List<double> fastest_springs(const Model& model, const List<JointState>& joint_s
                stiffness, of_damper);
     };
     const auto add_about = [&](bool is_second, double stiffness, double of_damper) {
-      const bool is_fixed_in_both = info(joint.kind).alignment == Alignment::kParallelZ;
+      const bool is_fixed_in_both = forms(joint.kind).alignment == Alignment::kParallelZ;
       const Eigen::Quaterniond frame_b = joint.frame_b.value_or(Eigen::Quaterniond::Identity());
       for (const auto& [body, frame, is_fixed] :
            {std::tuple(ends[j].first, joint.frame_a, is_fixed_in_both || !is_second),
@@ -66,10 +66,10 @@ List<double> fastest_springs(const Model& model, const List<JointState>& joint_s
     const bool is_limited = joint.motor.max_force > 0.0 || joint.distance.one_sided;
     if (!spring.is_none() && is_limited == with_limit) add_along(spring.K, spring.C);
     bool has_angle = false;
-    for (int i = 0; i < coordinates(joint.kind); ++i) {
+    for (int i = 0; i < info(joint.kind).coordinates; ++i) {
       const CoordinateLaw& of = joint.coordinates[i];
       const SoftLaw law = with_limit ? limited_servo(of) : soft_law(of);
-      if (!is_angle(joint.kind, i)) {
+      if (!info(joint.kind).is_angle[i]) {
         if (law.K > 0.0 || law.C > 0.0) add_along(law.K, law.C);
         continue;
       }
@@ -98,7 +98,7 @@ IslandTraits traits_of(const Model& model, const IslandMembers& members,
   for (const int j : members.joints) {
     const Joint& joint = model.joints[j];
     const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
-    one_sided += has_one_sided_law(joint) ? std::max(1, coordinates(joint.kind)) : 0;
+    one_sided += has_one_sided_law(joint) ? std::max(1, info(joint.kind).coordinates) : 0;
     is_switchable = is_switchable && engine::is_switchable(joint);
     breaks = breaks || joint.break_force > 0.0 || joint.break_torque > 0.0;
     if (traits.jumps != MethodReason::kSmooth) continue;

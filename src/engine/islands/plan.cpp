@@ -86,7 +86,7 @@ void count_joint(const Joint& joint, const JointState& state, Counts* counts) {
   counts->broken += state.broken;
   counts->disabled += !joint.enabled;
   ++counts->joints[static_cast<std::size_t>(joint.kind)];
-  for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
+  for (std::size_t i = 0; i < static_cast<std::size_t>(info(joint.kind).coordinates); ++i)
     count_law(joint.coordinates[i], counts);
   counts->limited += joint.coupling.one_sided;
   if (!has_length(joint.kind)) return;
@@ -164,7 +164,7 @@ std::string explain(const World& world) {
   for (std::size_t i = 0; i < kJointKindCount; ++i) {  // balls always, others where there are any
     const auto kind = static_cast<JointKind>(i);
     const int number = counts.joints[i];
-    const RowsForm form = info(kind).form;
+    const RowsForm form = forms(kind).form;
     if (form == RowsForm::kPoint || (form != RowsForm::kDistance && number > 0))
       out << ", " << name(kind) << ": " << number;
   }
@@ -241,7 +241,7 @@ std::vector<std::string> open_parts(const World& world, const Joint& joint,
                                     const JointState& state) {
   constexpr double kDegrees = 180.0 / kPi;
   std::vector<std::string> parts;
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, world.state(joint.body_a), world.state(joint.body_b));
   Eigen::Vector3d open = Eigen::Vector3d::Zero();
   for (int k = 0; k < kind.separation_rows; ++k)
@@ -271,7 +271,8 @@ namespace {
 
 // Whether the value of a coupling is an angle.
 bool starts_with_angle(const World& world, const Joint& joint) {
-  return couples_joints(joint.kind) && is_angle(world.joint(joint.coupling.first).kind, 0);
+  return info(joint.kind).couples_joints &&
+         info(world.joint(joint.coupling.first).kind).is_angle[0];
 }
 
 }  // namespace
@@ -285,7 +286,7 @@ std::string text_of_opening(const World& world, JointId id) {
     parts.push_back("length " + shown_figure(std::abs(state.error)) + " m off");
   else
     parts = open_parts(world, joint, state);
-  if (couples(joint.kind) && std::abs(state.to_close.coupling) > kTold)
+  if (info(joint.kind).couples && std::abs(state.to_close.coupling) > kTold)
     parts.push_back("coupling " + shown_figure(std::abs(state.to_close.coupling)) +
                     (starts_with_angle(world, joint) ? " rad off" : " m off"));
   std::string line;
@@ -296,7 +297,7 @@ std::string text_of_opening(const World& world, JointId id) {
               ? "; closes by the share " + shown_figure(share) + " of it a step"
               : "; closes in " + shown_figure(options.closing_time) + " s";
   const bool is_reversed =
-      info(joint.kind).alignment == Alignment::kParallelZ && state.angle_error > 0.5 * kPi;
+      forms(joint.kind).alignment == Alignment::kParallelZ && state.angle_error > 0.5 * kPi;
   if (is_reversed) line += "; was the axis meant the other way round?";
   return line;
 }

@@ -56,7 +56,7 @@ void Topology::find_loops(const Model& model, const List<JointState>& joint_stat
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     const Joint& joint = model.joints[j];
     if (!acts(joint, joint_states[j]) || !is_always_rigid(joint)) continue;
-    if (couples_joints(joint.kind)) continue;
+    if (info(joint.kind).couples_joints) continue;
     const auto [a, b] = joint_ends_[j];
     if (!connected.join(member(a), member(b))) has_loop[island_of_joint(model, j)] = true;
   }

@@ -19,7 +19,7 @@ double largest_spin(const State& state, const Rollback& rollback, int body) {
 /// Largest angular speed that a joint's motors and kinematic bodies prescribe [rad/s].
 double prescribed_spin(const Model& model, const State& state, std::size_t j) {
   const Joint& joint = model.joints[j];
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   double spin = 0.0;
   for (int i = 0; i < kind.coordinates; ++i) {
     const auto& motor = joint.coordinates[to_index(i)].motor;

@@ -14,7 +14,7 @@ void Model::refuse_unknown(JointId id) {
 
 CoupledTerms Model::terms_of(std::size_t j) const {
   const Joint& joint = joints[j];
-  if (!couples_joints(joint.kind)) return {{{j, 0, 1.0}, {j, 1, -lead(joint)}}};
+  if (!info(joint.kind).couples_joints) return {{{j, 0, 1.0}, {j, 1, -lead(joint)}}};
   const Coupling& coupling = joint.coupling;
   return {{{index(coupling.first), 0, 1.0}, {index(coupling.second), 0, coupling.ratio}}};
 }
@@ -22,7 +22,7 @@ CoupledTerms Model::terms_of(std::size_t j) const {
 List<std::size_t> Model::couplings_of(std::size_t joint) const {
   List<std::size_t> found;
   for (std::size_t j = joint + 1; j < joints.size(); ++j) {
-    if (!couples_joints(joints[j].kind)) continue;
+    if (!info(joints[j].kind).couples_joints) continue;
     const Coupling& coupling = joints[j].coupling;
     if (coupling.first == joint_ids[joint] || coupling.second == joint_ids[joint])
       found.push_back(j);
@@ -33,7 +33,7 @@ List<std::size_t> Model::couplings_of(std::size_t joint) const {
 std::array<BodyId, 4> Model::holders(std::size_t joint) const {
   const Joint* first = &joints[joint];
   const Joint* second = first;
-  if (couples_joints(first->kind)) {
+  if (info(first->kind).couples_joints) {
     first = &joints[index(joints[joint].coupling.first)];
     second = &joints[index(joints[joint].coupling.second)];
   }

@@ -375,29 +375,29 @@ void validate_coordinates(const Joint& joint) {
   for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
     const CoordinateLaw& law = joint.coordinates[i];
     validate(law);
-    if (static_cast<int>(i) >= coordinates(joint.kind) && !law.is_none())
+    if (static_cast<int>(i) >= info(joint.kind).coordinates && !law.is_none())
       refuse("coordinates", "a " + std::string(name(joint.kind)) + " joint has " +
-                                std::to_string(coordinates(joint.kind)) +
+                                std::to_string(info(joint.kind).coordinates) +
                                 " with laws, got one for number " + std::to_string(i));
   }
 }
 
 void validate_coupling(const Joint& joint) {
   if (joint.coupling.value) check_finite("value", *joint.coupling.value);
-  if (couples_joints(joint.kind)) {
+  if (info(joint.kind).couples_joints) {
     check_finite("ratio", joint.coupling.ratio);
     if (std::abs(joint.coupling.ratio) < kLeastMagnitude)
       refuse("ratio", "must not be 0, got " + shortest(joint.coupling.ratio));
   }
   if (joint.coupling.one_sided) {
-    if (!couples_lengths(joint.kind))
+    if (!info(joint.kind).couples_lengths)
       refuse("one_sided",
              "only a pulley is one-sided, got true for a " + std::string(name(joint.kind)));
     if (joint.coupling.ratio < 0.0)
       refuse("ratio", "must be > 0 for a one-sided pulley, whose rope pulls at both ends, got " +
                           shortest(joint.coupling.ratio));
   }
-  if (!has_pitch(joint.kind)) return;
+  if (!info(joint.kind).has_pitch) return;
   check_finite("pitch", joint.pitch);
   if (std::abs(joint.pitch) < kLeastMagnitude)
     refuse("pitch", "must not be 0 [m a turn], got " + shortest(joint.pitch));
@@ -416,7 +416,7 @@ void validate(const Joint& joint) {
     check_axis("axis_b", *joint.axis_b);
     if (joint.frame_b) refuse("axis_b", "give this or frame_b, not both");
   }
-  if (has_two_axes(joint.kind) && !joint.axis_b && !joint.frame_b)
+  if (info(joint.kind).has_two_axes && !joint.axis_b && !joint.frame_b)
     refuse("axis_b", "a " + std::string(name(joint.kind)) +
                          " joint needs it: which axis of body B stands at a right angle to axis_a");
   validate_motor(joint);
@@ -428,9 +428,9 @@ void validate(const Joint& joint) {
                               " and a break_torque of " + shortest(joint.break_torque));
   if (joint.break_torque > 0.0 && !bears_torque(joint.kind))
     refuse("break_torque",
-           (couples_joints(joint.kind) ? "a " + std::string(name(joint.kind)) +
-                                             " breaks by its effort, beyond break_force, got "
-                                       : "a distance joint has no torque, got ") +
+           (info(joint.kind).couples_joints ? "a " + std::string(name(joint.kind)) +
+                                                  " breaks by its effort, beyond break_force, got "
+                                            : "a distance joint has no torque, got ") +
                shortest(joint.break_torque));
 }
 

@@ -30,17 +30,17 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
   if (!kind)
     fail_unknown(item.at("type"), type, "distance, rope, strut, spring" + names_of_further_kinds());
   YamlElement::Words keys;
-  if (has_frames(*kind)) keys = {"axis_a", "axis_b", "frame_a", "frame_b"};
-  if (coordinates(*kind) > 0) {
+  if (info(*kind).has_frames) keys = {"axis_a", "axis_b", "frame_a", "frame_b"};
+  if (info(*kind).coordinates > 0) {
     keys = keys_of<CoordinateLaw>(keys);
     keys.push_back("coordinates");
   }
   if (bears_torque(*kind)) keys.push_back("break_torque");
-  if (couples_joints(*kind)) keys.insert(keys.end(), {"joints", "ratio"});
-  if (couples_lengths(*kind)) keys.push_back("one_sided");
-  if (is_custom(*kind)) keys.insert(keys.end(), {"custom", "parameters"});
-  if (has_pitch(*kind)) keys.push_back("pitch");
-  if (couples(*kind)) keys.push_back("value");
+  if (info(*kind).couples_joints) keys.insert(keys.end(), {"joints", "ratio"});
+  if (info(*kind).couples_lengths) keys.push_back("one_sided");
+  if (info(*kind).is_custom) keys.insert(keys.end(), {"custom", "parameters"});
+  if (info(*kind).has_pitch) keys.push_back("pitch");
+  if (info(*kind).couples) keys.push_back("value");
   return keys;
 }
 
@@ -118,9 +118,9 @@ void read_laws(const YamlElement& item, Joint* joint) {
       flat->fail("belongs into the list of coordinates beside it");
   std::size_t i = 0;
   for (const YamlElement& law : list->items()) {
-    if (i >= static_cast<std::size_t>(coordinates(joint->kind)))
+    if (i >= static_cast<std::size_t>(info(joint->kind).coordinates))
       law.fail("a " + std::string(name(joint->kind)) + " joint has only " +
-               std::to_string(coordinates(joint->kind)));
+               std::to_string(info(joint->kind).coordinates));
     law.expect_keys(keys);
     joint->coordinates[i++] = read_law(law);
   }
@@ -132,14 +132,14 @@ std::string type_of_joint(const YamlElement& item) {
   std::string given = type ? type->word() : "distance";
   const auto free = item.find("free");
   if (given != "distance" || !free || !free->flag()) return given;
-  return name(free_length());
+  return name(JointKind::kFreeDistance);
 }
 
 /// Reads the keys of a gear, a pulley or a screw. Coupled joints must exist already.
 void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
-  if (has_pitch(joint->kind)) joint->pitch = item.at("pitch").number();
+  if (info(joint->kind).has_pitch) joint->pitch = item.at("pitch").number();
   item.read("value", &joint->coupling.value);
-  if (!couples_joints(joint->kind)) return;
+  if (!info(joint->kind).couples_joints) return;
   const List<YamlElement> names = item.at("joints").items();
   if (names.size() != 2)
     item.at("joints").fail("must be the names of two constraints, got " +
@@ -168,7 +168,7 @@ CustomElement read_custom(const YamlElement& item) {
 
 /// Reads a number per row and coordinate of a joint, at least three.
 void read_rows(const YamlElement& item, const char* key, JointKind kind, RowVector* rows) {
-  const int size = std::max(info(kind).rows + info(kind).coordinates, 3);
+  const int size = std::max(forms(kind).rows + forms(kind).coordinates, 3);
   if (const auto numbers = item.find(key)) rows->head(size) = numbers->numbers(size);
   item.attempt([&] {
     for (int k = 0; k < size; ++k) check_saved(key, (*rows)[k]);
@@ -225,8 +225,8 @@ Joint read_joint(const YamlElement& item, const World& world) {
                            "enabled", "broken", "state"});
   // Shorthands such as rope stand for the default kind.
   const JointKind kind = joint_kind_named(type).value_or(Joint{}.kind);
-  if (is_free_length(kind)) keys.push_back("free");
-  if (!couples_joints(kind))
+  if (info(kind).is_free_length) keys.push_back("free");
+  if (!info(kind).couples_joints)
     keys.insert(keys.end(), {"body_a", "anchor_a", "body_b", "anchor_b", "motor"});
   item.expect_keys(keys);
 
@@ -237,11 +237,11 @@ Joint read_joint(const YamlElement& item, const World& world) {
   item.read("anchor_a", &joint.anchor_a);
   joint.body_b = read_body_reference(item, "body_b", world);
   item.read("anchor_b", &joint.anchor_b);
-  if (couples(kind)) read_coupling(item, world, &joint);
+  if (info(kind).couples) read_coupling(item, world, &joint);
   if (has_length(joint.kind)) joint.distance = read_distance(item, type, world, joint);
-  if (has_frames(joint.kind)) read_frames(item, &joint);
-  if (is_custom(joint.kind)) joint.custom = read_custom(item);
-  if (coordinates(joint.kind) > 0)
+  if (info(joint.kind).has_frames) read_frames(item, &joint);
+  if (info(joint.kind).is_custom) joint.custom = read_custom(item);
+  if (info(joint.kind).coordinates > 0)
     read_laws(item, &joint);
   else if (const auto motor = item.find("motor"))
     joint.motor = read_motor<Motor>(*motor);
@@ -270,7 +270,7 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.read("coupling_constant", &state.coupling.constant);
   item.read("coupling_impulse", &state.coupling.impulse);
   item.read("closing_coupling", &state.to_close.coupling);
-  const int size = coordinates(kind);
+  const int size = info(kind).coordinates;
   const auto read_coordinates = [&](const char* key, double CoordinateState::*field) {
     if (size == 0) return;
     const Eigen::VectorXd numbers = item.at(key).numbers(size);

@@ -199,7 +199,7 @@ void write_law(YAML::Emitter* out, const CoordinateLaw& law) {
 }
 
 void write_laws(YAML::Emitter* out, const Joint& joint) {
-  const auto count = static_cast<std::size_t>(coordinates(joint.kind));
+  const auto count = static_cast<std::size_t>(info(joint.kind).coordinates);
   const auto is_none = [](const CoordinateLaw& law) { return law.is_none() && law.rest == 0.0; };
   if (std::all_of(joint.coordinates.begin() + 1, joint.coordinates.end(), is_none)) {
     if (count > 0) write_law(out, joint.coordinates[0]);
@@ -218,7 +218,7 @@ void write_laws(YAML::Emitter* out, const Joint& joint) {
 void write_rows(YAML::Emitter* out, const char* key, const Joint& joint, const RowVector& rows) {
   write(out, key,
         Eigen::VectorXd(
-            rows.head(std::max(info(joint.kind).rows + info(joint.kind).coordinates, 3))));
+            rows.head(std::max(forms(joint.kind).rows + forms(joint.kind).coordinates, 3))));
 }
 
 /// Writes ends of biases: one time for a length, or for a single timeout on the first coordinate;
@@ -229,7 +229,7 @@ void write_expiry(YAML::Emitter* out, const Joint& joint, const JointState& stat
     if (motor.timeout > 0.0) ends.push_back(end);
   });
   if (ends.empty()) return;
-  const int count = coordinates(joint.kind);
+  const int count = info(joint.kind).coordinates;
   const auto& first = joint.coordinates[0].motor;
   if (count == 0 || (ends.size() == 1 && first && first->timeout > 0.0))
     return write(out, "expires_at", ends.front());
@@ -265,7 +265,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   write(out, "travel", state.travel);
   if (state.saturated) write(out, "saturated", true);
   write_expiry(out, joint, state);
-  if (const int count = coordinates(joint.kind)) {
+  if (const int count = info(joint.kind).coordinates) {
     Eigen::VectorXd positions(count), held(count), braking(count);
     for (int i = 0; i < count; ++i) {
       positions[i] = state.coordinates[static_cast<std::size_t>(i)].position;
@@ -277,7 +277,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
     if (!braking.isZero(0.0)) write(out, "braking", braking);
   }
   write_rows(out, "impulse", joint, state.impulse);
-  if (couples(joint.kind)) {
+  if (info(joint.kind).couples) {
     write(out, "coupling_constant", state.coupling.constant);
     write(out, "coupling_impulse", state.coupling.impulse);
   }
@@ -289,13 +289,13 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   if (state.closing) {
     write(out, "closing_since", state.to_close.since);
     write_rows(out, "closing_offset", joint, state.to_close.offset);
-    if (closes_by_frame(info(joint.kind))) {
+    if (closes_by_frame(forms(joint.kind))) {
       write(out, "closing_shift", state.to_close.shift);
       write(out, "closing_turn", state.to_close.turn);
       write(out, "closing_share", state.closing_share);
     }
-    if (couples(joint.kind)) write(out, "closing_coupling", state.to_close.coupling);
-    write_moving(out, coordinates(joint.kind), state.to_close.moving);
+    if (info(joint.kind).couples) write(out, "closing_coupling", state.to_close.coupling);
+    write_moving(out, info(joint.kind).coordinates, state.to_close.moving);
     write(out, "initial_error", state.initial_error);
   }
   *out << YAML::EndMap;
@@ -308,10 +308,10 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   };
   *out << YAML::BeginMap;
   write(out, "name", joint.name);
-  const bool is_free = is_free_length(joint.kind);
+  const bool is_free = info(joint.kind).is_free_length;
   write(out, "type", name(is_free ? Joint{}.kind : joint.kind));
   if (is_free) write(out, "free", true);
-  if (couples_joints(joint.kind)) {
+  if (info(joint.kind).couples_joints) {
     *out << YAML::Key << "joints" << YAML::Value << YAML::Flow << YAML::BeginSeq;
     for (const JointId id : {joint.coupling.first, joint.coupling.second})
       *out << world.joint(id).name;
@@ -324,23 +324,23 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
     write(out, "body_b", body_name(joint.body_b));
     write(out, "anchor_b", joint.anchor_b);
   }
-  if (is_custom(joint.kind)) {
+  if (info(joint.kind).is_custom) {
     write(out, "custom", joint.custom.type);
     *out << YAML::Key << "parameters" << YAML::Value << YAML::Flow << YAML::BeginMap;
     for (const CustomParameter& parameter : joint.custom.parameters)
       write(out, parameter.name.c_str(), parameter.value);
     *out << YAML::EndMap;
   }
-  if (has_pitch(joint.kind)) write(out, "pitch", joint.pitch);
+  if (info(joint.kind).has_pitch) write(out, "pitch", joint.pitch);
   // A constant beyond the bound of settings is saved by the state alone.
-  if (couples(joint.kind) && std::abs(state.coupling.constant) <= kMostMagnitude)
+  if (info(joint.kind).couples && std::abs(state.coupling.constant) <= kMostMagnitude)
     write(out, "value", state.coupling.constant);
-  if (has_frames(joint.kind)) {
+  if (info(joint.kind).has_frames) {
     write(out, "frame_a", joint.frame_a);
     write(out, "frame_b", *joint.frame_b);
   }
   if (const auto* distance = if_distance(joint)) write_distance(out, *distance);
-  if (!couples_joints(joint.kind)) write_motor(out, joint.motor);
+  if (!info(joint.kind).couples_joints) write_motor(out, joint.motor);
   write_laws(out, joint);
   write(out, "baumgarte", joint.baumgarte);
   write(out, "break_force", joint.break_force);

@@ -371,7 +371,7 @@ void name_all(const Container& list, const Ids& ids, Map* by_name) {
 // Makes the code of plugin joints; throws SnapshotError where a plugin is missing.
 void make_custom_codes(List<Joint>* joints) {
   for (Joint& joint : *joints) {
-    if (!is_custom(joint.kind)) continue;
+    if (!info(joint.kind).is_custom) continue;
     try {
       make_custom_code(&joint);
     } catch (const std::invalid_argument& refused) {

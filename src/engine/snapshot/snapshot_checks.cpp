@@ -54,11 +54,11 @@ void check_joint(const Model& model, std::size_t j) {
   const bool is_pair =
       joint.body_a != joint.body_b &&
       (model.is_movable(model.index(joint.body_a)) || model.is_movable(model.index(joint.body_b)));
-  check(is_pair || couples_joints(joint.kind), "the bodies of its constraints");
+  check(is_pair || info(joint.kind).couples_joints, "the bodies of its constraints");
   check(info(joint.kind).has_frames == joint.frame_b.has_value(), "its frames");
   if (const DistanceJoint* distance = if_distance(joint))
     check(distance->length || distance->is_limited(), "its lengths");
-  if (!couples_joints(joint.kind)) return;
+  if (!info(joint.kind).couples_joints) return;
   const auto end_of = [&](JointId id) {
     const Joint& of = model.joints[model.index(id)];
     return model.is_movable(model.index(of.body_b)) ? of.body_b : of.body_a;
@@ -66,8 +66,8 @@ void check_joint(const Model& model, std::size_t j) {
   for (const JointId id : {joint.coupling.first, joint.coupling.second}) {
     const int of = model.find(id);
     check(of >= 0 && to_index(of) < j &&
-              (couples_lengths(joint.kind) ? is_free_length(model.joints[of].kind)
-                                           : coordinates(model.joints[of].kind) > 0),
+              (info(joint.kind).couples_lengths ? info(model.joints[of].kind).is_free_length
+                                                : info(model.joints[of].kind).coordinates > 0),
           "its couplings");
   }
   check(joint.coupling.first != joint.coupling.second &&
@@ -82,7 +82,7 @@ void check_acting(const Model& model, const State& state) {
     return model.joints[j].enabled && !state.joint_states[j].broken;
   };
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
-    if (!couples_joints(model.joints[j].kind) || !acts(j)) continue;
+    if (!info(model.joints[j].kind).couples_joints || !acts(j)) continue;
     const Coupling& coupling = model.joints[j].coupling;
     check(acts(model.index(coupling.first)) && acts(model.index(coupling.second)), "its couplings");
   }

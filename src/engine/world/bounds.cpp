@@ -51,7 +51,7 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
     squares += joint.impulse.squaredNorm();
     save(joint.travel);
     save(joint.initial_error);
-    const JointKindInfo& kind = info(model.joints[j].kind);
+    const JointForms& kind = forms(model.joints[j].kind);
     for (std::size_t k = 0; k < to_index(kind.coordinates); ++k) {
       const CoordinateState& coordinate = joint.coordinates[k];
       sum += coordinate.velocity + coordinate.effort + coordinate.bias;
@@ -68,7 +68,7 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
       save(joint.closing_share);
       save(errors.coupling);
     }
-    if (kind.couples != Couples::kNothing) {
+    if (kind.couples) {
       sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort;
       save(joint.coupling.impulse);
     }

@@ -137,7 +137,7 @@ void add_settings(Fnv1a& hash, const Joint& joint) {
     if (distance->one_sided) hash.add(std::string("one-sided"));
   }
   if (joint.coupling.one_sided) hash.add(std::string("one-sided"));
-  if (is_custom(joint.kind)) {
+  if (info(joint.kind).is_custom) {
     hash.add(joint.custom.type);
     for (const CustomParameter& parameter : joint.custom.parameters) {
       hash.add(parameter.name);
@@ -175,7 +175,7 @@ void add(Fnv1a& hash, const CoordinateLaw& law, const CoordinateState& state) {
 }
 
 double first_end(const Joint& joint, const JointState& state) {
-  return coordinates(joint.kind) > 0 ? state.coordinates[0].expires_at : state.expires_at;
+  return info(joint.kind).coordinates > 0 ? state.coordinates[0].expires_at : state.expires_at;
 }
 
 void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::string& body_b,
@@ -192,12 +192,12 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
                              motor.max_force, motor.timeout, first_end(joint, state), state.travel})
     hash.add(value);
   add(hash, state.impulse);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
+  for (std::size_t i = 0; i < static_cast<std::size_t>(info(joint.kind).coordinates); ++i)
     add(hash, joint.coordinates[i], state.coordinates[i]);
   for (std::size_t i = 1; i < kMaxCoordinates; ++i)
     if (std::isfinite(state.coordinates[i].expires_at)) hash.add(state.coordinates[i].expires_at);
   if (joint.break_torque > 0.0) hash.add(joint.break_torque);
-  if (couples(joint.kind))
+  if (info(joint.kind).couples)
     for (const double number :
          {joint.coupling.ratio, joint.pitch, state.coupling.constant, state.coupling.impulse})
       hash.add(number);
@@ -209,9 +209,9 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   if (state.saturated) hash.add(std::string("saturated"));
   if (!state.closing) return;
   hash.add(state.to_close.since);
-  if (couples(joint.kind)) hash.add(state.to_close.coupling);
+  if (info(joint.kind).couples) hash.add(state.to_close.coupling);
   add(hash, state.to_close.offset);
-  if (closes_by_frame(info(joint.kind))) {
+  if (closes_by_frame(forms(joint.kind))) {
     hash.add(state.to_close.shift);
     hash.add(state.to_close.turn);
     hash.add(state.closing_share);
@@ -331,7 +331,7 @@ std::uint64_t World::Impl::hash() const {
     hash.add(std::uint64_t{j});
     add(hash, world.joints[j], name_of(world.joints[j].body_a), name_of(world.joints[j].body_b),
         world.joint_states[j]);
-    if (couples_joints(world.joints[j].kind))
+    if (info(world.joints[j].kind).couples_joints)
       for (const JointId id : {world.joints[j].coupling.first, world.joints[j].coupling.second})
         hash.add(world.joints[world.index(id)].name);
     if (world.self_stress[j].is_none()) continue;

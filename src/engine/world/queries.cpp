@@ -83,7 +83,7 @@ World::Anchors World::anchors(JointId id) const {
 
 World::JointWrench World::joint_wrench(JointId id) const {
   const Joint& joint = this->joint(id);
-  if (couples_joints(joint.kind))
+  if (info(joint.kind).couples_joints)
     refuse("constraint", in_quotes(joint.name) + " is a " + engine::name(joint.kind) +
                              ", which couples others and has no wrench of its own");
   const JointState& state = joint_state(id);
@@ -100,7 +100,7 @@ World::JointWrench World::joint_wrench(JointId id) const {
   }
   const double h = options().time_step;
   RowVector impulse = state.impulse;
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i)
     impulse[kind.rows + i] = h * state.coordinates[static_cast<std::size_t>(i)].effort;
   return wrench_of(joint, a, b, impulse, h);

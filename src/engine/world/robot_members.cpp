@@ -22,7 +22,8 @@ std::string described(const Joint& joint) {
 /// through each other.
 bool is_idle(const Joint& joint) {
   const CoordinateLaw& law = joint.coordinates[0];
-  return is_free_length(joint.kind) && !law.motor && !is_one_sided(law) && soft_law(law).is_none();
+  return info(joint.kind).is_free_length && !law.motor && !is_one_sided(law) &&
+         soft_law(law).is_none();
 }
 
 /// Walks along the joints of a robot.
@@ -34,7 +35,7 @@ class RobotWalk {
     const List<bool> is_coupled = find_couplings(state);
     for (std::size_t j = 0; j < model.joints.size(); ++j) {
       const Joint& joint = model.joints[j];
-      if (!acts(joint, state.joint_states[j]) || couples_joints(joint.kind)) continue;
+      if (!acts(joint, state.joint_states[j]) || info(joint.kind).couples_joints) continue;
       if (is_idle(joint) && !is_coupled[j]) continue;
       ends_[j] = ends_of(model, joint);
       for (const std::size_t body : {ends_[j].first, ends_[j].second})
@@ -63,7 +64,8 @@ class RobotWalk {
   List<bool> find_couplings(const State& state) {
     List<bool> is_coupled(model_.joints.size(), false);
     for (std::size_t j = 0; j < model_.joints.size(); ++j) {
-      if (!couples_joints(model_.joints[j].kind) || !acts(model_.joints[j], state.joint_states[j]))
+      if (!info(model_.joints[j].kind).couples_joints ||
+          !acts(model_.joints[j], state.joint_states[j]))
         continue;
       gears_.push_back(j);
       for (const CoupledTerm& term : model_.terms_of(j)) is_coupled[term.joint] = true;
@@ -118,11 +120,11 @@ class RobotWalk {
   }
 
   void check_kind(const Joint& joint) const {
-    if (has_length(joint.kind) || is_free_length(joint.kind))
+    if (has_length(joint.kind) || info(joint.kind).is_free_length)
       refuse(kField, described(joint) +
                          " acts between two points; the joints of a robot must be kinds with axes "
                          "or ball joints");
-    if (is_custom(joint.kind))
+    if (info(joint.kind).is_custom)
       refuse(kField, described(joint) +
                          " is a function of another package, which has no place in "
                          "the mass matrix");
@@ -172,7 +174,7 @@ RobotJoints robot_joints(const Model& model, const List<std::size_t>& joints) {
     robot.joints.push_back(joint);
     robot.ends.push_back(ends_of(model, joint));
     CoupledTerms terms{};
-    if (couples(joint.kind)) terms = model.terms_of(j);
+    if (info(joint.kind).couples) terms = model.terms_of(j);
     for (CoupledTerm& term : terms)
       term.joint =
           to_index(std::lower_bound(joints.begin(), joints.end(), term.joint) - joints.begin());

@@ -170,7 +170,7 @@ void World::Impl::return_to_start() {
 // Reads the coordinates of a joint that couples, and its force in the step.
 void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
   CouplingState& coupling = joint_states[j].coupling;
-  if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &coupling);
+  if (info(joints[j].kind).couples_joints) read_coupling(terms_of(j), joint_states, &coupling);
   coupling.impulse = impulse;
   coupling.effort = impulse / h;
 }
@@ -264,11 +264,11 @@ void World::Impl::read_smooth_joint(std::size_t j, const JointStep& step, const 
                                     double coupled_impulse) {
   const PrescribedMotion& course = integration.courses()[j];
   const double zeta = course.is_driven() ? course.zeta(step.t + step.h) : 0.0;
-  const bool has_coupling = couples(joints[j].kind);
+  const bool has_coupling = info(joints[j].kind).couples;
   if (has_coupling) note_coupling(j, step.h, coupled_impulse);
   engine::read_smooth_joint(joints[j], topology.state_a(*this, j), topology.state_b(*this, j), step,
                             impulse, zeta, joint_states[j]);
-  if (has_coupling && couples_joints(joints[j].kind))
+  if (has_coupling && info(joints[j].kind).couples_joints)
     add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
   if (joint_states[j].broken) mark_broken(j);
 }

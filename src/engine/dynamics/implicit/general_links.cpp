@@ -22,7 +22,7 @@ struct RowInStep {
 RowInStep evaluate_row(const ImplicitLink& link, int k, const JointInStep& joint, double lambda,
                        LinkInStep* state, List<SoftInStep>* softs, ImplicitSystem* system,
                        GeneralForces* forces) {
-  const ScalarForm& form = info(link.joint).function[link.function[to_index(k)]];
+  const ScalarForm& form = forms(link.joint).function[link.function[to_index(k)]];
   const FormInStep row(form, joint, lambda);
   RowInStep result{row.J, row.gradient, 0.0};
   for (std::size_t f = 0; f < 2; ++f) forces->slopes[f].add(1.0, row.slopes[f]);

@@ -52,7 +52,7 @@ void LinkInStep::place(const ImplicitLink& link, const ImplicitModel& model,
   const JointVectors vectors = start();
   for (int k = 0; k < link.rows; ++k) {
     const double response = model.response(
-        link, jacobian(info(link.joint).function[link.function[to_index(k)]], vectors));
+        link, jacobian(forms(link.joint).function[link.function[to_index(k)]], vectors));
     row_scale[k] = response > 0.0 ? 1.0 / std::sqrt(response) : 1.0;
   }
 }

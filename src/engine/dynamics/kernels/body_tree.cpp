@@ -11,7 +11,7 @@ namespace {
 
 /// Lists the free directions of a joint kind, B relative to A, coordinates first. Returns their
 /// number.
-std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direction, 6>* to) {
+std::size_t directions_of(const JointForms& kind, std::array<TreeNode::Direction, 6>* to) {
   std::size_t count = 0;
   const auto add = [&](bool turns, int axis) {
     (*to)[count].turns = turns;
@@ -35,7 +35,7 @@ std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direct
 
 /// Whether rows and free directions of a kind span all six directions of motion. The elimination
 /// requires it: a direction in neither list would be held without a row.
-bool spans_all_directions(const JointKindInfo& kind) {
+bool spans_all_directions(const JointForms& kind) {
   std::array<TreeNode::Direction, 6> directions;
   return kind.rows <= 6 &&
          to_index(kind.rows) + directions_of(kind, &directions) == directions.size();
@@ -49,8 +49,8 @@ TreeNode node_of(const IslandModel& island, std::size_t l, bool is_b) {
   node.body = is_b ? link.b : link.a;
   node.parent = is_b ? link.a : link.b;
   node.sense = is_b ? 1.0 : -1.0;
-  node.count = directions_of(info(link.kind), &node.directions);
-  const int rows = info(link.kind).rows;
+  node.count = directions_of(forms(link.kind), &node.directions);
+  const int rows = forms(link.kind).rows;
   for (int k = rows; k < link.rows; ++k)
     node.directions[link.function[k] - to_index(rows)].row = island.row_of(l) + to_index(k);
   for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
@@ -84,22 +84,22 @@ bool find_closings(const IslandModel& island, List<char>* closes) {
   const std::size_t ground = island.bodies().size();
   List<std::size_t> order;
   for (std::size_t l = 0; l < links.size(); ++l) {
-    const JointKindInfo& kind = info(links[l].kind);
-    if (couples_joints(links[l].kind)) continue;
+    const JointForms& kind = forms(links[l].kind);
+    if (info(links[l].kind).couples_joints) continue;
     const bool is_rod = island.is_rod(l);
     if (is_rod) (*closes)[l] = 1;
     if (is_rod) continue;
-    if (!island.is_by_offset(l) || kind.function[0].is_length || is_custom(links[l].kind) ||
+    if (!island.is_by_offset(l) || kind.function[0].is_length || info(links[l].kind).is_custom ||
         !spans_all_directions(kind))
       return false;
     order.push_back(l);
   }
   const auto has_laws = [&](std::size_t l) {
-    return links[l].softs > 0 || links[l].rows > info(links[l].kind).rows;
+    return links[l].softs > 0 || links[l].rows > forms(links[l].kind).rows;
   };
   std::stable_sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {
     if (has_laws(i) != has_laws(j)) return has_laws(i);
-    return info(links[i].kind).rows > info(links[j].kind).rows;
+    return forms(links[i].kind).rows > forms(links[j].kind).rows;
   });
   DisjointSets<std::size_t> connected(ground + 1);
   for (const std::size_t l : order) {
@@ -130,7 +130,7 @@ BodyTree tree_of(const IslandModel& island) {
   List<List<std::size_t>> links_on(bodies);
   for (std::size_t l = 0; l < links.size(); ++l) {
     const auto& link = links[l];
-    if (couples_joints(link.kind)) continue;
+    if (info(link.kind).couples_joints) continue;
     if (closes[l] != 0) {
       tree.closings.push_back(l);
       continue;

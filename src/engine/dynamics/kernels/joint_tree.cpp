@@ -26,7 +26,7 @@ JointFrame frame_on(const IslandModel::Link& link, bool on_a) {
   JointFrame frame;
   frame.anchor = on_a ? link.anchor_a : link.anchor_b;
   if (!info(link.kind).has_frames) return frame;
-  const Matrix3d home_to_b = home(info(link.kind).alignment).toRotationMatrix();
+  const Matrix3d home_to_b = home(forms(link.kind).alignment).toRotationMatrix();
   frame.axes = on_a ? link.frame_a : Matrix3d(link.frame_b * home_to_b.transpose());
   return frame;
 }
@@ -69,7 +69,7 @@ bool add_motions(const TreeNode& node, List<TreeMotion>* motions) {
 /// Adds the rows of a joint, which hold the poses of its frames that the motions allow. There the
 /// axes z of both frames agree, or all axes, or z_B is normal to z_A.
 void add_rows(const IslandModel& island, std::size_t l, bool is_a, List<TransmittedRow>* rows) {
-  const JointKindInfo& kind = info(island.links()[l].kind);
+  const JointForms& kind = forms(island.links()[l].kind);
   const std::size_t first = island.row_of(l);
   for (std::size_t k = 0; k < to_index(kind.rows); ++k) {
     const RowForm& form = kind.row[k];

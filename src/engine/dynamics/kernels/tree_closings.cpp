@@ -68,7 +68,7 @@ TreeClosings::TreeClosings(const JointTree& tree, const IslandModel& island)
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     const std::size_t l = joints_[j].link;
     const IslandModel::Link& link = island.links()[l];
-    const JointKindInfo& kind = info(link.kind);
+    const JointForms& kind = forms(link.kind);
     for (std::size_t k = 0; k < island.rows_of(l); ++k)
       rows_.push_back({island.row_of(l) + k, j, kind.function[link.function[k]]});
     for (int i = 0; i < kind.coordinates; ++i) {

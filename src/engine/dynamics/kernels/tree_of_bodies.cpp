@@ -74,7 +74,7 @@ void TreeOfBodies::place_joint(TreeNode* node) {
                         : equations_.inputs().fixed_axes(point) * frame;
   };
   vectors.axes_A = axes(link.a, link.frame_a);
-  if (info(link.kind).alignment != Alignment::kFree) vectors.axes_B = axes(link.b, link.frame_b);
+  if (forms(link.kind).alignment != Alignment::kFree) vectors.axes_B = axes(link.b, link.frame_b);
 }
 
 void TreeOfBodies::place_directions(TreeNode* node) const {
@@ -265,7 +265,7 @@ SpatialVector TreeOfBodies::bias_of(const TreeNode& node, const SpatialVector& r
   };
   SpatialVector bias;
   bias.linear = centripetal(link.a, w_A, node.to_a) - centripetal(link.b, w_B, node.to_b);
-  const JointKindInfo& kind = info(link.kind);
+  const JointForms& kind = forms(link.kind);
   if (kind.separation_rows < 3) bias.linear += 2.0 * w_A.cross(relative.linear);
   if (kind.alignment == Alignment::kParallelZ) {
     bias.angular = w_A.cross(relative.angular);
@@ -356,7 +356,7 @@ void TreeOfBodies::write_forces(const TreeNode& node, const SpatialVector& on_ch
     return;
   }
   const JointVectors& vectors = vectors_of(node);
-  const JointKindInfo& kind = info(equations_.links()[node.link].kind);
+  const JointForms& kind = forms(equations_.links()[node.link].kind);
   for (std::size_t k = 0; k < to_index(kind.rows); ++k) {
     const RowForm& form = kind.row[k];
     if (!form.has_separation()) {
@@ -425,7 +425,7 @@ SpatialVector TreeOfBodies::opening(const TreeNode& node) const {
   if (equations_.is_ball(node.link)) return {-view_.separation[node.link], Vector3d::Zero()};
   const JointVectors& vectors = vectors_of(node);
   const Vector3d z_A = vectors.axes_A.col(2), z_B = vectors.axes_B.col(2);
-  const JointKindInfo& kind = info(equations_.links()[node.link].kind);
+  const JointForms& kind = forms(equations_.links()[node.link].kind);
   SpatialVector by;
   for (std::size_t k = 0; k < to_index(kind.separation_rows); ++k) {
     const Vector3d u = vectors[across(kind.row[k])];

@@ -45,7 +45,7 @@ void read_coordinates(const EquationsOfMotion& equations, const JointTree& tree,
       continue;
     }
     const ScalarForm& form =
-        info(equations.links()[body.link].kind).coordinate[to_index(motion.coordinate)];
+        forms(equations.links()[body.link].kind).coordinate[to_index(motion.coordinate)];
     const Vector3d axis = motion.axis == 2 ? vectors.axes_A.col(2) : vectors.axes_B.col(2);
     y[motion.position] = motion.sense * counted(equations, body, motion, value(form, vectors));
     rates[k] = motion.sense * axis.dot(rate.w_B - rate.w_A);

@@ -93,7 +93,7 @@ void RowTargets::set_joint(double t, std::size_t l, const RegularizedRows& rows,
   }
   const EquationsOfMotion::Link& link = equations->links()[l];
   RowVector offset = equations->inputs().offset(*equations, l);
-  if (info(link.kind).form == RowsForm::kPoint)
+  if (forms(link.kind).form == RowsForm::kPoint)
     offset.head<3>() += ball_offset(*equations, l, configuration);
   const RowVector rate = equations->inputs().driven_rate(*equations, l, t);
   for (std::size_t k = 0; k < equations->rows_of(l); ++k) {

@@ -202,7 +202,7 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
     const bool is_in_loop =
         model.options.warm_starting && step.is_in_loop[j] && is_always_rigid(model.joints[j]);
     const std::size_t end = rows_.size();
-    if (couples(model.joints[j].kind)) add_coupling(model, step, *state, j);
+    if (info(model.joints[j].kind).couples) add_coupling(model, step, *state, j);
     for (std::size_t k = first; k < end; ++k) {
       rows_[k].body_a = static_cast<int>(a);
       rows_[k].body_b = static_cast<int>(b);
@@ -321,7 +321,7 @@ double SequentialImpulses::finish(const Model& model, const ImpulseStep& step, S
     const auto [a, b] = step.joint_ends[j];
     const int count = static_cast<int>(joint_rows_[k + 1] - joint_rows_[k]);
     JointState& of_joint = state->joint_states[j];
-    const bool is_coupling = couples_joints(model.joints[j].kind);
+    const bool is_coupling = info(model.joints[j].kind).couples_joints;
     if (is_coupling) read_coupling(model.terms_of(j), state->joint_states, &of_joint.coupling);
     read_joint(model.joints[j], state->states[a], state->states[b], step.span,
                rows_.data() + joint_rows_[k], count, of_joint);
@@ -343,7 +343,7 @@ double SequentialImpulses::finish_corrections(const Model& model, const ImpulseS
     const JointState& of_joint = state->joint_states[j];
     joint_jacobians(model.joints[j], state->states[a], state->states[b], step.span, of_joint,
                     rows_.data() + first, count, J.data());
-    if (couples(model.joints[j].kind)) {
+    if (info(model.joints[j].kind).couples) {
       const std::array<Jacobian, 2> coupled = coupled_jacobians(model, step, *state, j, true);
       std::copy(coupled.begin(), coupled.end(), J.begin() + count - 2);
     }

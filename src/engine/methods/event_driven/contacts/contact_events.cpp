@@ -339,7 +339,7 @@ void ContactEvents::break_joint(const Span& span, std::size_t joint) {
   };
   break_one(joint);
   for (std::size_t j = 0; j < joints.list().size(); ++j)
-    if (couples_joints(joints[j].joint.kind))
+    if (info(joints[j].joint.kind).couples_joints)
       for (const CoupledTerm& term : joints[j].terms)
         if (term.joint == joint) break_one(j);
 }

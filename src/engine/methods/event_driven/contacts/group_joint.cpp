@@ -35,7 +35,7 @@ void add_coordinates(std::size_t j, GroupJoint* of, List<OneSidedLaw>* scratch,
     add(laws.front()).is_one_sided = true;
     return;
   }
-  const JointKindInfo& kind = info(joint.kind);
+  const JointForms& kind = forms(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateLaw& from = joint.coordinates[i];
     const auto found = std::find_if(laws.begin(), laws.end(),

@@ -97,13 +97,13 @@ void GroupJoints::list_angles(const List<JointState>& states) {
   angles_.clear();
   for (std::size_t j = 0; j < list_.size(); ++j) {
     const GroupJoint& joint = list_[j];
-    const JointKindInfo& kind = info(joint.joint.kind);
+    const JointForms& kind = forms(joint.joint.kind);
     for (int i = 0; i < kind.coordinates; ++i) {
       if (!kind.coordinate[static_cast<std::size_t>(i)].is_angle) continue;
       for (GroupCoordinate& of : coordinates_)
         if (of.joint == j && of.law.coordinate == i) of.angle = static_cast<int>(angles_.size());
       for (GroupJoint& coupling : list_)
-        for (std::size_t k = 0; k < 2 && couples(coupling.joint.kind); ++k)
+        for (std::size_t k = 0; k < 2 && info(coupling.joint.kind).couples; ++k)
           if (coupling.terms[k].joint == j && coupling.terms[k].coordinate == i)
             coupling.term_angles[k] = static_cast<int>(angles_.size());
       angles_.add(j, joint.joint.kind, i, joint.a, joint.b);
@@ -154,7 +154,7 @@ bool GroupJoints::depends_on_time() const {
 bool GroupJoints::are_at_rest() const {
   return !depends_on_time() &&
          std::none_of(list_.begin(), list_.end(),
-                      [](const GroupJoint& joint) { return is_custom(joint.joint.kind); });
+                      [](const GroupJoint& joint) { return info(joint.joint.kind).is_custom; });
 }
 
 void GroupJoints::add_numbers(const GroupBodies& bodies, List<double>* numbers) const {
@@ -208,7 +208,7 @@ GroupJoints::Reading GroupJoints::read_coupling(const GroupBodies& bodies, std::
     const CoupledTerm& term = coupling.terms[k];
     const Joint& joint = list_[term.joint].joint;
     const auto i = to_index(term.coordinate);
-    const Reading now = read_form(bodies, term.joint, info(joint.kind).coordinate[i],
+    const Reading now = read_form(bodies, term.joint, forms(joint.kind).coordinate[i],
                                   joint.coordinates[i].zero, coupling.term_angles[k], rates);
     sum.add(term.ratio, now);
     (k == 0 ? sum.J : sum.J_second) = combined(term.ratio, now.J, 0.0, now.J);
@@ -328,7 +328,7 @@ void GroupJoints::add_rows(const GroupBodies& bodies, ContactRows* rows) const {
     const GroupJoint& joint = list_[j];
     if (!joint.has_rows) continue;
     const PlacedJoint at(bodies, joint);
-    const JointKindInfo& kind = info(joint.joint.kind);
+    const JointForms& kind = forms(joint.joint.kind);
     const bool is_distance = has_length(joint.joint.kind);
     for (int k = 0; k < kind.rows; ++k) {
       const ScalarForm& form = is_distance ? kLength : kind.function[to_index(k)];
@@ -343,7 +343,7 @@ void GroupJoints::add_rows(const GroupBodies& bodies, ContactRows* rows) const {
       row.function = k;
       row.reference = joint.reference.rows[k];
     }
-    if (couples(joint.joint.kind)) add_coupling_row(bodies, j, rows);
+    if (info(joint.joint.kind).couples) add_coupling_row(bodies, j, rows);
   }
   for (std::size_t c = 0; c < coordinates_.size(); ++c)
     if (coordinates_[c].is_prescribed) add_coordinate_row(bodies, c, rows);

@@ -184,7 +184,7 @@ void EventDriven::break_joint(Span* span, std::size_t joint) {
   };
   break_one(joint);
   for (std::size_t l = 0; l < joints.size(); ++l)  // couplings of the joint
-    if (couples_joints(joints[l].kind))
+    if (info(joints[l].kind).couples_joints)
       for (const CoupledTerm& term : joints.terms(l))
         if (term.joint == joint) break_one(l);
   variants_.compile_bare(joints, motions_.broken(), span->around.masses);

@@ -22,7 +22,7 @@ void EventImpulses::collect(const EventJoints& joints, const EquationsOfMotion& 
   for (std::size_t k = 0; k < equations.joints().size(); ++k) {
     const std::size_t l = to_index(equations.joints()[k]);
     sums_.joint[l] += least_forces_->impulse(equations, k);
-    if (!equations.coupled_rows().empty() && couples(joints[l].kind))
+    if (!equations.coupled_rows().empty() && info(joints[l].kind).couples)
       sums_.coupled[l] += least_forces_->coupled_impulse(equations, k);
   }
 }
@@ -31,7 +31,7 @@ void EventImpulses::collect_bare(const EventJoints& joints, const EquationsOfMot
   for (std::size_t k = 0; k < bare.joints().size(); ++k) {
     const std::size_t l = to_index(bare.joints()[k]);
     sums_.joint[l] += bare.forces().impulse(bare, k);
-    if (!bare.coupled_rows().empty() && couples(joints[l].kind))
+    if (!bare.coupled_rows().empty() && info(joints[l].kind).couples)
       sums_.coupled[l] += bare.forces().coupled_impulse(bare, k);
   }
 }

@@ -15,7 +15,7 @@ EventJoints::EventJoints(const List<int>& members, const List<Joint>& all_joints
     ends_.push_back(ends[j]);
     if (!open.empty()) open_.push_back(open[j]);
     add_laws(joint);
-    if (couples(joint.kind)) add_coupling(couplings[j], joints_.size() - 1);
+    if (info(joint.kind).couples) add_coupling(couplings[j], joints_.size() - 1);
   }
   first_law_.push_back(laws_.size());
 }

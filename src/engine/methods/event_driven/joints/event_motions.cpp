@@ -230,7 +230,7 @@ bool EventMotions::is_saturated(std::size_t c, const OneSidedState& state, doubl
 void EventMotions::note_positions(const EventBodies& bodies, double t,
                                   const EquationsOfMotion& equations) {
   for (std::size_t l = 0; l < joints_.size(); ++l) {
-    const JointKindInfo& kind = info(joints_[l].kind);
+    const JointForms& kind = forms(joints_[l].kind);
     if (kind.coordinates == 0) continue;
     const auto& ends = joints_.ends(l);
     const JointVectors vectors(joints_[l], bodies.at(ends.first, t), bodies.at(ends.second, t),
@@ -327,7 +327,7 @@ void EventMotions::hold_length(std::size_t c, double q, const OneSidedState& nex
 
 // Motors without force limit continue from their position.
 void EventMotions::hold_motors(std::size_t l, double t) {
-  const JointKindInfo& kind = info(joints_[l].kind);
+  const JointForms& kind = forms(joints_[l].kind);
   for (std::size_t i = 0; i < to_index(kind.coordinates); ++i) {
     const CoordinateLaw& law = joints_[l].coordinates[i];
     if (!is_held(law)) continue;

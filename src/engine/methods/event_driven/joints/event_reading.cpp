@@ -21,7 +21,7 @@ EventReading read_coupling(const EventMotions& motions, const EventBodies& bodie
     OneSidedLaw of_term;
     of_term.joint = term.joint;
     of_term.coordinate = term.coordinate;
-    of_term.form = info(joints[term.joint].kind).coordinate[i];
+    of_term.form = forms(joints[term.joint].kind).coordinate[i];
     of_term.zero = joints[term.joint].coordinates[i].zero;
     const EventReading now = read_law(motions, bodies, of_term, t, equations, rates);
     sum.q += term.ratio * now.q;

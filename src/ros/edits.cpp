@@ -31,7 +31,8 @@ namespace {
 engine::JointId add_joint(World& world, const engine::Joint& joint, double* initial_error,
                           std::string* status_message) {
   const engine::JointId id = world.add_joint(joint);
-  *initial_error = finite(world.joint_state(id).initial_error);
+  const double error = world.joint_state(id).error;
+  *initial_error = std::isfinite(error) ? error : 0.0;
   *status_message = engine::text_of_opening(world, id);
   return id;
 }

@@ -63,7 +63,7 @@ struct Chain {
       }
       joints.push_back(joint);
       ends.emplace_back(a, b);
-      JointState state;
+      JointData state;
       courses.emplace_back(joint, JointStep{0.0, kChainTimeStep, 0.0, 0.5}, state);
     }
     order.resize(links);

@@ -5,6 +5,7 @@
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
+#include "engine/model/joint_data.h"
 #include "sanitized.h"
 #include "support.h"
 
@@ -218,9 +219,9 @@ TEST(Coupling, ForgetsItsImpulseWhileItDoesNotAct) {
   const JointId gear = wheels.gear(0, 1, 1.0);
   wheels.spin(0, 3.0);
   wheels.world.step();
-  EXPECT_NE(wheels.world.joint_state(gear).coupling.impulse, 0.0);
+  EXPECT_NE(joint_data(wheels.world, gear).coupling_impulse, 0.0);
   wheels.world.set_enabled(gear, false);
-  EXPECT_EQ(wheels.world.joint_state(gear).coupling.impulse, 0.0);
+  EXPECT_EQ(joint_data(wheels.world, gear).coupling_impulse, 0.0);
 }
 
 // After an edit of a pose the gear closes along the common closing motion, moving both wheels.

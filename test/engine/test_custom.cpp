@@ -4,6 +4,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "custom_types.h"
+#include "engine/model/joint_data.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -357,7 +358,7 @@ TEST_F(Custom, HasNoErrorWhereItsFunctionFails) {
     const World read = read_snapshot(write_snapshot(world));
     const World loaded = load_scene(save_scene(world));
     for (const World* of : std::initializer_list<const World*>{&world, &read, &loaded}) {
-      const JointState& state = of->joint_state(of->find_joint("custom"));
+      const JointData& state = joint_data(*of, of->find_joint("custom"));
       EXPECT_EQ(state.error, kInfinity);
       EXPECT_EQ(state.initial_error, 0.0);
       EXPECT_FALSE(state.closing);

@@ -139,7 +139,7 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
     EquationsOfMotion equations = assembly.equations();
     List<PrescribedMotion> courses(assembly.joints.size());
     for (std::size_t j = 0; j < courses.size(); ++j) {
-      JointState state;
+      JointData state;
       courses[j] = PrescribedMotion(assembly.joints[j], {0.0, 0.1, 0.1, 0.5}, state);
     }
     const List<AppliedWrench> loads{{1, {1.0, 2.0, 3.0}, {0.5, -0.3, 0.2}}};

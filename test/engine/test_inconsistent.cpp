@@ -139,7 +139,7 @@ class LoneIsland {
 
   List<BodyState> states;
   List<Joint> joints;
-  List<JointState> joint_states;
+  List<JointData> joint_states;
   List<AppliedWrench> loads;
   double t = 0.0;
 

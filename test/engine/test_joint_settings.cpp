@@ -4,6 +4,7 @@
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
+#include "engine/model/joint_data.h"
 #include "random_joints.h"
 #include "support.h"
 
@@ -293,7 +294,7 @@ TEST(SetJoint, MakesASpringOfAClosingRod) {
     // and a rod again, which closes the error that it then has
     world.set_joint(id, hang("rod", ball, rod(1.5)));
     EXPECT_TRUE(world.joint_state(id).closing) << name(method);
-    EXPECT_EQ(world.joint_state(id).to_close.since, world.time()) << name(method);
+    EXPECT_EQ(joint_data(world, id).to_close.since, world.time()) << name(method);
   }
 }
 
@@ -309,8 +310,8 @@ TEST(SetJoint, LeavesNothingOfASavedStateToAReset) {
   joint.distance.length = 1.2;
   resized.set_joint(id, joint);
   resized.reset();
-  EXPECT_EQ(resized.joint_state(id).to_close.since, resized.time());
-  EXPECT_EQ(resized.joint_state(id).to_close.offset[0],
+  EXPECT_EQ(joint_data(resized, id).to_close.since, resized.time());
+  EXPECT_EQ(joint_data(resized, id).to_close.offset[0],
             resized.state(resized.body_ids().front()).position.norm() - 1.2);
   for (const World& world : {loaded, resized}) {
     const std::string text = save_scene(world);

@@ -9,6 +9,7 @@
 #include "engine/dynamics/least_norm_forces.h"
 #include "engine/math/list.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
+#include "engine/model/joint_data.h"
 #include "redundant_scenes.h"
 #include "support.h"
 
@@ -119,7 +120,7 @@ TEST(LeastNormForces, OfADoorAreSharedByItsHinges) {
     for (int i = 0; i < 20; ++i) {
       world.step();
       for (const JointId id : world.joint_ids())
-        EXPECT_NEAR(world.joint_state(id).impulse.z() / 0.01, 5.0 * kGravity, 1e-11 * kGravity)
+        EXPECT_NEAR(joint_data(world, id).impulse.z() / 0.01, 5.0 * kGravity, 1e-11 * kGravity)
             << name(method);
     }
   }
@@ -158,7 +159,7 @@ class OneIsland {
     for (const JointId id : world.joint_ids()) {
       joints.push_back(world.joint(id));
       ends.emplace_back(index(joints.back().body_a), index(joints.back().body_b));
-      JointState state;
+      JointData state;
       begin_joint(joints.back(), states[ends.back().first], states[ends.back().second], 0.0, state);
       courses_.emplace_back(joints.back(), JointStep{0.0, 0.01, 0.1, 0.5}, state);
       joint_states_.push_back(state);
@@ -185,7 +186,7 @@ class OneIsland {
   Vector3d gravity_;
   List<AppliedWrench> loads_;
   List<PrescribedMotion> courses_;
-  List<JointState> joint_states_;
+  List<JointData> joint_states_;
   double t_ = 0.0;
   std::unique_ptr<RungeKutta> motion_;
 };

@@ -3,6 +3,7 @@
 #include <functional>
 
 #include "constraint_sim/engine/scene.h"
+#include "engine/model/joint_data.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -189,7 +190,7 @@ TEST(Reset, KeepsTheLengthOfAJointAddedLater) {
   world.reset();
   EXPECT_EQ(world.joint(joint).distance.length, length);
   EXPECT_EQ(world.joint(joint).motor.bias, 0.0);
-  const JointState& state = world.joint_state(joint);
+  const JointData& state = joint_data(world, joint);
   EXPECT_EQ(state.travel, 0.0);
   EXPECT_TRUE(state.impulse.isZero(0.0));
   EXPECT_EQ(state.initial_error, 4.0 - length);  // 4 m from the ball's start

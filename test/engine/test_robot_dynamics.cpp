@@ -118,7 +118,7 @@ Motions accelerations_by_rows(const World& world, const List<AppliedWrench>& loa
   List<JointEnds> ends;
   List<CoupledTerms> couplings;
   List<PrescribedMotion> motions;
-  List<JointState> states = impl.joint_states;
+  List<JointData> states = impl.joint_states;
   for (std::size_t j = 0; j < impl.joints.size(); ++j) {
     all.push_back(static_cast<int>(j));
     ends.push_back(ends_of(impl, impl.joints[j]));

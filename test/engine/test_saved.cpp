@@ -9,6 +9,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
+#include "engine/model/joint_data.h"
 #include "shipped_scenes.h"
 #include "support.h"
 #include "test_paths.h"
@@ -293,8 +294,8 @@ TEST(Saved, KeepsWhatIsClosing) {
   ASSERT_TRUE(world.joint_state(world.find_joint("rod")).closing);
   const World again = load_scene(save_scene(world));
   for (const char* name : {"rod", "hook"}) {
-    const JointState& a = world.joint_state(world.find_joint(name));
-    const JointState& b = again.joint_state(again.find_joint(name));
+    const JointData& a = joint_data(world, world.find_joint(name));
+    const JointData& b = joint_data(again, again.find_joint(name));
     EXPECT_TRUE(b.closing);
     EXPECT_EQ(b.to_close.since, a.to_close.since);
     EXPECT_EQ(b.to_close.offset, a.to_close.offset);

@@ -21,6 +21,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "constraint_sim/engine/world.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::fuzz {
 
@@ -162,7 +163,7 @@ inline void check_numbers(const engine::World& world) {
     const bool lacks_error = state.error == std::numeric_limits<double>::infinity();
     require((std::isfinite(state.error) || (may_lack_error && lacks_error)) &&
                 std::isfinite(state.force) && std::isfinite(state.angle_error) &&
-                state.impulse.allFinite(),
+                engine::joint_data(world, id).impulse.allFinite(),
             "the state of a joint is not finite and the step has not failed");
   }
   for (const engine::Contact& contact : world.contacts())

@@ -652,7 +652,7 @@ TEST(Urdf, ConstraintsBesideItAreOfLinks) {
       &world, options);
   // rounding: all joints fit at the start
   for (const engine::JointId id : world.joint_ids())
-    EXPECT_LT(world.joint_state(id).initial_error, 1e-15) << world.joint(id).name;
+    EXPECT_LT(world.joint_state(id).error, 1e-15) << world.joint(id).name;
   EXPECT_EQ(world.joint(world.find_joint("p/anchor")).body_a, engine::kWorldBody);
   EXPECT_EQ(world.joint(world.find_joint("p/train")).coupling.second, world.find_joint("p/b"));
 }

@@ -13,7 +13,7 @@ constexpr double kLeastShareOfClosing = 0.5;  // shortest duration as a share of
 
 }  // namespace
 
-MotionBefore motion_before(const Joint& joint, const JointState& state, int coordinate, double t,
+MotionBefore motion_before(const Joint& joint, const JointData& state, int coordinate, double t,
                            double closing_time) {
   const CoordinateLaw& law = joint.coordinates[to_index(coordinate)];
   const CoordinateState& now = state.coordinates[to_index(coordinate)];
@@ -29,7 +29,7 @@ MotionBefore motion_before(const Joint& joint, const JointState& state, int coor
 }
 
 void send_coordinate(const Joint& joint, int coordinate, const MotionBefore& before, double t,
-                     double closing_time, JointState& state) {
+                     double closing_time, JointData& state) {
   const JointForms& kind = forms(joint.kind);
   const CoordinateState& now = state.coordinates[to_index(coordinate)];
   const double off = now.position - now.held;

@@ -8,6 +8,7 @@
 #include "engine/constraints/course.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/list.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 
@@ -61,7 +62,7 @@ class ClosingErrors {
 
 /// Returns the errors of a joint at time t; none where it does not close, or closes by a share per
 /// step.
-inline ClosingErrors closing_errors(const Joint& joint, const JointState& state, double t,
+inline ClosingErrors closing_errors(const Joint& joint, const JointData& state, double t,
                                     double closing_time) {
   if (!state.closing || closing_time == 0.0) return {};
   return {state.to_close, forms(joint.kind).rows, t, closing_time};
@@ -92,7 +93,7 @@ inline double end_of_closing(const ErrorsToClose& errors, double closing_time) {
 
 /// Whether a joint that closes errors has begun before time t, so that other errors go on closing
 /// when a motor gets a new position.
-inline bool goes_on_closing(const JointState& state, double t, double closing_time) {
+inline bool goes_on_closing(const JointData& state, double t, double closing_time) {
   if (!state.closing || closing_time == 0.0) return false;
   bool has_begun = false;
   visit_starts(state.to_close, [&](double since) { has_begun = has_begun || since < t; });
@@ -109,7 +110,7 @@ struct MotionBefore {
 
 /// Returns the motion of a coordinate: as prescribed by a position motor that has not lost its
 /// motion, or else the actual rate. `state` is measured with the joint as it is before the edit.
-MotionBefore motion_before(const Joint& joint, const JointState& state, int coordinate, double t,
+MotionBefore motion_before(const Joint& joint, const JointData& state, int coordinate, double t,
                            double closing_time);
 
 /// Sends a coordinate to the position of its motor, with the motion that it has. The joint was
@@ -117,7 +118,7 @@ MotionBefore motion_before(const Joint& joint, const JointState& state, int coor
 /// earlier where it would go beyond the position and return: after half of closing_time at least,
 /// or at the end of the motion before.
 void send_coordinate(const Joint& joint, int coordinate, const MotionBefore& before, double t,
-                     double closing_time, JointState& state);
+                     double closing_time, JointData& state);
 
 /// Exact equality, number by number.
 inline bool are_same(const ErrorsToClose& a, const ErrorsToClose& b) {

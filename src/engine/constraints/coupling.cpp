@@ -7,7 +7,7 @@ namespace constraint_sim::engine {
 
 double lead(const Joint& screw) { return screw.pitch / (2.0 * kPi); }
 
-void read_coupling(const CoupledTerms& terms, const List<JointState>& states,
+void read_coupling(const CoupledTerms& terms, const List<JointData>& states,
                    CouplingState* coupling) {
   coupling->value = coupling->rate = 0.0;
   for (const CoupledTerm& term : terms) {
@@ -18,9 +18,9 @@ void read_coupling(const CoupledTerms& terms, const List<JointState>& states,
   }
 }
 
-void add_coupled_effort(const CoupledTerms& terms, double effort, List<JointState>* states) {
+void add_coupled_effort(const CoupledTerms& terms, double effort, List<JointData>* states) {
   for (const CoupledTerm& term : terms) {
-    JointState& state = (*states)[term.joint];
+    JointData& state = (*states)[term.joint];
     state.coordinates[static_cast<std::size_t>(term.coordinate)].effort += term.ratio * effort;
     state.force = state.coordinates[0].effort;
   }

@@ -5,6 +5,7 @@
 
 #include "constraint_sim/engine/joint.h"
 #include "engine/math/list.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 
@@ -23,11 +24,11 @@ using CoupledTerms = std::array<CoupledTerm, 2>;
 double lead(const Joint& screw);
 
 /// Sets value and rate of the coupling from the coordinates of the joints.
-void read_coupling(const CoupledTerms& terms, const List<JointState>& states,
+void read_coupling(const CoupledTerms& terms, const List<JointData>& states,
                    CouplingState* coupling);
 
 /// Adds the generalized force of a coupling to the efforts of its coordinates [N or N m], after the
 /// joints have theirs.
-void add_coupled_effort(const CoupledTerms& terms, double effort, List<JointState>* states);
+void add_coupled_effort(const CoupledTerms& terms, double effort, List<JointData>* states);
 
 }  // namespace constraint_sim::engine

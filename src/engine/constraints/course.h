@@ -5,6 +5,7 @@
 #include "constraint_sim/engine/joint.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 

@@ -25,7 +25,7 @@ constexpr double kClosedShare = 0.01;
 
 const MovingFrame kHome;  // frame at home, without motion
 
-Prescribed turn_to_close(const Joint& joint, const JointState& state, const JointStep& step,
+Prescribed turn_to_close(const Joint& joint, const JointData& state, const JointStep& step,
                          double beta, bool at_end) {
   if (step.closing_time > 0.0)
     return closing_errors(joint, state, step.t + (at_end ? step.h : 0.0), step.closing_time)
@@ -239,7 +239,7 @@ bool is_overloaded(const Joint& joint, const BodyState& a, const BodyState& b,
   return joint.break_force > 0.0 && std::abs(state.force) > joint.break_force;
 }
 
-bool is_closed(const JointState& state, const JointStep& step) {
+bool is_closed(const JointData& state, const JointStep& step) {
   if (step.closing_time > 0.0)
     return step.t + step.h >= end_of_closing(state.to_close, step.closing_time);
   return std::abs(state.error) <= std::max(kFits, kClosedShare * std::abs(state.initial_error));
@@ -247,7 +247,7 @@ bool is_closed(const JointState& state, const JointStep& step) {
 
 }  // namespace
 
-MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState& state,
+MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointData& state,
                      bool at_end) {
   if (!state.closing || !closes_by_frame(forms(joint.kind))) return {};
   const double beta = joint.baumgarte.value_or(step.beta);
@@ -275,7 +275,7 @@ void add_own_coupling(const Joint& joint, double impulse, RowVector* done) {
 }
 
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
-            double zeta, const RowVector& impulse, JointState& state) {
+            double zeta, const RowVector& impulse, JointData& state) {
   const bool is_distance = has_length(joint.kind);
   const Passed passed{step.h, step.counted, step.moves_at_end_rate};
   if (is_distance)
@@ -292,16 +292,16 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
   if (is_overloaded(joint, a, b, impulse, step.h, state)) state.broken = true;
 }
 
-void forget_impulses(JointState* state) {
+void forget_impulses(JointData* state) {
   state->impulse.setZero();
-  state->coupling.impulse = 0.0;
+  state->coupling_impulse = 0.0;
 }
 
-void JointSum::add(const Joint& joint, double h, JointState* state) {
+void JointSum::add(const Joint& joint, double h, JointData* state) {
   const JointForms& kind = forms(joint.kind);
   state->broken = false;
   rows += state->impulse;
-  coupled_rows += state->coupling.impulse;
+  coupled_rows += state->coupling_impulse;
   coupled += h * state->coupling.effort;
   if (has_length(joint.kind)) {
     done[0] += h * state->force;
@@ -313,9 +313,9 @@ void JointSum::add(const Joint& joint, double h, JointState* state) {
 }
 
 void JointSum::finish(const Joint& joint, const BodyState& a, const BodyState& b, double h,
-                      JointState* state) const {
+                      JointData* state) const {
   state->impulse = rows;
-  state->coupling.impulse = coupled_rows;
+  state->coupling_impulse = coupled_rows;
   state->coupling.effort = coupled / h;
   if (has_length(joint.kind))
     state->force = done[0] / h;
@@ -380,7 +380,7 @@ JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b, co
 }
 
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
-                 JointState& state, bool b_turns) {
+                 JointData& state, bool b_turns) {
   const JointForms& kind = forms(joint.kind);
   for (std::size_t i = 0; i < to_index(kind.coordinates); ++i) {
     if (!has_course_to_lose(joint.coordinates[i])) continue;
@@ -411,7 +411,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
 }
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,
-                   JointState& state) {
+                   JointData& state) {
   measure_joint(joint, a, b, state.bias, Passed{}, frame_in(joint, now, state, false), state);
 }
 
@@ -436,7 +436,7 @@ bool is_always_rigid(const Joint& joint) {
 }
 
 bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
-          const JointState& state) {
+          const JointData& state) {
   // A motor that has lost its motion goes to its position by its force.
   const bool may_be_lost = any_coordinate(joint, has_course_to_lose);
   if (!state.closing && !(may_be_lost && std::abs(state.error) > kFits))
@@ -485,14 +485,14 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
 
 void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                        const JointStep& step, const RowVector& impulse, double zeta,
-                       JointState& state) {
+                       JointData& state) {
   state.impulse = impulse;
   if (has_length(joint.kind)) {
     state.force = impulse[0] / step.h;
     return finish(joint, a, b, step, zeta, impulse, state);
   }
   RowVector done = impulse;
-  add_own_coupling(joint, state.coupling.impulse, &done);
+  add_own_coupling(joint, state.coupling_impulse, &done);
   note_force(joint, done, step.h, state);
   finish(joint, a, b, step, zeta, done, state);
 }

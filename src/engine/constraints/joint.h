@@ -9,6 +9,7 @@
 #include "engine/constraints/moving_frame.h"
 #include "engine/constraints/row.h"
 #include "engine/math/list.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 
@@ -29,42 +30,42 @@ struct JointStep {
 };
 
 /// Clears the impulses that would warm start the rows.
-void forget_impulses(JointState* state);
+void forget_impulses(JointData* state);
 
 /// Adds the rows of a joint with their targets to `rows`. Sets the bias of `state`, which ends with
 /// its timeout.
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
-                   const JointStep& step, JointState& state, List<Row>* rows);
+                   const JointStep& step, JointData& state, List<Row>* rows);
 
 /// Writes the Jacobians of the rows of a joint at other states of the bodies.
 void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
-                     const JointStep& step, const JointState& state, const Row* rows, int count,
+                     const JointStep& step, const JointData& state, const Row* rows, int count,
                      Jacobian* J);
 /// Returns the present elongation of the spring of a row [m or rad].
 double spring_stretch(const Joint& joint, const JointState& state, const Row& row);
 
 /// Takes forces and state from the solved rows, with the bodies after the step.
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointStep step,
-                const Row* rows, int count, JointState& state);
+                const Row* rows, int count, JointData& state);
 
 /// Measures a joint that was added or repaired, or whose bodies were set; its error is closed from
 /// now on. `t` is simulated time [s]; `b_turns`: whether body B moves and can turn.
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
-                 JointState& state, bool b_turns = true);
+                 JointData& state, bool b_turns = true);
 
 /// Adds the two rows of a coupling, with the Jacobians `J` of its two terms. Both rows hold value
 /// and target of the whole coupling.
-void prepare_coupling(const Joint& joint, const JointStep& step, const JointState& state,
+void prepare_coupling(const Joint& joint, const JointStep& step, const JointData& state,
                       const std::array<Jacobian, 2>& J, List<Row>* rows);
 
 /// Returns the Jacobian of a coordinate at the start or the end of a step of impulses.
 Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,
-                             const JointStep& step, const JointState& state, int coordinate,
+                             const JointStep& step, const JointData& state, int coordinate,
                              bool at_end);
 
 /// Measures a joint without restarting its closing.
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,
-                   JointState& state);
+                   JointData& state);
 
 /// Returns the frame on B that meets the rows of a joint that keeps axes; it does not move where
 /// they are met. Coordinates of an open joint are measured with this frame. `radius` is
@@ -126,11 +127,11 @@ inline bool acts(const Joint& joint, const JointState& state) {
 class PrescribedMotion {
  public:
   PrescribedMotion() = default;
-  PrescribedMotion(const Joint& joint, const JointStep& span, JointState& state) {
+  PrescribedMotion(const Joint& joint, const JointStep& span, JointData& state) {
     begin(joint, span, state);
   }
   /// Begins the next interval. Sets bias (mean over the interval) and saturated of `state`.
-  void begin(const Joint& joint, const JointStep& span, JointState& state);
+  void begin(const Joint& joint, const JointStep& span, JointData& state);
   /// Makes a coordinate brake with `braking` [m/s² or rad/s²], < 0 from below, to rest at its held
   /// position at time `until` [s]. The caller ends this motion there, without which it turns back.
   void brake(int coordinate, double until, double braking) {
@@ -235,16 +236,16 @@ class PrescribedMotion {
 /// Whether each error of a joint is within tolerance of 0, or of its prescribed value while the
 /// joint closes errors, as exact integration needs.
 bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
-          const JointState& state);
+          const JointData& state);
 
 /// Adds the motion of the motors in an interval to travel and held positions.
-void finish_span(const Joint& joint, const JointStep& span, JointState& state);
+void finish_span(const Joint& joint, const JointStep& span, JointData& state);
 
 /// Takes forces and state of a step, with the bodies after it. `impulse`: per row and coordinate,
 /// along d for a distance joint [N s]; `zeta`: the present bias [m/s].
 void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                        const JointStep& step, const RowVector& impulse, double zeta,
-                       JointState& state);
+                       JointData& state);
 
 /// Returns the coordinate for the value of its form, with whole turns nearest to `reference` for an
 /// angle.

@@ -43,7 +43,7 @@ Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* st
   return motor;
 }
 
-void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointState& state) {
+void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointData& state) {
   if (is_closing()) *this = PrescribedMotion{};
   const JointForms& kind = forms(joint.kind);
   start_ = span.t;
@@ -101,7 +101,7 @@ Prescribed PrescribedMotion::target(int function, double t) const {
   return target;
 }
 
-void finish_span(const Joint& joint, const JointStep& span, JointState& state) {
+void finish_span(const Joint& joint, const JointStep& span, JointData& state) {
   if (has_length(joint.kind)) {
     state.travel += state.bias * span.h;
     return;

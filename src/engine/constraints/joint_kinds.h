@@ -2,7 +2,9 @@
 
 #include <array>
 
+#include "constraint_sim/engine/joint.h"
 #include "engine/constraints/forms.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 

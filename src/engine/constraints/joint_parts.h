@@ -13,7 +13,7 @@ Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* st
 
 /// Returns the frame on B at the start or the end of a step. Without a closing time Baumgarte
 /// closes the joint, and only the rotation uses a moving frame.
-MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState& state,
+MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointData& state,
                      bool at_end);
 
 /// Sets forces and efforts of a joint of a kind other than kDistance from the impulses per row and
@@ -26,6 +26,6 @@ void add_own_coupling(const Joint& joint, double impulse, RowVector* done);
 /// Measures the joint after a step, and updates closing and breaking, from the impulses of its
 /// rows.
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
-            double zeta, const RowVector& impulse, JointState& state);
+            double zeta, const RowVector& impulse, JointData& state);
 
 }  // namespace constraint_sim::engine

@@ -19,7 +19,7 @@ namespace {
 // Errors that a joint still has to close at the start of the step, and their mean rates.
 class ClosingInStep {
  public:
-  ClosingInStep(const Joint& joint, const JointState& state, const JointStep& step)
+  ClosingInStep(const Joint& joint, const JointData& state, const JointStep& step)
       : before_(closing_errors(joint, state, step.t, step.closing_time)),
         after_(closing_errors(joint, state, step.t + step.h, step.closing_time)),
         h_(step.h) {}
@@ -58,7 +58,7 @@ void pull_only(const DistanceJoint& distance, double h, Row* row) {
 }
 
 int prepare_rows(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
-                 const JointStep& step, JointState& state, Row* rows) {
+                 const JointStep& step, JointData& state, Row* rows) {
   drive(distance, step, joint.motor, state);
   const double beta = joint.baumgarte.value_or(step.beta);
   const ClosingInStep::Part closing = ClosingInStep(joint, state, step).of(0);
@@ -84,7 +84,7 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
 
 // Writes the rows of a joint of a kind other than kDistance.
 int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
-                       const JointStep& step, JointState& state, Row* rows) {
+                       const JointStep& step, JointData& state, Row* rows) {
   const JointForms& kind = forms(joint.kind);
   const MovingFrame frame = frame_in(joint, step, state, false);
   const JointVectors vectors(joint, a, b, frame);
@@ -140,7 +140,7 @@ bool is_at_limit(const Row& row, double most) {
 // Sets impulses and force, and adds the motion of the step to the motor's travel. A motor at its
 // force limit yields, and then holds the reached length.
 void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
-            const JointStep& step, const Row* rows, int count, JointState& state) {
+            const JointStep& step, const Row* rows, int count, JointData& state) {
   const double max_force = joint.motor.max_force;
   bool yields = false;
   state.force = 0.0;
@@ -165,7 +165,7 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
 // Returns the impulses per row and coordinate, for a kind other than kDistance. A motor at its
 // force limit yields, and then holds the reached position.
 RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, const JointStep& step,
-                            const Row* rows, int count, JointState& state) {
+                            const Row* rows, int count, JointData& state) {
   const JointForms& kind = forms(joint.kind);
   RowVector done = RowVector::Zero();
   state.impulse.setZero();
@@ -174,7 +174,7 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
   for (const Row* row = rows; row != rows + count; ++row) {
     const double impulse = row->impulse + row->correction_impulse;
     if (row->coordinate == kOfCoupling) {  // both rows of a coupling have equal impulses
-      state.coupling.impulse = row->impulse;
+      state.coupling_impulse = row->impulse;
       state.coupling.effort = impulse / step.h;
       continue;
     }
@@ -201,7 +201,7 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
 }  // namespace
 
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
-                   const JointStep& step, JointState& state, List<Row>* rows) {
+                   const JointStep& step, JointData& state, List<Row>* rows) {
   const std::size_t first = rows->size();
   const bool is_distance = has_length(joint.kind);
   const JointForms& kind = forms(joint.kind);
@@ -222,7 +222,7 @@ void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
 }
 
 void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
-                     const JointStep& step, const JointState& state, const Row* rows, int count,
+                     const JointStep& step, const JointData& state, const Row* rows, int count,
                      Jacobian* J) {
   if (has_length(joint.kind)) {
     const AnchorPair anchors(joint, a, b);
@@ -237,7 +237,7 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
                     vectors);
 }
 
-void prepare_coupling(const Joint& joint, const JointStep& step, const JointState& state,
+void prepare_coupling(const Joint& joint, const JointStep& step, const JointData& state,
                       const std::array<Jacobian, 2>& J, List<Row>* rows) {
   Row row;
   row.coordinate = kOfCoupling;
@@ -253,7 +253,7 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
     set_bias_rigid(row, beta, step.h);
   }
   row.correction += closing.rate;
-  row.impulse = std::min(state.coupling.impulse, row.upper);
+  row.impulse = std::min(state.coupling_impulse, row.upper);
   rows->push_back(row);
   row.normal_row = Row::kCoupledPart;
   row.J = J[1];
@@ -261,7 +261,7 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
 }
 
 Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,
-                             const JointStep& step, const JointState& state, int coordinate,
+                             const JointStep& step, const JointData& state, int coordinate,
                              bool at_end) {
   return jacobian(forms(joint.kind).coordinate[coordinate],
                   JointVectors(joint, a, b, frame_in(joint, step, state, at_end)));
@@ -277,7 +277,7 @@ double spring_stretch(const Joint& joint, const JointState& state, const Row& ro
 }
 
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointStep step,
-                const Row* rows, int count, JointState& state) {
+                const Row* rows, int count, JointData& state) {
   step.moves_at_end_rate = true;
   if (has_length(joint.kind)) {
     settle(joint.distance, joint, AnchorPair(joint, a, b), step, rows, count, state);

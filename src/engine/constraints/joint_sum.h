@@ -1,6 +1,7 @@
 #pragma once
 
 #include "constraint_sim/engine/joint.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 
@@ -13,11 +14,11 @@ struct JointSum {
 
   /// Adds the impulses of a part of length `h` [s], and repairs a joint that broke in this part:
   /// finish() decides by the mean of the tick.
-  void add(const Joint& joint, double h, JointState* state);
+  void add(const Joint& joint, double h, JointData* state);
   /// Sets the mean forces of a tick of length `h` [s], and breaks the joint where they exceed its
   /// limits.
   void finish(const Joint& joint, const BodyState& a, const BodyState& b, double h,
-              JointState* state) const;
+              JointData* state) const;
 };
 
 }  // namespace constraint_sim::engine

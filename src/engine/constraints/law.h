@@ -6,6 +6,7 @@
 #include "engine/constraints/course.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/row.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 

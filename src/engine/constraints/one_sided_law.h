@@ -10,6 +10,7 @@
 #include "engine/constraints/law.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 
@@ -177,7 +178,8 @@ ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, const Prescribed& at
                          const Prescribed& zeta);
 
 /// Replaces the `count` laws of the joint by the rigid rows and constant forces of their states.
-/// Targets of rows are taken from JointState. Returns false where the joint does not act.
+/// Targets of rows are taken from the state of the joint. Returns false where the joint does not
+/// act.
 bool with_rows_switched(const OneSidedLaw* laws, const OneSidedState* states, std::size_t count,
                         Joint* joint);
 

@@ -40,7 +40,7 @@ CoordinatePositions::CoordinatePositions(const IslandModel& island)
   for (auto* list : {&coupled_, &kept_coupled_}) list->resize(island.coupled_rows().size());
 }
 
-void CoordinatePositions::begin_step(const IslandModel& island, const List<JointState>& states) {
+void CoordinatePositions::begin_step(const IslandModel& island, const List<JointData>& states) {
   const auto noted = [&](std::size_t l, int coordinate) -> Noted {
     const CoordinateState& state = states[island.joints()[l]].coordinates[to_index(coordinate)];
     return {state.position, state.velocity};
@@ -56,7 +56,7 @@ void CoordinatePositions::begin_step(const IslandModel& island, const List<Joint
       coupled_[c].terms[k] = noted(row.terms[k].link, row.terms[k].coordinate);
   }
   angles_.begin(
-      [&](std::size_t l) -> const JointState& { return states[to_index(island.joints()[l])]; });
+      [&](std::size_t l) -> const JointData& { return states[to_index(island.joints()[l])]; });
 }
 
 template <class Coordinate>

@@ -22,7 +22,7 @@ class CoordinatePositions {
   explicit CoordinatePositions(const IslandModel& island);
 
   /// Reads positions from `states`, one entry per joint of the world.
-  void begin_step(const IslandModel& island, const List<JointState>& states);
+  void begin_step(const IslandModel& island, const List<JointData>& states);
   /// Sets the time of the noted positions [s].
   void set_time(double t) { angles_.set_time(t); }
   /// Notes the positions and rates of a pose with its velocities.

@@ -60,7 +60,7 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
 
 // ---- an interval without jumps
 
-void EquationsOfMotion::begin_step(const List<JointState>& states) {
+void EquationsOfMotion::begin_step(const List<JointData>& states) {
   if (!coordinates_.empty()) coordinates_.begin_step(*this, states);
   forces_.begin_step();
   delassus_.begin_step();

@@ -82,7 +82,7 @@ class EquationsOfMotion : public IslandModel {
 
   /// Clears the impulses and reads coordinate positions from `states`, one entry per joint of the
   /// world.
-  void begin_step(const List<JointState>& states);
+  void begin_step(const List<JointData>& states);
   /// Sets loads and prescribed motions from time t [s] on, as IntervalInputs::begin().
   void begin(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
              const List<AppliedWrench>& loads, const List<PrescribedMotion>& motions,

@@ -54,7 +54,7 @@ void JointEdits::start() {
   const Joint& joint = world_.joints[j_];
   const JointStart& start = world_.joint_starts[j_];
   const double now = world_.time();
-  JointState& state = world_.joint_states[j_] = JointState{};
+  JointData& state = world_.joint_states[j_] = JointData{};
   state.broken = start.broken;
   world_.self_stress[j_] = SelfStress{};
   set_ends(joint, now, &state);
@@ -96,7 +96,7 @@ void JointEdits::replace(const Joint& joint, const LawChanges& changes) {
   for (std::size_t i = 0; i < changes.size(); ++i)
     if (changes[i].law) is_sent[i] = follow_law(i, before.coordinates[i], changes[i].motor);
   if (std::find(is_sent.begin(), is_sent.end(), true) != is_sent.end()) {
-    JointState& state = world_.joint_states[j_];
+    JointData& state = world_.joint_states[j_];
     const JointStep now = joint_step(world_.options, world_.time(), world_.options.time_step);
     if (goes_on_closing(state, now.t, now.closing_time))
       measure_joint(joint, world_.states[world_.index(joint.body_a)],
@@ -168,7 +168,7 @@ void JointEdits::set_law(std::size_t i, const CoordinateLaw& law, bool is_motor_
 
 void JointEdits::restart() {
   const Joint& joint = world_.joints[j_];
-  JointState& state = world_.joint_states[j_];
+  JointData& state = world_.joint_states[j_];
   forget_impulses(&state);
   world_.self_stress[j_] = SelfStress{};
   world_.wake_ends(joint);
@@ -179,7 +179,7 @@ void JointEdits::restart() {
 
 void JointEdits::hold_from_here() {
   const Joint& joint = world_.joints[j_];
-  JointState& state = world_.joint_states[j_];
+  JointData& state = world_.joint_states[j_];
   bool is_held = false;
   for (std::size_t i = 0; i < static_cast<std::size_t>(info(joint.kind).coordinates); ++i) {
     const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;

@@ -116,7 +116,7 @@ void World::set_joint(JointId id, const Joint& joint) {
   JointEdits edits(impl_.get(), j);
   edits.replace(changed, changes);
   impl_->edits.note_laws_of(*impl_, changed);
-  JointState& state = impl_->joint_states[j];
+  JointData& state = impl_->joint_states[j];
   if (is_distance && !are_same(changed.motor, before.motor))
     state.expires_at = end_of(changed.motor, time());
   const bool is_resized = is_distance && !have_same_length(changed.distance, before.distance);

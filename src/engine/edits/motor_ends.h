@@ -3,6 +3,7 @@
 #include "constraint_sim/engine/joint.h"
 #include "engine/constraints/joint.h"
 #include "engine/math/numbers.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 

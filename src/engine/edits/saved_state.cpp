@@ -28,16 +28,16 @@ void continue_correction(std::size_t i, const Twist& correction, WorldImpl* worl
   world->bodies[i].state.angular_velocity -= correction.tail<3>();
 }
 
-void continue_joint(std::size_t j, const JointState& saved, WorldImpl* world) {
+void continue_joint(std::size_t j, const JointData& saved, WorldImpl* world) {
   const Joint& joint = world->joints[j];
-  JointState& state = world->joint_states[j];
+  JointData& state = world->joint_states[j];
   state.travel = saved.travel;
   state.saturated = saved.saturated;
   state.coordinates = saved.coordinates;
   state.expires_at = saved.expires_at;
   state.impulse = saved.impulse;
   state.coupling.constant = saved.coupling.constant;
-  state.coupling.impulse = saved.coupling.impulse;
+  state.coupling_impulse = saved.coupling_impulse;
   open_joint(*world, j, world->time(), world);  // measures the error with the saved travel
   state.closing = saved.closing && is_rigid(joint) && acts(joint, state);
   if (state.closing) {
@@ -62,14 +62,14 @@ void continue_joint(std::size_t j, const JointState& saved, WorldImpl* world) {
 
 bool is_as_added(const WorldImpl& world, JointId id) {
   const std::size_t j = world.index(id);
-  const JointState& state = world.joint_states[j];
+  const JointData& state = world.joint_states[j];
   Joint joint = world.joints[j];
   if (info(joint.kind).is_custom) return false;  // adding it might be rejected by its functions
   if (info(joint.kind).couples) {
     if (std::abs(state.coupling.constant) > kMostMagnitude) return false;
     joint.coupling.value = state.coupling.constant;  // scenes save the constant as `value`
   }
-  JointState added;
+  JointData added;
   added.broken = state.broken;
   set_ends(joint, world.time(), &added);
   added.radius = state.radius;
@@ -87,7 +87,7 @@ bool is_as_added(const WorldImpl& world, JointId id) {
   const bool closes_alike = !added.closing || (are_same(state.to_close, added.to_close) &&
                                                state.closing_share == added.closing_share &&
                                                state.initial_error == added.initial_error);
-  if (state.coupling.constant != added.coupling.constant || state.coupling.impulse != 0.0)
+  if (state.coupling.constant != added.coupling.constant || state.coupling_impulse != 0.0)
     return false;
   return state.travel == 0.0 && !state.saturated && state.impulse.isZero(0.0) &&
          state.expires_at == added.expires_at && state.closing == added.closing && closes_alike &&

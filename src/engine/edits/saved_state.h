@@ -12,7 +12,7 @@ namespace constraint_sim::engine {
 /// the velocity without `correction`.
 void continue_correction(std::size_t body, const Twist& correction, WorldImpl* world);
 /// Continues the state of a joint.
-void continue_joint(std::size_t joint, const JointState& saved, WorldImpl* world);
+void continue_joint(std::size_t joint, const JointData& saved, WorldImpl* world);
 /// Puts the bodies to sleep that slept when the scene was saved. `ids`: these bodies.
 void continue_asleep(const std::vector<BodyId>& ids, WorldImpl* world);
 /// Adds a contact that existed when the scene was saved.

@@ -104,7 +104,7 @@ void World::set_time(double time, std::uint64_t step_count) {
         refuse("time", "moves a wrench on " + in_quotes(this->body(wrench.body).name) +
                            " beyond 1e20 s, got " + shortest(time));
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
-    JointState& state = impl_->joint_states[j];
+    JointData& state = impl_->joint_states[j];
     // A motor that was set just now keeps its timeout to the bit.
     visit_motors(impl_->joints[j], state, [&](const Motor& motor, double& end) {
       end = time + (end == now + motor.timeout ? motor.timeout : end - now);

@@ -10,7 +10,7 @@
 
 namespace constraint_sim::engine {
 
-List<int> open_points_of(const Model& model, const List<JointState>& joint_states,
+List<int> open_points_of(const Model& model, const List<JointData>& joint_states,
                          const IslandMembers& members) {
   List<int> open;
   for (const int j : members.joints)

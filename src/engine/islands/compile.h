@@ -8,7 +8,7 @@
 namespace constraint_sim::engine {
 
 /// Joints without axes that close an error. Their equations have another form.
-List<int> open_points_of(const Model& model, const List<JointState>& joint_states,
+List<int> open_points_of(const Model& model, const List<JointData>& joint_states,
                          const IslandMembers& members);
 
 /// Compiles the equations of motion of an island with joints.

@@ -66,7 +66,7 @@ bool can_be_in_group(const StepContext& step, const State& state, const IslandPa
   return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
     const std::size_t j = to_index(index);
     const Joint& joint = model.joints[j];
-    const JointState& joint_state = state.joint_states[j];
+    const JointData& joint_state = state.joint_states[j];
     if (joint_state.closing && has_length(joint.kind) && joint.motor.max_force > 0.0) return false;
     return !is_rigid(joint) || fits(joint, step.topology.state_a(state, j),
                                     step.topology.state_b(state, j), now, joint_state);

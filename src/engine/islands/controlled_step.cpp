@@ -139,7 +139,7 @@ void ControlledStep::accept(const GroupSurroundings& around, double h, const Att
   outcome_.error += attempt.is_solved ? attempt.error : std::numeric_limits<double>::quiet_NaN();
   if (!attempt.is_whole) {
     add_contacts(first_half_, &sums_);
-    List<JointState> after;
+    List<JointData> after;
     for (std::size_t k = 0; k < joints.size(); ++k) {
       after.push_back(state->joint_states[joints[k]]);
       state->joint_states[joints[k]] = joints_at_half_[k];

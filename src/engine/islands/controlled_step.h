@@ -60,7 +60,7 @@ class ControlledStep {
   List<Broadphase::Pair> met_;     // pairs whose open contacts took impulses in the last whole part
   List<TouchingPair> sums_;        // contacts of the step, with the impulses of all parts
   List<TouchingPair> first_half_;  // contacts of the first half of a part
-  List<JointState> joints_at_half_;  // joints after the first half
+  List<JointData> joints_at_half_;  // joints after the first half
 };
 
 }  // namespace constraint_sim::engine

@@ -19,7 +19,7 @@ JointStep step_from_now(const Model& model, const State& state) {
 CoordinateMotions::CoordinateMotions(const Model& model, const State& state, std::size_t joint)
     : joint_(joint) {
   const Joint& moved = model.joints[joint];
-  JointState now = state.joint_states[joint];
+  JointData now = state.joint_states[joint];
   if (info(moved.kind).coordinates == 0 || !acts(moved, now)) return;
   const JointStep step = step_from_now(model, state);
   measure_joint(moved, state.states[model.index(moved.body_a)],
@@ -37,7 +37,7 @@ CoordinateMotions::Flags CoordinateMotions::are_prescribed() const {
 
 void CoordinateMotions::send(const Model& model, const Flags& is_sent, State* state) const {
   const Joint& joint = model.joints[joint_];
-  JointState& joint_state = state->joint_states[joint_];
+  JointData& joint_state = state->joint_states[joint_];
   const JointStep step = step_from_now(model, *state);
   if (step.closing_time == 0.0 || !acts(joint, joint_state)) return;
   for (int i = 0; i < info(joint.kind).coordinates; ++i)

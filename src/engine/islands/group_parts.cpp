@@ -37,7 +37,7 @@ void GroupParts::keep_guesses(double h, const List<TouchingPair>& contacts, cons
   joint_guesses_.clear();
   for (const int j : divided_.group().joints)
     joint_guesses_.push_back(
-        {state.joint_states[j].impulse / h, state.joint_states[j].coupling.impulse / h});
+        {state.joint_states[j].impulse / h, state.joint_states[j].coupling_impulse / h});
 }
 
 void GroupParts::save(const State& state) {
@@ -101,9 +101,9 @@ ImpulseReport GroupParts::take(const GroupSurroundings& around, double done, dou
                                SequentialImpulses* method, State* state) {
   const ImpulseGroup& group = divided_.group();
   for (std::size_t k = 0; k < group.joints.size(); ++k) {
-    JointState& joint = state->joint_states[group.joints[k]];
+    JointData& joint = state->joint_states[group.joints[k]];
     joint.impulse = h * joint_guesses_[k].rows;
-    joint.coupling.impulse = h * joint_guesses_[k].coupled;
+    joint.coupling_impulse = h * joint_guesses_[k].coupled;
   }
   ImpulseReport report =
       divided_.advance(around.step, around.wrenches, done, h, contacts, kind, method, state);

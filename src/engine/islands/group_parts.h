@@ -33,7 +33,7 @@ class GroupParts {
   struct Start {
     List<BodyState> bodies;
     List<Twist> corrections;
-    List<JointState> joints;
+    List<JointData> joints;
     List<TouchingPair> touching;
     bool any_corrections = false;
   };

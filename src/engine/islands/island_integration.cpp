@@ -77,7 +77,7 @@ MethodChoice choose_method(const IntegrationStep& in, std::size_t i, bool in_con
 }
 
 /// Clears the results of the step before.
-void begin_islands(const List<int>& smooth, const List<JointState>& joint_states,
+void begin_islands(const List<int>& smooth, const List<JointData>& joint_states,
                    IslandLists* lists) {
   for (const int i : smooth) {
     Island& island = lists->islands[i];
@@ -340,7 +340,7 @@ void IslandIntegration::compile_where_closed(const Model& model, const Topology&
 }
 
 void IslandIntegration::compile_if_opened(const Model& model, const Topology& topology,
-                                          const List<JointState>& joint_states, IslandParts* parts,
+                                          const List<JointData>& joint_states, IslandParts* parts,
                                           List<IslandMotion>* motions) {
   if (parts->motion < 0) return;
   const List<int> open_points = open_points_of(model, joint_states, parts->members);

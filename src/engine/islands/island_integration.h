@@ -93,7 +93,7 @@ class IslandIntegration {
   void restart(const IslandParts& parts, List<IslandMotion>* motions);
   void begin_entering(const IntegrationStep& in);
   void compile_if_opened(const Model& model, const Topology& topology,
-                         const List<JointState>& joint_states, IslandParts* parts,
+                         const List<JointData>& joint_states, IslandParts* parts,
                          List<IslandMotion>* motions);
   void list_time_varying_joints(const Model& model, const State& state, const IslandLists& lists);
   void split_step(const IntegrationStep& in);

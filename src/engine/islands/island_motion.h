@@ -40,7 +40,7 @@ class IslandMotion {
   }
   /// Forgets the impulses of the step before, or those of an attempt in vain, and takes coordinates
   /// from the states of all joints.
-  void begin_step(const List<JointState>& joints) {
+  void begin_step(const List<JointData>& joints) {
     if (events_)
       events_->begin_step(joints, &substeps_);
     else

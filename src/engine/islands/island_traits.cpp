@@ -31,7 +31,7 @@ double largest_response(const MassProperties& mass, const Vector3d& r) {
 // of its dampers. Along a line ω² ≤ 2 Σ k (1/m + λ), with λ the largest eigenvalue of [r]ᵀ I⁻¹ [r];
 // about an axis n ω² ≤ 2 Σ k n·I⁻¹n. `with_limit` selects springs and dampers with a force limit
 // and springs that only pull, its absence all other springs and dampers.
-List<double> fastest_springs(const Model& model, const List<JointState>& joint_states,
+List<double> fastest_springs(const Model& model, const List<JointData>& joint_states,
                              const List<JointEnds>& ends, bool with_limit) {
   List<double> fastest_spring(model.bodies.size(), 0.0);
   List<double> damping;
@@ -84,7 +84,7 @@ List<double> fastest_springs(const Model& model, const List<JointState>& joint_s
 
 }  // namespace
 
-FastestSprings::FastestSprings(const Model& model, const List<JointState>& joint_states,
+FastestSprings::FastestSprings(const Model& model, const List<JointData>& joint_states,
                                const List<JointEnds>& ends)
     : springs(fastest_springs(model, joint_states, ends, false)),
       limited(fastest_springs(model, joint_states, ends, true)) {}

@@ -13,7 +13,7 @@ struct FastestSprings {
   List<double> springs;  ///< springs and dampers without a force limit
   List<double> limited;  ///< springs and servos with a force limit, and springs that only pull
 
-  FastestSprings(const Model& model, const List<JointState>& joint_states,
+  FastestSprings(const Model& model, const List<JointData>& joint_states,
                  const List<JointEnds>& ends);
 };
 

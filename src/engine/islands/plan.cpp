@@ -279,7 +279,7 @@ bool starts_with_angle(const World& world, const Joint& joint) {
 
 std::string text_of_opening(const World& world, JointId id) {
   const Joint& joint = world.joint(id);
-  const JointState& state = world.joint_state(id);
+  const JointData& state = joint_data(world, id);
   if (!state.closing) return "";
   std::vector<std::string> parts;
   if (has_length(joint.kind))

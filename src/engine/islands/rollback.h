@@ -29,13 +29,13 @@ class Rollback {
 
   /// By index, of bodies and joints that are awake.
   const List<BodyState>& states() const { return states_; }
-  const List<JointState>& joint_states() const { return joint_states_; }
+  const List<JointData>& joint_states() const { return joint_states_; }
 
  private:
   bool is_saved_ = false, had_corrections_ = false;
   List<BodyState> states_;
   List<Twist> corrections_;
-  List<JointState> joint_states_;
+  List<JointData> joint_states_;
   List<IslandMemory> memory_;
   List<MethodChoice> methods_;
 };

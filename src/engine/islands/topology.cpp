@@ -12,7 +12,7 @@ JointEnds ends_of(const Model& model, const Joint& joint) {
   return {model.index(joint.body_a), model.index(joint.body_b)};
 }
 
-List<IslandMembers> group_bodies(const Model& model, const List<JointState>& joint_states,
+List<IslandMembers> group_bodies(const Model& model, const List<JointData>& joint_states,
                                  const List<JointEnds>& ends) {
   List<bool> movable, acting;
   for (std::size_t i = 0; i < model.bodies.size(); ++i) movable.push_back(model.is_movable(i));
@@ -21,7 +21,7 @@ List<IslandMembers> group_bodies(const Model& model, const List<JointState>& joi
   return find_islands(movable, acting, ends);
 }
 
-void Topology::link_joints(const Model& model, const List<JointState>& joint_states) {
+void Topology::link_joints(const Model& model, const List<JointData>& joint_states) {
   joint_ends_.clear();
   unpaired_.clear();
   has_custom_forces_ = false;
@@ -46,7 +46,7 @@ bool Topology::is_unpaired(const std::pair<int, int>& bodies) const {
 }
 
 // A joint between bodies that others connect already closes a loop. Immovable bodies count as one.
-void Topology::find_loops(const Model& model, const List<JointState>& joint_states,
+void Topology::find_loops(const Model& model, const List<JointData>& joint_states,
                           const List<IslandParts>& islands) {
   List<bool> has_loop(islands.size(), false);
   DisjointSets<std::size_t> connected(model.bodies.size());

@@ -16,7 +16,7 @@ using JointEnds = std::pair<std::size_t, std::size_t>;
 JointEnds ends_of(const Model& model, const Joint& joint);
 
 /// Members of all islands that acting joints make of the bodies.
-List<IslandMembers> group_bodies(const Model& model, const List<JointState>& joint_states,
+List<IslandMembers> group_bodies(const Model& model, const List<JointData>& joint_states,
                                  const List<JointEnds>& ends);
 
 /// Which bodies joints connect, and the island of each body. Follows from a model and from which
@@ -24,11 +24,11 @@ List<IslandMembers> group_bodies(const Model& model, const List<JointState>& joi
 class Topology {
  public:
   /// Reads the ends of all joints, and which pairs of bodies joints keep from colliding.
-  void link_joints(const Model& model, const List<JointState>& joint_states);
+  void link_joints(const Model& model, const List<JointData>& joint_states);
   /// Takes over the members of all islands, in their order.
   void set_islands(std::size_t bodies, const List<IslandParts>& islands);
   /// Finds the islands with a loop of joints.
-  void find_loops(const Model& model, const List<JointState>& joint_states,
+  void find_loops(const Model& model, const List<JointData>& joint_states,
                   const List<IslandParts>& islands);
 
   const List<JointEnds>& joint_ends() const { return joint_ends_; }

@@ -16,6 +16,7 @@
 #include "constraint_sim/engine/world.h"
 #include "engine/constraints/coupling.h"
 #include "engine/math/list.h"
+#include "engine/model/joint_data.h"
 #include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
@@ -26,8 +27,8 @@ struct JointStart {
   Motor motor;
   std::array<CoordinateLaw, kMaxCoordinates> coordinates;  ///< laws with the phases of the scene
   bool broken = false, enabled = true;
-  std::optional<JointState> state;  ///< state of a joint that continues from a saved scene
-  double time = 0.0;                ///< time of `state` [s]
+  std::optional<JointData> state;  ///< state of a joint that continues from a saved scene
+  double time = 0.0;               ///< time of `state` [s]
 };
 
 /// Returns the place of an id in a list of ascending ids by bisection; -1 where the list lacks it.

@@ -12,6 +12,7 @@
 #include "constraint_sim/engine/report.h"
 #include "constraint_sim/engine/wrench.h"
 #include "engine/math/list.h"
+#include "engine/model/joint_data.h"
 #include "engine/model/shape_pair.h"
 #include "engine/model/twist.h"
 
@@ -59,7 +60,7 @@ struct State {
   List<Twist> corrections;  ///< Baumgarte's part of the velocities in the last step
   bool any_corrections = false;
   List<bool> asleep;  ///< equal for all bodies of an island
-  List<JointState> joint_states;
+  List<JointData> joint_states;
   List<SelfStress> self_stress;
   std::vector<Wrench> wrenches;
   List<TouchingPair> touching;  ///< sorted by TouchingPair::in_order

@@ -258,17 +258,17 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
 }
 
 /// Reads the state that a saved joint continues from.
-JointState read_joint_state(const YamlElement& item, JointKind kind) {
+JointData read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"coupling_constant", "coupling_impulse", "closing_coupling", "travel",
                     "saturated", "expires_at", "impulse", "self_stress", "self_stress_of",
                     "positions", "held", "braking", "closing_since", "closing_offset",
                     "closing_shift", "closing_turn", "closing_share", "moving", "initial_error"});
-  JointState state;
+  JointData state;
   item.read("travel", &state.travel);
   item.read("saturated", &state.saturated);
   read_rows(item, "impulse", kind, &state.impulse);
   item.read("coupling_constant", &state.coupling.constant);
-  item.read("coupling_impulse", &state.coupling.impulse);
+  item.read("coupling_impulse", &state.coupling_impulse);
   item.read("closing_coupling", &state.to_close.coupling);
   const int size = info(kind).coordinates;
   const auto read_coordinates = [&](const char* key, double CoordinateState::*field) {
@@ -297,7 +297,7 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.attempt([&] {
     check_saved("travel", state.travel);
     check_saved("coupling_constant", state.coupling.constant);
-    check_saved("coupling_impulse", state.coupling.impulse);
+    check_saved("coupling_impulse", state.coupling_impulse);
     check_saved("closing_coupling", state.to_close.coupling);
     if (std::isfinite(state.expires_at)) check_saved("expires_at", state.expires_at);
     check_saved("closing_since", state.to_close.since);

@@ -36,7 +36,7 @@ CoordinateMotor read_coordinate_motor(const YamlElement& item);
 Joint read_joint(const YamlElement& item, const World& world);
 
 /// Read the state that a saved joint continues from.
-JointState read_joint_state(const YamlElement& item, JointKind kind);
+JointData read_joint_state(const YamlElement& item, JointKind kind);
 SelfStress read_self_stress(const YamlElement& item, JointKind kind);
 
 }  // namespace constraint_sim::engine

@@ -257,7 +257,7 @@ void write_moving(YAML::Emitter* out, int count,
 
 /// Writes the state that a joint continues from, unless adding the joint gives the same state.
 void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
-                 const JointState& state) {
+                 const JointData& state) {
   const auto& impl = ImplAccess::of(world);
   const JointId id = world.find_joint(joint.name);
   if (is_as_added(impl, id)) return;
@@ -279,7 +279,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   write_rows(out, "impulse", joint, state.impulse);
   if (info(joint.kind).couples) {
     write(out, "coupling_constant", state.coupling.constant);
-    write(out, "coupling_impulse", state.coupling.impulse);
+    write(out, "coupling_impulse", state.coupling_impulse);
   }
   const SelfStress& self_stress = impl.self_stress[impl.index(id)];
   if (!self_stress.is_none()) {
@@ -302,7 +302,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
 }
 
 void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
-                 const JointState& state) {
+                 const JointData& state) {
   const auto body_name = [&](BodyId id) {
     return id == kWorldBody ? std::string("world") : world.body(id).name;
   };
@@ -438,7 +438,7 @@ std::string save_scene(const World& world) {
   out << YAML::EndSeq;
   out << YAML::Key << "constraints" << YAML::Value << YAML::BeginSeq;
   for (const JointId id : world.joint_ids())
-    write_joint(&out, world, world.joint(id), world.joint_state(id));
+    write_joint(&out, world, world.joint(id), joint_data(world, id));
   out << YAML::EndSeq;
   if (!world.wrenches().empty()) {
     out << YAML::Key << "wrenches" << YAML::Value << YAML::BeginSeq;

@@ -38,10 +38,22 @@ auto fields(T& value, Of<CustomElement>) {
   return std::tie(a, b);
 }
 CONSTRAINT_SIM_FIELDS(CoordinateState, a, b, c, d, e, f, g)
-CONSTRAINT_SIM_FIELDS(CouplingState, a, b, c, d, e)
+CONSTRAINT_SIM_FIELDS(CouplingState, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(MovingStart, a, b, c, d, e)
 CONSTRAINT_SIM_FIELDS(ErrorsToClose, a, b, c, d, e, f)
-CONSTRAINT_SIM_FIELDS(JointState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r)
+// In the order of the format of snapshots, with the memory between the fields of the state.
+template <class T>
+auto fields(T& value, Of<JointData>) {
+  using State = std::conditional_t<std::is_const_v<T>, const JointState, JointState>;
+  using Memory = std::conditional_t<std::is_const_v<T>, const JointMemory, JointMemory>;
+  auto& [error, error_rate, angle_error, radius, force, bias, reached_rate, saturated, broken,
+         closing, coordinates, coupling, travel, expires_at] = static_cast<State&>(value);
+  auto& [impulse, coupling_impulse, to_close, closing_share, initial_error] =
+      static_cast<Memory&>(value);
+  return std::tie(error, error_rate, angle_error, radius, force, bias, reached_rate, saturated,
+                  broken, closing, coordinates, coupling, coupling_impulse, travel, to_close,
+                  closing_share, expires_at, initial_error, impulse);
+}
 CONSTRAINT_SIM_FIELDS(JointStart, a, b, c, d, e, f)
 CONSTRAINT_SIM_FIELDS(Wrench, a, b, c, d, e)
 CONSTRAINT_SIM_FIELDS(Manifold::Point, a, b, c)

@@ -45,7 +45,7 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
   double squares = 0.0;
   const auto save = [&](double number) { squares += number * number; };
   for (const int j : awake.joints) {
-    const JointState& joint = state.joint_states[j];
+    const JointData& joint = state.joint_states[j];
     sum += joint.error + joint.error_rate + joint.angle_error + joint.force + joint.bias +
            joint.reached_rate;
     squares += joint.impulse.squaredNorm();
@@ -70,7 +70,7 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
     }
     if (kind.couples) {
       sum += joint.coupling.value + joint.coupling.rate + joint.coupling.effort;
-      save(joint.coupling.impulse);
+      save(joint.coupling_impulse);
     }
   }
   double forces = 0.0;

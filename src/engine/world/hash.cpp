@@ -179,7 +179,7 @@ double first_end(const Joint& joint, const JointState& state) {
 }
 
 void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::string& body_b,
-         const JointState& state) {
+         const JointData& state) {
   hash.add(joint.name);
   hash.add(std::string(name(joint.kind)));
   hash.add(body_a);
@@ -199,7 +199,7 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   if (joint.break_torque > 0.0) hash.add(joint.break_torque);
   if (info(joint.kind).couples)
     for (const double number :
-         {joint.coupling.ratio, joint.pitch, state.coupling.constant, state.coupling.impulse})
+         {joint.coupling.ratio, joint.pitch, state.coupling.constant, state.coupling_impulse})
       hash.add(number);
   hash.add(joint.baumgarte.value_or(-1.0));
   hash.add(joint.break_force);

@@ -285,7 +285,7 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
   double worst = 0.0;
   auto before = open_before_.begin();  // both lists are in the order of adding
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
-    const JointState& joint_state = state.joint_states[j];
+    const JointData& joint_state = state.joint_states[j];
     const double error = std::abs(joint_state.error);
     const bool is_off = error > unclosed_error(in, j) || joint_state.angle_error > kUnclosedAngle;
     if (!is_off || !acts(model.joints[j], joint_state) || !is_rigid(model.joints[j])) continue;

@@ -61,8 +61,11 @@ const std::vector<Wrench>& World::wrenches() const { return impl_->wrenches; }
 // ---- joints
 
 const Joint& World::joint(JointId id) const { return impl_->joints[impl_->index(id)]; }
-const JointState& World::joint_state(JointId id) const {
-  return impl_->joint_states[impl_->index(id)];
+const JointState& World::joint_state(JointId id) const { return joint_data(*this, id); }
+
+const JointData& joint_data(const World& world, JointId joint) {
+  const WorldImpl& impl = ImplAccess::of(world);
+  return impl.joint_states[impl.index(joint)];
 }
 
 bool World::has_joint(std::string_view name) const {
@@ -86,7 +89,7 @@ World::JointWrench World::joint_wrench(JointId id) const {
   if (info(joint.kind).couples_joints)
     refuse("constraint", in_quotes(joint.name) + " is a " + engine::name(joint.kind) +
                              ", which couples others and has no wrench of its own");
-  const JointState& state = joint_state(id);
+  const JointData& state = joint_data(*this, id);
   const BodyState &a = this->state(joint.body_a), &b = this->state(joint.body_b);
   if (has_length(joint.kind))
     return {b.orientation.conjugate() * (state.force * direction(AnchorPair(joint, a, b))),

@@ -169,10 +169,11 @@ void World::Impl::return_to_start() {
 
 // Reads the coordinates of a joint that couples, and its force in the step.
 void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
-  CouplingState& coupling = joint_states[j].coupling;
-  if (info(joints[j].kind).couples_joints) read_coupling(terms_of(j), joint_states, &coupling);
-  coupling.impulse = impulse;
-  coupling.effort = impulse / h;
+  JointData& joint = joint_states[j];
+  if (info(joints[j].kind).couples_joints)
+    read_coupling(terms_of(j), joint_states, &joint.coupling);
+  joint.coupling_impulse = impulse;
+  joint.coupling.effort = impulse / h;
 }
 
 void World::Impl::read_smooth_joints(JointStep step) {

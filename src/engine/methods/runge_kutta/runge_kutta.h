@@ -27,7 +27,7 @@ class RungeKutta {
   }
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
-  void begin_step(const List<JointState>& joints) {
+  void begin_step(const List<JointData>& joints) {
     equations_.begin_step(joints);
     tree_.begin_step();
   }

@@ -320,7 +320,7 @@ double SequentialImpulses::finish(const Model& model, const ImpulseStep& step, S
     const std::size_t j = to_index(step.joints[k]);
     const auto [a, b] = step.joint_ends[j];
     const int count = static_cast<int>(joint_rows_[k + 1] - joint_rows_[k]);
-    JointState& of_joint = state->joint_states[j];
+    JointData& of_joint = state->joint_states[j];
     const bool is_coupling = info(model.joints[j].kind).couples_joints;
     if (is_coupling) read_coupling(model.terms_of(j), state->joint_states, &of_joint.coupling);
     read_joint(model.joints[j], state->states[a], state->states[b], step.span,
@@ -340,7 +340,7 @@ double SequentialImpulses::finish_corrections(const Model& model, const ImpulseS
     std::array<Jacobian, kMostRowsOfJoint> J;
     const std::size_t first = joint_rows_[k];
     const int count = static_cast<int>(joint_rows_[k + 1] - first);
-    const JointState& of_joint = state->joint_states[j];
+    const JointData& of_joint = state->joint_states[j];
     joint_jacobians(model.joints[j], state->states[a], state->states[b], step.span, of_joint,
                     rows_.data() + first, count, J.data());
     if (info(model.joints[j].kind).couples) {

@@ -31,7 +31,7 @@ bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
 // ---- an interval
 
 // Starts the prescribed motions of joints.
-void ContactEvents::begin_joints(const JointStep& step, const List<JointState>& states) {
+void ContactEvents::begin_joints(const JointStep& step, const List<JointData>& states) {
   equations_.joints().begin_interval(equations_.bodies(), step, states, !done_.spans);
   if (!done_.spans) reports_.begin_step(equations_);
   done_.spans = true;
@@ -39,7 +39,7 @@ void ContactEvents::begin_joints(const JointStep& step, const List<JointState>& 
 
 IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOptions& accuracy,
                                          const JointStep& joint_step,
-                                         const List<JointState>& joint_states, double most_work,
+                                         const List<JointData>& joint_states, double most_work,
                                          List<BodyState>* states) {
   solver_.begin_interval(most_work, all.stop);
   Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};

@@ -43,7 +43,7 @@ class ContactEvents {
   /// `joint_states`: step that contains the interval, and states of all joints. `most_work`: limit
   /// for the step, as work().
   IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
-                            const JointStep& joint_step, const List<JointState>& joint_states,
+                            const JointStep& joint_step, const List<JointData>& joint_states,
                             double most_work, List<BodyState>* states);
 
   // ---- results since begin()
@@ -69,7 +69,7 @@ class ContactEvents {
     IntegrationResult progress;
   };
 
-  void begin_joints(const JointStep& step, const List<JointState>& states);
+  void begin_joints(const JointStep& step, const List<JointData>& states);
   void integrate(Span* span);
   double* derivative();
 
@@ -113,6 +113,6 @@ class ContactEvents {
   List<double> before_projection_;
 };
 static_assert(
-    IntervalMethod<ContactEvents, const JointStep&, const List<JointState>&, double>::kIsHeld);
+    IntervalMethod<ContactEvents, const JointStep&, const List<JointData>&, double>::kIsHeld);
 
 }  // namespace constraint_sim::engine

@@ -132,7 +132,7 @@ void ContactReports::add(const Report& report, double rests_in) {
 }
 
 void ContactReports::write(const ContactEquations& equations, std::size_t c,
-                           JointState* state) const {
+                           JointData* state) const {
   const GroupJoints& joints = equations.joints();
   const GroupCoordinate& of = joints.coordinates()[c];
   const OneSidedLaw& law = of.law;

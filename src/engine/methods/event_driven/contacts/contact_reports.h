@@ -45,7 +45,7 @@ class ContactReports {
   /// end of the interval before.
   void add(const ContactChange& change, const ContactEquations& equations, ContactPairs* pairs);
   /// Writes the positions where motors with a force limit hold, and whether these are saturated.
-  void write(const ContactEquations& equations, std::size_t coordinate, JointState* state) const;
+  void write(const ContactEquations& equations, std::size_t coordinate, JointData* state) const;
 
  private:
   void add_pairs(const ContactChange& change, const ContactEquations& equations, std::size_t first,

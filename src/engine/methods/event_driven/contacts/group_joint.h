@@ -8,6 +8,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/math/list.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 

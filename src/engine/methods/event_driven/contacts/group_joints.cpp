@@ -60,7 +60,7 @@ bool GroupJoints::set_terms(std::size_t j, const CoupledTerms& terms) {
 // ---- an interval
 
 void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& step,
-                                 const List<JointState>& states, bool is_first) {
+                                 const List<JointData>& states, bool is_first) {
   angles_.set_time(0.0);
   closing_time_ = step.closing_time;
   has_custom_forces_ = std::any_of(list_.begin(), list_.end(), [](const GroupJoint& joint) {
@@ -69,7 +69,7 @@ void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& ste
   if (is_first) list_angles(states);
   const double t = bodies.clock();
   for (GroupJoint& joint : list_) {
-    JointState state = states[static_cast<std::size_t>(joint.index)];
+    JointData state = states[static_cast<std::size_t>(joint.index)];
     joint.course.begin(joint.joint, step, state);
     joint.to_close = joint.course.to_close();
     joint.constant = state.coupling.constant;
@@ -93,7 +93,7 @@ void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& ste
 }
 
 // Lists the angles of all joints, where the step starts.
-void GroupJoints::list_angles(const List<JointState>& states) {
+void GroupJoints::list_angles(const List<JointData>& states) {
   angles_.clear();
   for (std::size_t j = 0; j < list_.size(); ++j) {
     const GroupJoint& joint = list_[j];
@@ -109,7 +109,7 @@ void GroupJoints::list_angles(const List<JointState>& states) {
       angles_.add(j, joint.joint.kind, i, joint.a, joint.b);
     }
   }
-  angles_.begin([&](std::size_t j) -> const JointState& {
+  angles_.begin([&](std::size_t j) -> const JointData& {
     return states[static_cast<std::size_t>(list_[j].index)];
   });
 }

@@ -10,6 +10,7 @@
 #include "engine/methods/event_driven/contacts/group_bodies.h"
 #include "engine/methods/event_driven/contacts/group_joint.h"
 #include "engine/methods/event_driven/law_events.h"
+#include "engine/model/joint_data.h"
 
 namespace constraint_sim::engine {
 
@@ -43,7 +44,7 @@ class GroupJoints {
   /// Starts prescribed motions at the time of the bodies, and takes over the demands of motors.
   /// `is_first`: also angles and braking decelerations.
   void begin_interval(const GroupBodies& bodies, const JointStep& step,
-                      const List<JointState>& states, bool is_first);
+                      const List<JointData>& states, bool is_first);
   /// Integrates the angles to the time of the bodies, or takes their rates where velocities have
   /// jumped.
   void integrate_angles(const GroupBodies& bodies);
@@ -100,7 +101,7 @@ class GroupJoints {
   void add_held_rows(const GroupBodies& bodies, ContactRows* rows) const;
 
  private:
-  void list_angles(const List<JointState>& states);
+  void list_angles(const List<JointData>& states);
   Reading read_form(const GroupBodies& bodies, std::size_t joint, const ScalarForm& form,
                     double zero, int angle, const GroupMotions* rates) const;
   Reading read_coupling(const GroupBodies& bodies, std::size_t joint,

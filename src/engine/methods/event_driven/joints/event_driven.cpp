@@ -43,7 +43,7 @@ bool EventDriven::follow_laws(const List<Joint>& all_joints, RungeKutta* motion)
 
 // ---- a step
 
-void EventDriven::begin_step(const List<JointState>& joint_states, RungeKutta* motion) {
+void EventDriven::begin_step(const List<JointData>& joint_states, RungeKutta* motion) {
   motions_.begin_step(joint_states);
   impulses_.begin_step(joints().size());
   stepper_.begin_step();

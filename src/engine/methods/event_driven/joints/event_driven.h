@@ -63,13 +63,13 @@ class EventDriven {
   /// Inputs of an interval from outside the island.
   struct Surroundings {
     JointStep step;  ///< step that contains the interval
-    const List<JointState>& joint_states;
-    const List<JointState>& told;  ///< joint states as reported by the last step
+    const List<JointData>& joint_states;
+    const List<JointData>& told;  ///< joint states as reported by the last step
     const List<MassProperties>& masses;
   };
 
   /// Clears impulses and counts of the previous step.
-  void begin_step(const List<JointState>& joint_states, RungeKutta* motion);
+  void begin_step(const List<JointData>& joint_states, RungeKutta* motion);
   /// Advances the island as IslandMethod describes; `motion` has the equations of the rows that act
   /// now.
   IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
@@ -101,7 +101,7 @@ class EventDriven {
   double coupled_impulse(std::size_t l) const { return impulses_.sums().coupled[l]; }
   /// Writes where motors with a force limit hold, whether they are saturated, and whether the joint
   /// broke. `positions`: all coordinates of joints()[l], laid out as JointStep::counted.
-  void write(std::size_t l, JointState* state,
+  void write(std::size_t l, JointData* state,
              std::array<double, kMaxCoordinates>* positions) const {
     motions_.write(l, state, positions);
   }

@@ -48,7 +48,7 @@ EventMotions::EventMotions(EventJoints joints)
 
 // ---- start of a step or an interval
 
-void EventMotions::begin_step(const List<JointState>& world) {
+void EventMotions::begin_step(const List<JointData>& world) {
   for (std::size_t l = 0; l < joints_.size(); ++l) joint_states_[l] = world[joints_.members()[l]];
   for (std::size_t c = 0; c < laws().size(); ++c)
     braking_[c].most = joint_states_[laws()[c].joint].coordinates[laws()[c].coordinate].braking;
@@ -61,14 +61,14 @@ bool EventMotions::mend_rejected() {
   return true;
 }
 
-bool EventMotions::begin_interval(const List<JointState>& world, const JointStep& step, double t,
+bool EventMotions::begin_interval(const List<JointData>& world, const JointStep& step, double t,
                                   double end) {
   step_ = step;
   start_ = t;
   end_ = end;
   if (!has_started_) states_.assign(laws().size(), {});
   for (std::size_t l = 0; l < joints_.size(); ++l) {
-    JointState& state = joint_states_[l];
+    JointData& state = joint_states_[l];
     const auto coordinates_before = state.coordinates;
     state = world[joints_.members()[l]];
     for (std::size_t i = 0; i < kMaxCoordinates; ++i)
@@ -86,7 +86,7 @@ bool EventMotions::begin_interval(const List<JointState>& world, const JointStep
     begin_course(l, t);
     goes_on = goes_on && courses_[l].is_driven_as(before) &&
               courses_[l].is_closing() == before.is_closing();
-    JointState told = joint_states_[l];
+    JointData told = joint_states_[l];
     bare_courses_[l].begin(bare_joints_[l], step, told);
     is_at_end_[l] = has_length(joints_[l].kind) && told.saturated ? 1 : 0;
   }
@@ -116,7 +116,7 @@ void EventMotions::set_rows(std::size_t l) {
 
 // Starts the prescribed motion of a joint at t.
 void EventMotions::begin_course(std::size_t l, double t) {
-  JointState told = joint_states_[l];
+  JointData told = joint_states_[l];
   const auto [first, last] = joints_.laws_of(l);
   for (std::size_t c = first; c < last; ++c) {
     const OneSidedLaw& law = laws()[c];
@@ -154,7 +154,7 @@ MovingFrame EventMotions::frame(std::size_t l, double t) const {
 Prescribed EventMotions::limit(std::size_t c, bool upper_one, double t) const {
   const OneSidedLaw& law = laws()[c];
   const PrescribedMotion& course = courses_[law.joint];
-  const JointState& state = joint_states_[law.joint];
+  const JointData& state = joint_states_[law.joint];
   if (law.is_coupling) {
     Prescribed at_limit = course.closing(t).coupling();
     at_limit.value += state.coupling.constant;
@@ -211,7 +211,7 @@ Prescribed EventMotions::zeta(std::size_t c, double t, double q) const {
     return rate_until(*law.goal, braking_[c].along, held_[c] - t);
   if (law.goal) return rate_to_goal(*law.goal, braking_[c].most, q);
   Motor motor = *joints_[law.joint].coordinates[law.coordinate].motor;
-  const JointState& state = joint_states_[law.joint];
+  const JointData& state = joint_states_[law.joint];
   if (motor.timeout > 0.0 && state.coordinates[law.coordinate].expires_at <= start_)
     motor.bias = 0.0;
   return motor_course(motor, motor_phase(motor, t), 0.0);
@@ -311,7 +311,7 @@ void EventMotions::change_states(const EventProblem& problem, const List<OneSide
 void EventMotions::hold_length(std::size_t c, double q, const OneSidedState& next, double t) {
   const OneSidedLaw& law = laws()[c];
   const OneSidedState& before = states_[c];
-  JointState& state = joint_states_[law.joint];
+  JointData& state = joint_states_[law.joint];
   held_[c] = state.travel = travel(law.joint, t);
   double off = 0.0;
   if (next.hold == Hold::kDrive)
@@ -367,7 +367,7 @@ void EventMotions::finish(const EventBodies& bodies, const EquationsOfMotion& eq
   }
 }
 
-void EventMotions::write(std::size_t l, JointState* state,
+void EventMotions::write(std::size_t l, JointData* state,
                          std::array<double, kMaxCoordinates>* positions) const {
   for (std::size_t i = 0; i < kMaxCoordinates; ++i)
     (*positions)[i] = joint_states_[l].coordinates[i].position;

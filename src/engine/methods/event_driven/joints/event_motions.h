@@ -39,20 +39,20 @@ class EventMotions {
 
   // ---- start of a step or an interval
   /// Takes over the joint states of the world.
-  void begin_step(const List<JointState>& world);
+  void begin_step(const List<JointData>& world);
   /// Mends all joints where the states do not continue, since a rejected step has broken no joint.
   /// Returns whether any was broken.
   bool mend_rejected();
   /// Takes over the joint states of the world, except positions, and starts the prescribed
   /// motions of an interval from t to `end`, part of `step` [s]. Returns whether all continue.
-  bool begin_interval(const List<JointState>& world, const JointStep& step, double t, double end);
+  bool begin_interval(const List<JointData>& world, const JointStep& step, double t, double end);
 
   // ---- states
   const List<OneSidedState>& states() const { return states_; }
   bool is_broken(std::size_t joint) const { return is_broken_[joint] != 0; }
   const List<char>& broken() const { return is_broken_; }
   void break_joint(std::size_t joint) { is_broken_[joint] = 1; }
-  const List<JointState>& joint_states() const { return joint_states_; }
+  const List<JointData>& joint_states() const { return joint_states_; }
   double position(std::size_t joint, int coordinate) const {
     return joint_states_[joint].coordinates[to_index(coordinate)].position;
   }
@@ -97,7 +97,7 @@ class EventMotions {
   void finish(const EventBodies& bodies, const EquationsOfMotion& equations, const Motions& rates);
   /// Writes where motors with a force limit hold, whether they are saturated, and whether the joint
   /// broke. `positions`: all coordinates of the joint, laid out as JointStep::counted.
-  void write(std::size_t joint, JointState* state,
+  void write(std::size_t joint, JointData* state,
              std::array<double, kMaxCoordinates>* positions) const;
 
   /// Visits which joints are broken, as engine/support/memory.h describes.
@@ -145,7 +145,7 @@ class EventMotions {
   List<double> held_;
   List<Braking> braking_;
   List<char> is_broken_;            // per joint
-  List<JointState> joint_states_;   // positions of coordinates, and offsets being closed
+  List<JointData> joint_states_;    // positions of coordinates, and offsets being closed
   JointStep step_{};                // step that contains the interval
   double start_ = 0.0, end_ = 0.0;  // interval [s]
   List<Joint> switched_joints_;     // joints with rows as in states_, for prescribed motions

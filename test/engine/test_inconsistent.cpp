@@ -8,6 +8,8 @@
 
 #include "custom_types.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_course.h"
+#include "engine/constraints/joint_load.h"
 #include "engine/math/list.h"
 #include "engine/methods/least_squares/inconsistent_motion.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/dynamics/least_norm_forces.h"
 #include "engine/math/list.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"

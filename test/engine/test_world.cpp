@@ -2,7 +2,6 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
-#include "engine/constraints/joint.h"
 #include "shipped_scenes.h"
 #include "support.h"
 

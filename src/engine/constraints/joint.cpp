@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <tuple>
 
 #include "engine/constraints/closing_errors.h"
@@ -10,8 +9,7 @@
 #include "engine/constraints/custom.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
-#include "engine/constraints/joint_parts.h"
-#include "engine/constraints/joint_sum.h"
+#include "engine/constraints/joint_load.h"
 #include "engine/constraints/law.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
@@ -225,20 +223,6 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
   return errors;
 }
 
-// Whether the impulses of a step break a joint of a kind other than kDistance.
-bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
-            double h, const JointState& state) {
-  if (joint.break_force == 0.0 && joint.break_torque == 0.0) return false;
-  const double coupling = info(joint.kind).couples_joints ? state.coupling.effort : 0.0;
-  return load_of(joint, a, b, impulse / h, coupling).breaks(joint);
-}
-
-bool is_overloaded(const Joint& joint, const BodyState& a, const BodyState& b,
-                   const RowVector& impulse, double h, const JointState& state) {
-  if (!has_length(joint.kind)) return breaks(joint, a, b, impulse, h, state);
-  return joint.break_force > 0.0 && std::abs(state.force) > joint.break_force;
-}
-
 bool is_closed(const JointData& state, const JointStep& step) {
   if (step.closing_time > 0.0)
     return step.t + step.h >= end_of_closing(state.to_close, step.closing_time);
@@ -255,23 +239,6 @@ MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointData&
       step.closing_time > 0.0 ? state.to_close.shift : Eigen::Vector3d(Eigen::Vector3d::Zero());
   return {joint.anchor_b, axes_on_b(joint), shift, state.to_close.turn,
           turn_to_close(joint, state, step, beta, at_end)};
-}
-
-void note_force(const Joint& joint, const RowVector& impulse, double h, JointState& state) {
-  const JointForms& kind = forms(joint.kind);
-  for (int i = 0; i < kind.coordinates; ++i)
-    state.coordinates[i].effort = impulse[kind.rows + i] / h;
-  Eigen::Vector3d separation = impulse.head<3>();
-  for (int k = kind.separation_rows; k < 3; ++k) separation[k] = 0.0;
-  state.force = kind.coordinates > 0 ? state.coordinates[0].effort : separation.norm() / h;
-  if (info(joint.kind).couples_joints) state.force = state.coupling.effort;
-}
-
-void add_own_coupling(const Joint& joint, double impulse, RowVector* done) {
-  if (!info(joint.kind).has_pitch) return;
-  const int along = forms(joint.kind).rows;
-  (*done)[along] += impulse;
-  (*done)[along + 1] -= lead(joint) * impulse;
 }
 
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
@@ -295,33 +262,6 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
 void forget_impulses(JointData* state) {
   state->impulse.setZero();
   state->coupling_impulse = 0.0;
-}
-
-void JointSum::add(const Joint& joint, double h, JointData* state) {
-  const JointForms& kind = forms(joint.kind);
-  state->broken = false;
-  rows += state->impulse;
-  coupled_rows += state->coupling_impulse;
-  coupled += h * state->coupling.effort;
-  if (has_length(joint.kind)) {
-    done[0] += h * state->force;
-    return;
-  }
-  done.head(kind.rows) += state->impulse.head(kind.rows);
-  for (int i = 0; i < kind.coordinates; ++i)
-    done[kind.rows + i] += h * state->coordinates[i].effort;
-}
-
-void JointSum::finish(const Joint& joint, const BodyState& a, const BodyState& b, double h,
-                      JointData* state) const {
-  state->impulse = rows;
-  state->coupling_impulse = coupled_rows;
-  state->coupling.effort = coupled / h;
-  if (has_length(joint.kind))
-    state->force = done[0] / h;
-  else
-    note_force(joint, done, h, *state);
-  state->broken = is_overloaded(joint, a, b, done, h, *state);
 }
 
 MovingFrame frame_where_met(const Joint& joint, const BodyState& a, const BodyState& b,
@@ -350,33 +290,6 @@ void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& 
   if (!info(joint.kind).couples) return;
   read_own_coupling(joint, state);
   state.coupling.constant = joint.coupling.value.value_or(state.coupling.value);
-}
-
-Jacobian custom_wrench(const Joint& joint, const BodyState& a, const BodyState& b, double t) {
-  const JointVectors vectors(joint, a, b);
-  return joint.custom.code->wrench(t, vectors, JointMotion(vectors, a, b));
-}
-
-World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyState& b,
-                             const RowVector& impulse, double h) {
-  const JointVectors vectors(joint, a, b);
-  const JointForms& kind = forms(joint.kind);
-  Jacobian sum;
-  for (int k = 0; k < kind.rows + kind.coordinates; ++k)
-    sum = combined(1.0, sum, impulse[k] / h, jacobian(kind.function[k], vectors));
-  const Eigen::Matrix3d to_joint = kind.has_frames ? Eigen::Matrix3d(vectors.axes_B.transpose())
-                                                   : b.orientation.toRotationMatrix().transpose();
-  return {to_joint * sum.j3, to_joint * (sum.j4 - vectors.r_B.cross(sum.j3))};
-}
-
-JointLoad load_of(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& rows,
-                  double coupling) {
-  if (info(joint.kind).couples_joints) return {std::abs(coupling), 0.0};
-  if (has_length(joint.kind)) return {std::abs(rows[0]), 0.0};
-  RowVector all = rows;
-  add_own_coupling(joint, coupling, &all);
-  const World::JointWrench wrench = wrench_of(joint, a, b, all, 1.0);
-  return {wrench.force.norm(), wrench.torque.norm()};
 }
 
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
@@ -413,16 +326,6 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,
                    JointData& state) {
   measure_joint(joint, a, b, state.bias, Passed{}, frame_in(joint, now, state, false), state);
-}
-
-double elastic_energy(const Joint& joint, const JointState& state) {
-  if (!acts(joint, state)) return 0.0;
-  if (const auto* distance = if_distance(joint))
-    return elastic_energy(distance->stiffness, state.error, joint.motor.max_force);
-  double energy = 0.0;
-  for (std::size_t i = 0; i < to_index(info(joint.kind).coordinates); ++i)
-    energy += elastic_energy(joint.coordinates[i], state.coordinates[i].position);
-  return energy;
 }
 
 bool is_always_rigid(const Joint& joint) {

@@ -1,16 +1,15 @@
-// Motors and closing of joints, for methods that need prescribed motions with their derivatives.
+#include "engine/constraints/joint_course.h"
 
 #include <algorithm>
 
-#include "engine/constraints/coupling.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
-#include "engine/constraints/joint_parts.h"
 #include "engine/constraints/law.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {
+
 Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state) {
   state.saturated = false;
   state.bias = 0.0;

@@ -1,14 +1,14 @@
-// Rows of joints for sequential impulses.
+#include "engine/constraints/joint_rows.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "engine/constraints/closing_errors.h"
-#include "engine/constraints/coupling.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/constraints/joint_kinds.h"
-#include "engine/constraints/joint_parts.h"
+#include "engine/constraints/joint_load.h"
 #include "engine/constraints/law.h"
 #include "engine/constraints/target.h"
 #include "engine/math/list.h"

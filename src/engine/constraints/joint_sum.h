@@ -1,5 +1,6 @@
 #pragma once
 
+#include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/joint.h"
 #include "engine/model/joint_data.h"
 

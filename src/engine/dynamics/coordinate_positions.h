@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 
-#include "engine/constraints/joint.h"
 #include "engine/dynamics/interval_inputs.h"
 #include "engine/dynamics/island_model.h"
 #include "engine/dynamics/turned_angles.h"

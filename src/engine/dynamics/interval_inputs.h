@@ -9,6 +9,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/constraints/course.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/moving_frame.h"
 #include "engine/dynamics/island_model.h"

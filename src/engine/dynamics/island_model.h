@@ -10,7 +10,6 @@
 #include "constraint_sim/engine/body.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/course.h"
-#include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
 #include "engine/math/list.h"

@@ -5,6 +5,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"

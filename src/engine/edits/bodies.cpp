@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "engine/collision/contact_tolerances.h"
-#include "engine/constraints/joint.h"
 #include "engine/edits/issue_id.h"
 #include "engine/model/principal_axes.h"
 #include "engine/model/validate.h"

@@ -3,6 +3,7 @@
 #include "engine/constraints/custom.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/joint_load.h"
 #include "engine/constraints/law.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/edits/coupling_loops.h"

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "constraint_sim/engine/joint.h"
-#include "engine/constraints/joint.h"
+#include "engine/constraints/law.h"
 #include "engine/math/numbers.h"
 #include "engine/model/joint_data.h"
 

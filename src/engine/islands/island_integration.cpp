@@ -7,6 +7,7 @@
 #include "engine/constraints/closing_errors.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/islands/compile.h"
 #include "engine/islands/coordinate_motions.h"

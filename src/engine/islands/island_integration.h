@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "engine/constraints/course.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/dynamics/method.h"
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/contact_reach.h"

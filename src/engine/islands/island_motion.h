@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "constraint_sim/engine/body.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/dynamics/least_norm_forces.h"
 #include "engine/dynamics/method.h"
 #include "engine/islands/island_methods.h"

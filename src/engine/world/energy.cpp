@@ -2,7 +2,7 @@
 
 #include <numeric>
 
-#include "engine/constraints/joint.h"
+#include "engine/constraints/joint_load.h"
 
 namespace constraint_sim::engine {
 

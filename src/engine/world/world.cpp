@@ -9,6 +9,7 @@
 #include "engine/constraints/custom.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/joint_load.h"
 #include "engine/impulses/free_turn.h"
 #include "engine/math/larger.h"
 #include "engine/model/impulse_method.h"

@@ -1,7 +1,5 @@
 #include "engine/dynamics/kernels/tree_reading.h"
 
-#include "engine/constraints/joint.h"
-
 namespace constraint_sim::engine {
 namespace {
 

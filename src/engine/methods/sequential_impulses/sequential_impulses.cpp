@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "engine/constraints/contact.h"
+#include "engine/constraints/joint_rows.h"
 #include "engine/math/elementary.h"
 #include "engine/math/larger.h"
 #include "engine/math/list.h"

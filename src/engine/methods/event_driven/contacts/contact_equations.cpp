@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/constraints/contact.h"
+#include "engine/constraints/joint_load.h"
 #include "engine/math/larger.h"
 #include "engine/math/numbers.h"
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/constraints/joint_load.h"
 #include "engine/math/same_bits.h"
 #include "engine/methods/event_driven/contacts/slow_slips.h"
 #include "engine/methods/event_driven/law_events.h"

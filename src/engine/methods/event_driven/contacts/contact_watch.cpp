@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/constraints/joint_load.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/law_events.h"
 

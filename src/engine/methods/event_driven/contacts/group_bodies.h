@@ -4,7 +4,6 @@
 #include <cstddef>
 
 #include "engine/collision/contact_feature.h"
-#include "engine/constraints/joint.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"

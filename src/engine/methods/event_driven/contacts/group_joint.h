@@ -6,6 +6,7 @@
 #include "constraint_sim/engine/joint.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/math/list.h"
 #include "engine/model/joint_data.h"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/constraints/joint_load.h"
 #include "engine/methods/event_driven/joints/event_impacts.h"
 #include "engine/methods/event_driven/law_events.h"
 

@@ -8,6 +8,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/event.h"
+#include "engine/constraints/joint.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/dynamics/method.h"
 #include "engine/math/list.h"

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "engine/constraints/coupling.h"
-#include "engine/constraints/joint.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/list.h"

@@ -5,6 +5,7 @@
 
 #include "engine/constraints/course.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_course.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/list.h"

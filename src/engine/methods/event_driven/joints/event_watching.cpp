@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/constraints/joint_load.h"
 #include "engine/methods/event_driven/law_events.h"
 
 namespace constraint_sim::engine {

@@ -41,6 +41,7 @@ STEP = 'constraint_sim::engine::World::step()'
 SUBSTEP = '*take_substep*'  # a substep of runge_kutta: stages, error estimate and projections
 
 Scene = collections.namedtuple('Scene', 'name file first what options', defaults=((),))
+AWAKE = ('--robot-fixed', '--sleep-after', '.inf')
 SCENES = (
     Scene('pendulum', 'pendulum', 20, 'a point mass on a rod'),
     Scene('double_pendulum', 'double_pendulum', 20, 'two'),
@@ -75,7 +76,18 @@ SCENES = (
     Scene('four_bar', None, 20, 'three bars on four hinges, a loop that falls'),
     Scene('rod_off_centre', None, 20, 'a box on a rod beside its centre'),
     Scene('dome', None, 20, '258 rods, 63 too many, tumbling at 1/60 s'),
+    Scene('robot_at_rest', 'arm.urdf', 20, 'six motors hold the shipped arm', AWAKE),
+    Scene('robot_touches_itself', 'arm.urdf', 20, 'the same, where two of its links touch', AWAKE),
+    Scene('robot_turns', 'arm.urdf', 20, 'the same arm turns, without collisions', AWAKE),
+    Scene('robot_turns_touching', 'arm.urdf', 20, 'the same, where two of its links touch', AWAKE),
 )
+# What the URDF file does not have: motors, and links that do not collide.
+LINKS = ('base_link', 'shoulder', 'upper_arm', 'forearm', 'wrist_1_link', 'wrist_2_link', 'wrist_3_link')
+MOTORS = {name: {'position': 0} for name in ('shoulder_pan', 'shoulder_lift', 'elbow', 'wrist_1', 'wrist_2', 'wrist_3')}
+TURNING = {**MOTORS, 'shoulder_pan': {'amplitude': 0.5, 'frequency': 1}}
+APART = {name: {'no_collision': True} for name in LINKS}
+EXTRA = {'robot_at_rest': {'motors': MOTORS, 'links': APART}, 'robot_touches_itself': {'motors': MOTORS},
+         'robot_turns': {'motors': TURNING, 'links': APART}, 'robot_turns_touching': {'motors': TURNING}}
 
 # Parts that the plan may leave out, and their place: files, or functions of files.
 LEFT_OUT = {
@@ -265,15 +277,19 @@ def tick_of(scene):
 def profile(program, scene, steps, folder, without=()):
     """Returns the instructions of these steps by (file, line), without those of functions with the patterns
     `without`, and the parts left out by the plan afterwards."""
-    path = ROOT / 'config/scenes' / f'{scene.file}.yaml'
+    path, options = ROOT / 'config/scenes' / f'{scene.file}.yaml', scene.options
     if scene.file is None:
         path = folder / f'{scene.name}.yaml'
         path.write_text(GENERATED[scene.name]())
+    elif scene.name in EXTRA:
+        path, extra = ROOT / 'config/robots' / scene.file, folder / f'{scene.name}.yaml'
+        extra.write_text(json.dumps(EXTRA[scene.name]))
+        options = (*options, '--robot-extra', extra)
     out, report = folder / f'{scene.name}_{steps}.out', folder / f'{scene.name}_{steps}.json'
     subprocess.run(
         ['valgrind', '--tool=callgrind', f'--callgrind-out-file={out}', '--compress-strings=no',
          '--compress-pos=no', *(f'--toggle-collect={function}' for function in (STEP, *without)), program,
-         path, '--duration', str(steps * tick_of(path)), '--report', report, *scene.options],
+         path, '--duration', str(steps * tick_of(path)), '--report', report, *options],
         check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return parse(out, os.path.basename(program)), json.loads(report.read_text())['left_out']
 

@@ -48,20 +48,23 @@ void watch_held(const ContactEquations& equations, std::size_t c, double h,
   const GroupBodies& bodies = equations.bodies();
   const GroupJoints& joints = equations.joints();
   const GroupCoordinate& of = joints.coordinates()[c];
+  const auto limit = [&](bool upper_one) { return joints.limit(bodies, of, upper_one); };
+  const auto bounds_before = [&](double back) {
+    const auto zeta = [&] { return joints.zeta(bodies, of, back); };
+    return force_bounds(of.law, of.state.hold, rate_held_at(of.state.hold, limit, zeta), zeta());
+  };
+  const ForceBounds bounds = bounds_before(0.0);
   // Bounds jump where the demand of a motor passes the rate of the coordinate, or reverses.
   const auto bounds_at = [&](std::size_t stage) {
-    const double back = stage == 0 ? 0.0 : h * (1.0 - DormandPrince8::kC[stage]);
-    const auto zeta = [&] { return joints.zeta(bodies, of, back); };
-    const Prescribed at = rate_held_at(
-        of.state.hold, [&](bool upper_one) { return joints.limit(bodies, of, upper_one); }, zeta);
-    return force_bounds(of.law, of.state.hold, at, zeta());
+    if (stage == 0 || of.law.drive == 0.0) return bounds;
+    return bounds_before(h * (1.0 - DormandPrince8::kC[stage]));
   };
   ContactWatched watched;
   watched.kind = Kind::kHeld;
   watched.coordinate = c;
   watched.tolerance = kForceShare * equations.largest_force();
   const auto watch_side = [&](double ForceBounds::*side_of, signed char side) {
-    if (!std::isfinite(bounds_at(0).*side_of)) return;
+    if (!std::isfinite(bounds.*side_of)) return;
     watched.side = side;
     const auto margin = [&](std::size_t stage) {
       return side * (bounds_at(stage).*side_of - equations.held_force(c, stage));

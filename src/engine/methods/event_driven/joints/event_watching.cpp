@@ -35,11 +35,18 @@ void watch_force(const EventMotions& motions, std::size_t c, const EventReading&
     then.rate -= now.rate - before.rate;
     return then;
   };
+  const auto rate_at = [&](double time) {
+    return rate_held_at(
+        hold, [&](bool upper_one) { return motions.limit(c, upper_one, time); },
+        [&] { return motions.zeta(c, time, reading_at(time).q); });
+  };
+  const Prescribed at = rate_at(t);
+  const ForceBounds bounds = force_bounds(law, hold, at, motions.zeta(c, t, reading.q));
+  // Bounds jump where the demand of a motor passes the rate of the coordinate, or reverses.
+  const bool have_jumps = law.drive > 0.0 || at.rate != 0.0 || at.acceleration != 0.0;
   const auto bounds_at = [&](double time) {
-    const auto zeta_of = [&] { return motions.zeta(c, time, reading_at(time).q); };
-    const Prescribed at = rate_held_at(
-        hold, [&](bool upper_one) { return motions.limit(c, upper_one, time); }, zeta_of);
-    return force_bounds(law, hold, at, zeta_of());
+    if (time == t || !have_jumps) return bounds;
+    return force_bounds(law, hold, rate_at(time), motions.zeta(c, time, reading_at(time).q));
   };
   // Forces of the row include springs, dampers and servos.
   const bool has_soft = law.servo_most > 0.0 || !law.soft.is_none();
@@ -54,7 +61,7 @@ void watch_force(const EventMotions& motions, std::size_t c, const EventReading&
   watched.law = static_cast<int>(c);
   watched.tolerance = kForceShare * equations.largest_force();
   const auto watch_side = [&](double ForceBounds::*side_of, signed char side) {
-    if (!std::isfinite(bounds_at(t).*side_of)) return;
+    if (!std::isfinite(bounds.*side_of)) return;
     const auto margin = [&](std::size_t stage) {
       const double time = stage == 0 ? t : t - h * (1.0 - DormandPrince8::kC[stage]);
       const double force = equations.forces().force(equations, link, stage)[law.function];

@@ -26,6 +26,16 @@ using Eigen::Vector3d;
 // `world` is passed as each of them. A step in which a stage throws StepFailed or CustomFailure
 // ends with the bodies where they began, and a report; other exceptions, as std::bad_alloc, leave
 // step().
+//
+// stage               | reads                            | writes
+// begin_step          | edits, wakings                   | topology, rollback, the tick
+// run_broadphase      | poses, velocities, assumed paths | pairs of `pipeline` and `reach`
+// run_narrowphase     | pairs, poses                     | touching, hits of fast bodies, groups
+// choose_methods      | islands, groups, touching        | methods, partition, pairs of `unseen`
+// integrate           | partition, groups                | states; results in methods and groups
+// advance_by_impulses | partition, touching, wrenches    | states, joint_states, touching
+// has_missed_any      | paths of bodies                  | assumed paths; the state before
+// finish_step         | results in methods and groups    | joint_states, contacts, events, report
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {
@@ -327,28 +337,27 @@ void World::Impl::restore_state_before(Failure why) {
 
 // Marks a joint that broke in this step, and the couplings on it, as broken: impulses are cleared,
 // errors are left open, and the islands are compiled anew. Couplings are read after their joints.
+// The time is the end of the step, unless event_driven has reported an earlier one.
 void World::Impl::mark_broken(std::size_t j) {
+  const auto report_one = [&](std::size_t k) {
+    const bool is_reported = std::any_of(events.begin(), events.end(), [&](const Event& event) {
+      return event.kind == EventKind::kBroken && event.joint == joint_ids[k];
+    });
+    if (is_reported) return;
+    events.push_back({EventKind::kBroken, time_of(step_count + 1, options.time_step),
+                      joints[k].body_a, joints[k].body_b, joint_ids[k]});
+  };
   forget_impulses(&joint_states[j]);
   joint_states[j].closing = false;
-  report_broken(j);
+  report_one(j);
   for (const std::size_t coupling : couplings_of(j)) {
     joint_states[coupling].broken = true;
     joint_states[coupling].closing = false;
-    report_broken(coupling);
+    report_one(coupling);
   }
   edits.note_topology();
   edits.note_islands_of(*this, joints[j]);
   ++report.joints.broken;
-}
-
-// Reports that a joint broke, at the end of the step, unless event_driven reported an earlier time.
-void World::Impl::report_broken(std::size_t j) {
-  const bool is_told = std::any_of(events.begin(), events.end(), [&](const Event& event) {
-    return event.kind == EventKind::kBroken && event.joint == joint_ids[j];
-  });
-  if (is_told) return;
-  events.push_back({EventKind::kBroken, time_of(step_count + 1, options.time_step),
-                    joints[j].body_a, joints[j].body_b, joint_ids[j]});
 }
 
 void World::Impl::drop_spent_wrenches(double now) {

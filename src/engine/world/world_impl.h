@@ -117,7 +117,6 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void read_smooth_joints(JointStep step);
   void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
                          double coupled_impulse);
-  void report_broken(std::size_t j);
   void report_events(const EventDriven& from);
   void mark_broken(std::size_t j);
   void note_coupling(std::size_t j, double h, double impulse);

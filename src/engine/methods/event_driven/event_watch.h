@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <optional>
@@ -44,37 +45,67 @@ inline bool is_clear(const WatchedValue& watched) {
   return watched.value > (watched.known == 1 ? watched.resting : watched.touching);
 }
 
-/// Share of a substep of order 8 at which a margin(stage) was below −tolerance: at a stage, or at
-/// the lowest point of a parabola through three of them; 0: nowhere. `at_end`: margin at the end.
-template <class Margin>
-double early_below(const Margin& margin, double at_end, double tolerance) {
-  // A margin that changes by less than a quarter of itself between three places stays above zero.
-  constexpr double kQuiet = 4.0;
-  const auto [least, most] = std::minmax({margin(5), margin(9), at_end});
-  if (least > kQuiet * (most - least) && least > 0.0) return 0.0;
-  constexpr std::size_t kStages = DormandPrince8::kStages;
-  double of_stage[kStages] = {};
-  for (std::size_t i = 1; i < kStages; ++i) {
-    of_stage[i] = margin(i);
-    if (of_stage[i] < -tolerance) return DormandPrince8::kC[i];
+/// A substep, whose stages show how forces change between its ends.
+class StagedSubstep {
+ public:
+  StagedSubstep() = default;  ///< no substep: no stage is known
+  /// Substep of length h [s] by the pair of this order.
+  StagedSubstep(double h, int order) : h_(h), is_of_order_8_(order == 8) {}
+
+  /// Time from a stage to the end [s]; stage 0 stands for the end, where forces are known last.
+  double until_end(std::size_t stage) const { return stage == 0 ? 0.0 : h_ * (1.0 - c(stage)); }
+  /// Share of the substep at which a margin(stage) was below −tolerance: at a stage, or at the
+  /// lowest point of a parabola through three of them; 0: nowhere. `at_end`: margin at the end.
+  template <class Margin>
+  double early_below(const Margin& margin, double at_end, double tolerance) const {
+    if (h_ == 0.0) return 0.0;
+    // Stages in order of time, between which margins are nearly parabolas.
+    return is_of_order_8_ ? early_below(margin, at_end, tolerance, std::array{3, 5, 9, 10})
+                          : early_below(margin, at_end, tolerance, std::array{1, 2, 3});
   }
-  struct Sample {
-    double share, value;
-  };
-  const auto at = [&](std::size_t i) { return Sample{DormandPrince8::kC[i], of_stage[i]}; };
-  const Sample samples[] = {at(3), at(5), at(9), at(10), {1.0, at_end}};  // in order of time
-  for (std::size_t k = 0; k < 3; ++k) {
-    const auto& [l, m, r] = std::tie(samples[k], samples[k + 1], samples[k + 2]);
-    if (m.value > std::min(l.value, r.value)) continue;
-    const double fall = (m.value - l.value) / (m.share - l.share);
-    const double rise = (r.value - m.value) / (r.share - m.share);
-    const double bend = (rise - fall) / (r.share - l.share);
-    if (!(bend > 0.0)) continue;
-    const double slope = fall + bend * (m.share - l.share);  // at the middle sample
-    if (m.value - 0.25 * slope * slope / bend < -tolerance) return m.share - 0.5 * slope / bend;
+
+ private:
+  double c(std::size_t stage) const {
+    return is_of_order_8_ ? DormandPrince8::kC[stage] : DormandPrince5::kC[stage];
   }
-  return 0.0;
-}
+  template <class Margin, std::size_t n>
+  double early_below(const Margin& margin, double at_end, double tolerance,
+                     const std::array<int, n>& places) const {
+    // A margin that changes by less than a quarter of itself between three places stays above zero.
+    constexpr double kQuiet = 4.0;
+    const auto [least, most] = std::minmax({margin(places[1]), margin(places[2]), at_end});
+    if (least > kQuiet * (most - least) && least > 0.0) return 0.0;
+    const std::size_t stages = is_of_order_8_ ? DormandPrince8::kStages : DormandPrince5::kStages;
+    std::array<double, DormandPrince8::kStages> of_stage{};
+    for (std::size_t i = 1; i < stages; ++i) {
+      of_stage[i] = margin(i);
+      if (of_stage[i] < -tolerance) return c(i);
+    }
+    struct Sample {
+      double share, value;
+    };
+    std::array<Sample, n + 1> samples;
+    for (std::size_t k = 0; k < n; ++k) {
+      const auto i = static_cast<std::size_t>(places[k]);
+      samples[k] = {c(i), of_stage[i]};
+    }
+    samples[n] = {1.0, at_end};
+    for (std::size_t k = 0; k + 1 < n; ++k) {
+      const auto& [l, m, r] = std::tie(samples[k], samples[k + 1], samples[k + 2]);
+      if (m.value > std::min(l.value, r.value)) continue;
+      const double fall = (m.value - l.value) / (m.share - l.share);
+      const double rise = (r.value - m.value) / (r.share - m.share);
+      const double bend = (rise - fall) / (r.share - l.share);
+      if (!(bend > 0.0)) continue;
+      const double slope = fall + bend * (m.share - l.share);  // at the middle sample
+      if (m.value - 0.25 * slope * slope / bend < -tolerance) return m.share - 0.5 * slope / bend;
+    }
+    return 0.0;
+  }
+
+  double h_ = 0.0;
+  bool is_of_order_8_ = true;
+};
 
 /// Predicted crossing of zero, as a share of a substep.
 struct Crossing {

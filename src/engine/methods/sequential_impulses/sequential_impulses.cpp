@@ -7,6 +7,7 @@
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint_rows.h"
+#include "engine/constraints/law.h"
 #include "engine/math/elementary.h"
 #include "engine/math/larger.h"
 #include "engine/math/list.h"

@@ -97,7 +97,7 @@ double* ContactEvents::derivative() {
 // ---- between events
 
 void ContactEvents::watch(List<Watched>* list) {
-  watch_.list(equations_, pairs_, derivative(), staged_, list);
+  watch_.list(equations_, pairs_, derivative(), last_, list);
 }
 
 bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double* step) {
@@ -176,7 +176,7 @@ bool ContactEvents::advance_to_event(Span* span) {
     span->left.left = 0.0;
     return true;
   }
-  staged_ = 0.0;
+  last_ = {};
   double step = std::min(step_, pairs_.longest_substep(span->left.left, equations_));
   if (!go_straight(span->accuracy.tolerance > 0.0 && turns_fast(equations_, step))) return false;
   watch(stepper_.before());
@@ -193,7 +193,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   };
   const auto look = [&](List<Watched>* list) {
     pairs_.find_features(false, true, &equations_);
-    staged_ = span->accuracy.order == 8 ? start.left - span->left.left : 0.0;
+    last_ = {start.left - span->left.left, span->accuracy.order};
     watch(list);
   };
   const auto accept = [&](double length) {
@@ -288,7 +288,7 @@ bool ContactEvents::coarsen(double least, Span* span) {
 bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
   double* const y = numbers_.data();
   const double t = span->all.t + span->left.t;
-  staged_ = 0.0;
+  last_ = {};
   equations_.set_straight(false);
   for (GroupJoint& joint : equations_.joints().list()) joint.impact = {};
   if (is_begin && !equations_.joints().list().empty()) {  // else rates may be those of no motion
@@ -368,7 +368,7 @@ bool ContactEvents::break_hit(Span* span) {
 bool ContactEvents::break_overloaded(Span* span) {
   List<Watched> loads;
   for (std::size_t j = 0; j < equations_.joints().list().size(); ++j)
-    watch_breaking(equations_, j, 0.0, &loads);
+    watch_breaking(equations_, j, {}, &loads);
   const auto worst =
       std::min_element(loads.begin(), loads.end(), [](const Watched& left, const Watched& right) {
         return left.value / left.tolerance < right.value / right.tolerance;

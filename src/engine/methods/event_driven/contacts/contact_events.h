@@ -96,7 +96,7 @@ class ContactEvents {
   List<double> numbers_;  // storage of StageMemory
   List<double> kept_;     // state and derivative at the start of the substep
   double step_ = 0.0;     // first guess of the next substep [s]
-  double staged_ = 0.0;   // length of the substep whose stages are known [s]; 0: none are
+  StagedSubstep last_;    // last substep, where its stages are known
   bool closes_ = false;   // whether the next interval closes overlaps
   ContactWatch watch_;
   EventStepper<Watched> stepper_;

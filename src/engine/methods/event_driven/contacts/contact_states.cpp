@@ -346,9 +346,9 @@ bool ContactStates::is_within_bounds(const double* y, ContactEquations* equation
   forces.clear();
   for (std::size_t c = 0; c < equations->contacts().size(); ++c)
     if (equations->contacts()[c].acts != Acts::kOpen)
-      watch_contact_forces(*equations, c, 0.0, &forces);
+      watch_contact_forces(*equations, c, {}, &forces);
   for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
-    if (joints.coordinates()[c].state.hold != Hold::kNone) watch_held(*equations, c, 0.0, &forces);
+    if (joints.coordinates()[c].state.hold != Hold::kNone) watch_held(*equations, c, {}, &forces);
   return std::all_of(forces.begin(), forces.end(), [](const ContactWatched& watched) {
     return watched.value >= -watched.tolerance;
   });

@@ -16,23 +16,24 @@ using Kind = ContactWatched::Kind;
 
 // Adds `watched` with the margin(stage) of a force to its bound.
 template <class Margin>
-void add_margin(const Margin& margin, double h, ContactWatched watched,
+void add_margin(const Margin& margin, const StagedSubstep& last, ContactWatched watched,
                 List<ContactWatched>* list) {
   watched.value = margin(0);
-  if (h > 0.0) watched.early = early_below(margin, watched.value, watched.tolerance);
+  watched.early = last.early_below(margin, watched.value, watched.tolerance);
   list->push_back(watched);
 }
 
 }  // namespace
 
-void watch_contact_forces(const ContactEquations& equations, std::size_t c, double h,
-                          List<ContactWatched>* list) {
+void watch_contact_forces(const ContactEquations& equations, std::size_t c,
+                          const StagedSubstep& last, List<ContactWatched>* list) {
   const ContactEquations::Contact& contact = equations.contacts()[c];
   ContactWatched watched;
   watched.contact = c;
   watched.tolerance = kForceShare * equations.largest_force();
   watched.kind = Kind::kForce;
-  add_margin([&](std::size_t stage) { return equations.normal_force(c, stage); }, h, watched, list);
+  add_margin([&](std::size_t stage) { return equations.normal_force(c, stage); }, last, watched,
+             list);
   if (contact.acts != ContactEquations::Acts::kSticks) return;
   watched.kind = Kind::kCone;
   const auto margin = [&](std::size_t stage) {
@@ -40,10 +41,10 @@ void watch_contact_forces(const ContactEquations& equations, std::size_t c, doub
     const double squared = equations.force(c, stage).squaredNorm() - normal * normal;
     return contact.friction * normal - std::sqrt(std::max(squared, 0.0));
   };
-  add_margin(margin, h, watched, list);
+  add_margin(margin, last, watched, list);
 }
 
-void watch_held(const ContactEquations& equations, std::size_t c, double h,
+void watch_held(const ContactEquations& equations, std::size_t c, const StagedSubstep& last,
                 List<ContactWatched>* list) {
   const GroupBodies& bodies = equations.bodies();
   const GroupJoints& joints = equations.joints();
@@ -57,7 +58,7 @@ void watch_held(const ContactEquations& equations, std::size_t c, double h,
   // Bounds jump where the demand of a motor passes the rate of the coordinate, or reverses.
   const auto bounds_at = [&](std::size_t stage) {
     if (stage == 0 || of.law.drive == 0.0) return bounds;
-    return bounds_before(h * (1.0 - DormandPrince8::kC[stage]));
+    return bounds_before(last.until_end(stage));
   };
   ContactWatched watched;
   watched.kind = Kind::kHeld;
@@ -69,13 +70,13 @@ void watch_held(const ContactEquations& equations, std::size_t c, double h,
     const auto margin = [&](std::size_t stage) {
       return side * (bounds_at(stage).*side_of - equations.held_force(c, stage));
     };
-    add_margin(margin, h, watched, list);
+    add_margin(margin, last, watched, list);
   };
   watch_side(&ForceBounds::least, -1);
   watch_side(&ForceBounds::most, 1);
 }
 
-void watch_breaking(const ContactEquations& equations, std::size_t j, double h,
+void watch_breaking(const ContactEquations& equations, std::size_t j, const StagedSubstep& last,
                     List<ContactWatched>* list) {
   const GroupBodies& bodies = equations.bodies();
   const GroupJoint& of = equations.joints()[j];
@@ -96,12 +97,12 @@ void watch_breaking(const ContactEquations& equations, std::size_t j, double h,
     const auto margin = [&](std::size_t stage) {
       return most - (is_torque ? loads(stage).torque : loads(stage).force);
     };
-    add_margin(margin, h, watched, list);
+    add_margin(margin, last, watched, list);
   }
 }
 
-void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t c, double h,
-                                  List<ContactWatched>* list) const {
+void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t c,
+                                  const StagedSubstep& last, List<ContactWatched>* list) const {
   const GroupBodies& bodies = equations.bodies();
   const GroupJoints& joints = equations.joints();
   const GroupCoordinate& of = joints.coordinates()[c];
@@ -117,7 +118,7 @@ void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t
   };
   watch_limits(of.law, of.state, reading, limit,
                [&](const WatchedValue& value) { add(Kind::kLimit, value); });
-  if (of.state.hold != Hold::kNone) watch_held(equations, c, h, list);
+  if (of.state.hold != Hold::kNone) watch_held(equations, c, last, list);
   const auto add_rate = [&](const WatchedValue& value) { add(Kind::kRate, value); };
   watch_rates(of.law, of.state, of.braking, reading, limit, zeta, add_rate);
   if (of.law.has_servo()) watch_servo(of.law, of.state, reading, joints.rest(bodies, of), add_rate);
@@ -125,7 +126,8 @@ void ContactWatch::add_coordinate(const ContactEquations& equations, std::size_t
 }
 
 void ContactWatch::add_contact(const ContactEquations& equations, const ContactPairs& pairs,
-                               std::size_t c, double h, List<ContactWatched>* list) const {
+                               std::size_t c, const StagedSubstep& last,
+                               List<ContactWatched>* list) const {
   const GroupBodies& bodies = equations.bodies();
   const ContactEquations::Contact& contact = equations.contacts()[c];
   if (contact.feature.kind == ContactFeature::Kind::kNothing) return;
@@ -145,7 +147,7 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
     list->push_back(watched);
     return;
   }
-  watch_contact_forces(equations, c, h, list);
+  watch_contact_forces(equations, c, last, list);
   watched.known = 1;
   if (contact.acts == ContactEquations::Acts::kSlips && contact.friction > 0.0) {
     watched.kind = Kind::kSlip;
@@ -169,15 +171,15 @@ void ContactWatch::add_contact(const ContactEquations& equations, const ContactP
 }
 
 void ContactWatch::list(const ContactEquations& equations, const ContactPairs& pairs,
-                        const double* dydt, double h, List<ContactWatched>* list) {
+                        const double* dydt, const StagedSubstep& last, List<ContactWatched>* list) {
   const GroupJoints& joints = equations.joints();
   list->clear();
   equations.bodies().find_accelerations(dydt, &rates_);
   for (std::size_t c = 0; c < equations.contacts().size(); ++c)
-    add_contact(equations, pairs, c, h, list);
+    add_contact(equations, pairs, c, last, list);
   for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
-    if (joints.coordinates()[c].is_one_sided) add_coordinate(equations, c, h, list);
-  for (std::size_t j = 0; j < joints.list().size(); ++j) watch_breaking(equations, j, h, list);
+    if (joints.coordinates()[c].is_one_sided) add_coordinate(equations, c, last, list);
+  for (std::size_t j = 0; j < joints.list().size(); ++j) watch_breaking(equations, j, last, list);
 }
 
 }  // namespace constraint_sim::engine

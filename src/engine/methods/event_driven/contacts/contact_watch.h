@@ -32,17 +32,17 @@ struct ContactWatched : WatchedValue {
   signed char side = 0;        ///< bound of a holding force: -1 lower, +1 upper
 };
 
-// Margins of forces to their bounds. Stages of the last substep, of length h [s], show a force that
-// leaves its bounds and returns; they are not looked at where h is 0.
+// Margins of forces to their bounds. Stages of the `last` substep show a force that leaves its
+// bounds and returns.
 
 /// Adds the normal force of an acting contact, and the margin of a sticking contact to its cone.
-void watch_contact_forces(const ContactEquations& equations, std::size_t contact, double h,
-                          List<ContactWatched>* list);
+void watch_contact_forces(const ContactEquations& equations, std::size_t contact,
+                          const StagedSubstep& last, List<ContactWatched>* list);
 /// Adds the margins of the force that holds a coordinate against its bounds.
-void watch_held(const ContactEquations& equations, std::size_t coordinate, double h,
-                List<ContactWatched>* list);
+void watch_held(const ContactEquations& equations, std::size_t coordinate,
+                const StagedSubstep& last, List<ContactWatched>* list);
 /// Adds the margins of the force and torque of a joint to its breaking loads.
-void watch_breaking(const ContactEquations& equations, std::size_t joint, double h,
+void watch_breaking(const ContactEquations& equations, std::size_t joint, const StagedSubstep& last,
                     List<ContactWatched>* list);
 
 /// Lists all watched values of a contact group in a substep: gaps, margins of forces, slips, and
@@ -52,13 +52,14 @@ class ContactWatch {
   /// Lists the values at the current pose, in an order that depends only on the states of contacts
   /// and coordinates. `dydt`: current derivative.
   void list(const ContactEquations& equations, const ContactPairs& pairs, const double* dydt,
-            double h, List<ContactWatched>* list);
+            const StagedSubstep& last, List<ContactWatched>* list);
 
  private:
   void add_contact(const ContactEquations& equations, const ContactPairs& pairs,
-                   std::size_t contact, double h, List<ContactWatched>* list) const;
-  void add_coordinate(const ContactEquations& equations, std::size_t coordinate, double h,
-                      List<ContactWatched>* list) const;
+                   std::size_t contact, const StagedSubstep& last,
+                   List<ContactWatched>* list) const;
+  void add_coordinate(const ContactEquations& equations, std::size_t coordinate,
+                      const StagedSubstep& last, List<ContactWatched>* list) const;
 
   GroupMotions rates_;
 };

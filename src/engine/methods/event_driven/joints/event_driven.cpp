@@ -104,7 +104,7 @@ bool EventDriven::begin_span(Span* span) {
   const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);
   span->progress.projected += begun.projected;
   if (!begun.done) return false;
-  watch(*span, 0.0, stepper_.before());
+  watch(*span, {}, stepper_.before());
   // Other forces change how laws act only where a value reaches its bound.
   if (is_pushed && !std::all_of(stepper_.before()->begin(), stepper_.before()->end(), is_clear))
     return decide_again();
@@ -114,10 +114,9 @@ bool EventDriven::begin_span(Span* span) {
 
 // ---- between events
 
-// Watches at the end of a substep of length h [s]; 0: at a start.
-void EventDriven::watch(const Span& span, double h, List<WatchedByJoints>* list) {
-  if (span.accuracy.order != 8) h = 0.0;
-  watch_joints(motions_, span.bodies(), span.t(), h, span.motion, &rates_, list);
+// Watches at the end of a substep, or at a start.
+void EventDriven::watch(const Span& span, const StagedSubstep& last, List<WatchedByJoints>* list) {
+  watch_joints(motions_, span.bodies(), span.t(), last, span.motion, &rates_, list);
 }
 
 // Makes the next substep, or the part of it before an event.
@@ -139,7 +138,9 @@ bool EventDriven::advance_to_event(Span* span) {
     motion.scatter(span->states);
     return true;
   };
-  const auto list_watched = [&](auto* list) { watch(*span, start.left - span->left.left, list); };
+  const auto list_watched = [&](auto* list) {
+    watch(*span, {start.left - span->left.left, span->accuracy.order}, list);
+  };
   const auto accept = [&](double) {
     motions_.note_positions(span->bodies(), span->t(), motion.equations());
     return true;
@@ -393,7 +394,7 @@ bool EventDriven::switch_to_states(Span* span) {
   if (!begun.done) return false;
   motion.scatter(span->states);
   motions_.set_started(true);
-  watch(*span, 0.0, stepper_.before());
+  watch(*span, {}, stepper_.before());
   return true;
 }
 

@@ -18,9 +18,10 @@ Prescribed held_course(const EventMotions& motions, std::size_t c, double t) {
 }
 
 // Watches the force with which a row holds a coordinate against its bounds; `reading`: the
-// coordinate at time t, `h`: length of the substep that ends there.
+// coordinate at time t.
 void watch_force(const EventMotions& motions, std::size_t c, const EventReading& reading, double t,
-                 double h, const EquationsOfMotion& equations, List<WatchedByJoints>* list) {
+                 const StagedSubstep& last, const EquationsOfMotion& equations,
+                 List<WatchedByJoints>* list) {
   const OneSidedLaw& law = motions.laws()[c];
   const auto found =
       std::find(equations.joints().begin(), equations.joints().end(), static_cast<int>(law.joint));
@@ -63,22 +64,23 @@ void watch_force(const EventMotions& motions, std::size_t c, const EventReading&
   const auto watch_side = [&](double ForceBounds::*side_of, signed char side) {
     if (!std::isfinite(bounds.*side_of)) return;
     const auto margin = [&](std::size_t stage) {
-      const double time = stage == 0 ? t : t - h * (1.0 - DormandPrince8::kC[stage]);
+      const double time = t - last.until_end(stage);
       const double force = equations.forces().force(equations, link, stage)[law.function];
       return side * (bounds_at(time).*side_of - force + soft_at(time));
     };
     watched.side = side;
     watched.value = margin(0);
     // Stages show a force that leaves its bounds within the substep and returns.
-    watched.early = h > 0.0 ? early_below(margin, watched.value, watched.tolerance) : 0.0;
+    watched.early = last.early_below(margin, watched.value, watched.tolerance);
     list->push_back(watched);
   };
   watch_side(&ForceBounds::least, -1);
   watch_side(&ForceBounds::most, 1);
 }
 
-void watch_breaking(const EventMotions& motions, const EventBodies& bodies, double t, double h,
-                    const EquationsOfMotion& equations, List<WatchedByJoints>* list) {
+void watch_breaking(const EventMotions& motions, const EventBodies& bodies, double t,
+                    const StagedSubstep& last, const EquationsOfMotion& equations,
+                    List<WatchedByJoints>* list) {
   const EventJoints& joints = motions.joints();
   for (const EventJoints::Breaking& breaking : joints.breaking()) {
     const auto found = std::find(equations.joints().begin(), equations.joints().end(),
@@ -103,7 +105,7 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
       };
       watched.value = margin(0);
       watched.tolerance = kForceShare * most;
-      watched.early = h > 0.0 ? early_below(margin, watched.value, watched.tolerance) : 0.0;
+      watched.early = last.early_below(margin, watched.value, watched.tolerance);
       list->push_back(watched);
     }
   }
@@ -111,8 +113,9 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
 
 }  // namespace
 
-void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t, double h,
-                  RungeKutta* motion, Motions* rates, List<WatchedByJoints>* list) {
+void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t,
+                  const StagedSubstep& last, RungeKutta* motion, Motions* rates,
+                  List<WatchedByJoints>* list) {
   list->clear();
   const EquationsOfMotion& equations = motion->equations();
   motion->find_accelerations(t, rates);
@@ -130,13 +133,13 @@ void watch_joints(const EventMotions& motions, const EventBodies& bodies, double
       list->push_back(watched);
     };
     watch_limits(law, state, reading, limit_of, add);
-    if (state.hold != Hold::kNone) watch_force(motions, c, reading, t, h, equations, list);
+    if (state.hold != Hold::kNone) watch_force(motions, c, reading, t, last, equations, list);
     watch_rates(law, state, motions.braking(c), reading, limit_of, zeta_of, add);
     if (law.has_servo()) watch_servo(law, state, reading, motions.rest(c, t), add);
     if (state.hold == Hold::kBrake) add(watched_end(motions.held(c) - t, motions.braking(c)));
   }
   if (!motions.joints().breaking().empty() && equations.delassus().redundant() == 0)
-    watch_breaking(motions, bodies, t, h, equations, list);
+    watch_breaking(motions, bodies, t, last, equations, list);
 }
 
 }  // namespace constraint_sim::engine

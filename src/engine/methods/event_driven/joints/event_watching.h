@@ -17,9 +17,10 @@ struct WatchedByJoints : WatchedValue {
 };
 
 /// Lists all watched values at time t, in an order that depends only on the states of rows.
-/// `motion` is at that time, by a substep of order 8 of length h [s]; 0: at a start, or by another
-/// order, where stages are not looked at. Sets the accelerations of the bodies.
-void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t, double h,
-                  RungeKutta* motion, Motions* rates, List<WatchedByJoints>* list);
+/// `motion` is at that time, by the `last` substep or at a start. Sets the accelerations of the
+/// bodies.
+void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t,
+                  const StagedSubstep& last, RungeKutta* motion, Motions* rates,
+                  List<WatchedByJoints>* list);
 
 }  // namespace constraint_sim::engine

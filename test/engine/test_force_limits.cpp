@@ -443,6 +443,7 @@ TEST(ForceLimits, AreSeenBetweenSteps) {
     }
 }
 
+// A world saved while the motor is saturated, or brakes, continues unchanged.
 TEST(ForceLimits, GoOnWhenSavedAndLoaded) {
   Slider slider(automatic(1.0 / 60), to_position(0.8, 6.0));
   for (int k = 0; k < 4; ++k) {

@@ -56,7 +56,8 @@ struct ArmOnFloor {
 
 /// Bits that a world reports: states, forces and what motors and contacts do.
 std::vector<double> report_of(const World& world) {
-  std::vector<double> numbers{world.report().local_error, static_cast<double>(world.state_hash())};
+  std::vector<double> numbers{world.report().local_error, world.report().energy.correction_work,
+                              static_cast<double>(world.state_hash())};
   for (const JointId id : world.joint_ids()) {
     const JointState& state = world.joint_state(id);
     const CoordinateState& first = state.coordinates[0];
@@ -116,6 +117,12 @@ const Edit kEdits[] = {
     {"wrench",
      [](ArmOnFloor* arm) {
        arm->world.add_wrench({arm->lower, {0.0, 0.0, 12.0}, Vector3d::Zero(), 0.0, 10.0});
+     }},
+    {"overlap",
+     [](ArmOnFloor* arm) {
+       BodyState state = arm->world.state(arm->lower);
+       state.position.z() -= 2e-6;
+       arm->world.set_state(arm->lower, state);
      }},
     {"gravity",
      [](ArmOnFloor* arm) {

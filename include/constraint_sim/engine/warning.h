@@ -26,7 +26,8 @@ struct StepWarning {
   /// Remedy, as WarningInfo::advice.
   const char* advice() const;
 };
-inline constexpr std::size_t kWarningKindCount = 8;
+inline constexpr std::size_t kWarningKindCount =
+    static_cast<std::size_t>(StepWarning::Kind::kHandedOver) + 1;
 
 /// Properties of a kind of warning.
 struct WarningInfo {

@@ -11,8 +11,9 @@ namespace {
 // In the order of StepWarning::Kind.
 constexpr std::array<WarningInfo, kWarningKindCount> kWarningInfos = {{
     {"unclosed", "m",
-     "remove constraints that contradict it, or take a shorter time_step or more iterations", false,
-     [](const StepReport& report) { return report.joints.unclosed > 0; }},
+     "remove constraints that contradict each other, or take a shorter time_step or more "
+     "iterations",
+     false, [](const StepReport& report) { return report.joints.unclosed > 0; }},
     {"energy_rise", "J", "take a shorter time_step or a smaller tolerance", false,
      [](const StepReport& report) { return report.energy.rise_body.has_value(); }},
     {"hits_left", "", "take a shorter time_step", false,
@@ -26,7 +27,7 @@ constexpr std::array<WarningInfo, kWarningKindCount> kWarningInfos = {{
     {"unresolved", "", "take a shorter time_step", true,
      [](const StepReport& report) { return report.unresolved_bodies > 0; }},
     {"handed_over", "",
-     "take a shorter time_step or a larger event_work to keep contacts event-driven", true,
+     "take a shorter time_step; a larger event_work where contacts were given up", true,
      [](const StepReport& report) { return report.contacts.handed_over_body.has_value(); }},
 }};
 

@@ -27,15 +27,17 @@ using Eigen::Vector3d;
 // ends with the bodies where they began, and a report; other exceptions, as std::bad_alloc, leave
 // step().
 //
-// stage               | reads                            | writes
-// begin_step          | edits, wakings                   | topology, rollback, the tick
-// run_broadphase      | poses, velocities, assumed paths | pairs of `pipeline` and `reach`
-// run_narrowphase     | pairs, poses                     | touching, hits of fast bodies, groups
-// choose_methods      | islands, groups, touching        | methods, partition, pairs of `unseen`
-// integrate           | partition, groups                | states; results in methods and groups
-// advance_by_impulses | partition, touching, wrenches    | states, joint_states, touching
-// has_missed_any      | paths of bodies                  | assumed paths; the state before
-// finish_step         | results in methods and groups    | joint_states, contacts, events, report
+// stage                    | reads                            | writes
+// begin_step               | edits, wakings                   | topology, rollback, the tick
+// run_broadphase           | poses, velocities, assumed paths | pairs of `pipeline` and `reach`
+// run_narrowphase          | pairs, poses                     | touching, hits of fast bodies,
+// groups take_out_corrections     | corrections of the last step     | velocities choose_methods |
+// islands, groups, touching        | methods, partition, pairs of `unseen` integrate | partition,
+// groups                | states; results in methods and groups advance_by_impulses      |
+// partition, touching, wrenches    | states, joint_states, touching has_missed_any           |
+// paths of bodies                  | assumed paths; the state before advance_kinematic_bodies |
+// velocities                       | states finish_step              | results in methods and
+// groups    | joint_states, contacts, events, report
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {

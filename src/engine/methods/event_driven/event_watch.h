@@ -52,7 +52,8 @@ class StagedSubstep {
   /// Substep of length h [s] by the pair of this order.
   StagedSubstep(double h, int order) : h_(h), is_of_order_8_(order == 8) {}
 
-  /// Time from a stage to the end [s]; stage 0 stands for the end, where forces are known last.
+  /// Time from a stage to the end [s]. Stage 0 is the derivative at the end, with which the next
+  /// substep starts.
   double until_end(std::size_t stage) const { return stage == 0 ? 0.0 : h_ * (1.0 - c(stage)); }
   /// Share of the substep at which a margin(stage) was below −tolerance: at a stage, or at the
   /// lowest point of a parabola through three of them; 0: nowhere. `at_end`: margin at the end.

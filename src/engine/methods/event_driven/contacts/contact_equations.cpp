@@ -16,8 +16,8 @@ using Eigen::Vector3d;
 constexpr int kMostProjections = 12;
 // Share of the scale; a row with a larger error is not met.
 constexpr double kContactsProjected = 1e-12;
-// Multiple of the rounding of one row up to which errors are left alone, as those of a chain of
-// bodies: corrections would only replace the last bits, and bodies at rest keep theirs.
+// Multiple of the rounding of one row up to which errors of a chain of joints are left alone:
+// corrections would only replace the last bits, and bodies at rest keep theirs.
 constexpr double kLeft = 16.0;
 // Size below which an error of x rad of a row between axes counts like an error of x times the size
 // divided by kSmallSize [m]: rounding of angles is no share of the size.
@@ -194,7 +194,8 @@ bool ContactEquations::project(double t, double* y) {
     double error = 0.0;
     for (const ContactRow& row : rows_.list())
       error = larger(error, error_of(row, bodies_.scale()));
-    if (error <= (k == 0 ? kLeft : 1.0) * kEpsilon * bodies_.scale()) return true;
+    const double left = k == 0 && !joints_.list().empty() ? kLeft : 1.0;
+    if (error <= left * kEpsilon * bodies_.scale()) return true;
     if (!(error <= 0.5 * before) || k == kMostProjections)
       return error <= kContactsProjected * bodies_.scale();
     before = error;

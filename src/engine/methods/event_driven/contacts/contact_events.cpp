@@ -14,6 +14,16 @@ namespace {
 constexpr std::uint32_t kMostJams = 4;  // per step
 constexpr int kMostMissed = 40;         // substeps repeated per step for missed overlaps
 
+// Longest substep that the motors of a group allow [s].
+double longest_substep(const GroupJoints& joints) {
+  double longest = kInfinity;
+  for (const GroupCoordinate& of : joints.coordinates())
+    longest = std::min(
+        longest, longest_substep(of.law, of.state.hold,
+                                 of.law.is_distance ? joints[of.joint].joint.motor : of.motor));
+  return longest;
+}
+
 }  // namespace
 
 bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
@@ -44,6 +54,7 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
                                          List<BodyState>* states) {
   solver_.begin_interval(most_work, all.stop);
   Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};
+  const bool has_closed = closes_;
   equations_.bodies().gather(*states, all.since_tick);
   equations_.bodies().begin_interval(all.t, all.gravity, all.loads);
   if (closes_) {
@@ -55,7 +66,7 @@ IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOp
     span.progress.done = begin(*states, false);
     if (!span.progress.done) return span.progress;
   }
-  const bool is_first = !done_.spans;
+  const bool is_first = !done_.spans && !has_closed;  // closing overlaps is work of its own
   equations_.prepare_stages();
   begin_joints(joint_step, joint_states);
   if (is_first && unchanged_.is_repeated_by(all, equations_, pairs_.list())) {
@@ -177,7 +188,8 @@ bool ContactEvents::advance_to_event(Span* span) {
     return true;
   }
   last_ = {};
-  double step = std::min(step_, pairs_.longest_substep(span->left.left, equations_));
+  double step = std::min({step_, pairs_.longest_substep(span->left.left, equations_),
+                          longest_substep(equations_.joints())});
   if (!go_straight(span->accuracy.tolerance > 0.0 && turns_fast(equations_, step))) return false;
   watch(stepper_.before());
   const std::size_t n = equations_.size();

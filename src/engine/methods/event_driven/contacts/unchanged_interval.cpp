@@ -63,8 +63,13 @@ bool are_same(const Joint& l, const Joint& r) {
          l.pitch == r.pitch && l.break_force == r.break_force && l.break_torque == r.break_torque;
 }
 
+bool are_same(const CoupledTerm& l, const CoupledTerm& r) {
+  return l.joint == r.joint && l.coordinate == r.coordinate && l.ratio == r.ratio;
+}
+
 bool are_same(const GroupJoint& l, const GroupJoint& r) {
   return l.index == r.index && l.a == r.a && l.b == r.b && l.has_rows == r.has_rows &&
+         are_same(l.terms[0], r.terms[0]) && are_same(l.terms[1], r.terms[1]) &&
          are_same(l.joint, r.joint);
 }
 

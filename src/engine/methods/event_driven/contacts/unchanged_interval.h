@@ -11,13 +11,16 @@ namespace constraint_sim::engine {
 /// same bits ends with the same bits, and is not computed again.
 class UnchangedInterval {
  public:
-  /// Whether `span`, whose joints have begun, starts like the remembered interval.
+  /// Whether `span` starts like the remembered interval. Called after
+  /// GroupJoints::begin_interval().
   bool is_repeated_by(const Interval& span, const ContactEquations& equations,
                       const List<ContactPair>& pairs);
-  /// Forgets the remembered interval, and notes the start of `span`, whose joints have begun.
+  /// Forgets the remembered interval, and notes the start of `span`, after
+  /// GroupJoints::begin_interval().
   void begin(const Interval& span, const ContactEquations& equations,
              const List<ContactPair>& pairs);
-  /// Remembers the interval that begin() noted, in which nothing has moved. `work`: what it cost.
+  /// Remembers the interval that begin() noted, in which nothing has moved. `work`:
+  /// CountedSolver::work() of the interval.
   void end(const ContactEquations& equations, const IntegrationResult& progress, double work);
   /// Takes over bodies, contacts, impulses and laws at the end of the remembered interval.
   void repeat(ContactEquations* equations) const;

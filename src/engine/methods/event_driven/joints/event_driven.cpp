@@ -8,7 +8,6 @@
 #include "engine/methods/event_driven/law_events.h"
 
 namespace constraint_sim::engine {
-
 /// State of EventDriven::advance().
 struct EventDriven::Span {
   const Interval& all;
@@ -104,7 +103,7 @@ bool EventDriven::begin_span(Span* span) {
   const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);
   span->progress.projected += begun.projected;
   if (!begun.done) return false;
-  watch(*span, {}, stepper_.before());
+  watch(*span, 0.0, stepper_.before());
   // Other forces change how laws act only where a value reaches its bound.
   if (is_pushed && !std::all_of(stepper_.before()->begin(), stepper_.before()->end(), is_clear))
     return decide_again();
@@ -114,8 +113,9 @@ bool EventDriven::begin_span(Span* span) {
 
 // ---- between events
 
-// Watches at the end of a substep, or at a start.
-void EventDriven::watch(const Span& span, const StagedSubstep& last, List<WatchedByJoints>* list) {
+// Watches at the end of a substep of length h [s], or with h = 0 at a start.
+void EventDriven::watch(const Span& span, double h, List<WatchedByJoints>* list) {
+  const StagedSubstep last(h, span.accuracy.order);
   watch_joints(motions_, span.bodies(), span.t(), last, span.motion, &rates_, list);
 }
 
@@ -127,6 +127,7 @@ bool EventDriven::advance_to_event(Span* span) {
   RungeKutta& motion = *span->motion;
   const SubstepSpan start = span->left;
   motion.keep_start();
+  motion.set_step(std::min(motion.step(), longest_substep(motions_)));
   if (!motion.advance_substep(rest_of(*span), span->accuracy, &span->left, &span->progress))
     return false;
   motion.scatter(span->states);
@@ -138,9 +139,7 @@ bool EventDriven::advance_to_event(Span* span) {
     motion.scatter(span->states);
     return true;
   };
-  const auto list_watched = [&](auto* list) {
-    watch(*span, {start.left - span->left.left, span->accuracy.order}, list);
-  };
+  const auto list_watched = [&](auto* list) { watch(*span, start.left - span->left.left, list); };
   const auto accept = [&](double) {
     motions_.note_positions(span->bodies(), span->t(), motion.equations());
     return true;
@@ -394,7 +393,7 @@ bool EventDriven::switch_to_states(Span* span) {
   if (!begun.done) return false;
   motion.scatter(span->states);
   motions_.set_started(true);
-  watch(*span, {}, stepper_.before());
+  watch(*span, 0.0, stepper_.before());
   return true;
 }
 

@@ -135,7 +135,7 @@ class EventDriven {
   // ---- between events
   bool begin_span(Span* span);
   bool advance_to_event(Span* span);
-  void watch(const Span& span, const StagedSubstep& last, List<WatchedByJoints>* list);
+  void watch(const Span& span, double h, List<WatchedByJoints>* list);
   Interval rest_of(const Span& span) const;
 
   // ---- at events

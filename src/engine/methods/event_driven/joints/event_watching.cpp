@@ -113,6 +113,19 @@ void watch_breaking(const EventMotions& motions, const EventBodies& bodies, doub
 
 }  // namespace
 
+double longest_substep(const EventMotions& motions) {
+  double longest = kInfinity;
+  for (std::size_t c = 0; c < motions.laws().size(); ++c) {
+    const OneSidedLaw& law = motions.laws()[c];
+    if (law.drive == 0.0 || motions.is_broken(law.joint)) continue;
+    const Joint& joint = motions.joints()[law.joint];
+    const Motor& motor =
+        law.is_distance ? joint.motor : *joint.coordinates[to_index(law.coordinate)].motor;
+    longest = std::min(longest, longest_substep(law, motions.states()[c].hold, motor));
+  }
+  return longest;
+}
+
 void watch_joints(const EventMotions& motions, const EventBodies& bodies, double t,
                   const StagedSubstep& last, RungeKutta* motion, Motions* rates,
                   List<WatchedByJoints>* list) {

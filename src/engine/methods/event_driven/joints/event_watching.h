@@ -16,6 +16,9 @@ struct WatchedByJoints : WatchedValue {
   signed char side = 0;  ///< bound of a force: -1 lower, +1 upper
 };
 
+/// Longest substep that the watched values allow [s].
+double longest_substep(const EventMotions& motions);
+
 /// Lists all watched values at time t, in an order that depends only on the states of rows.
 /// `motion` is at that time, by the `last` substep or at a start. Sets the accelerations of the
 /// bodies.

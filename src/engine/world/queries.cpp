@@ -10,6 +10,7 @@
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/joint_load.h"
 #include "engine/math/list.h"
 #include "engine/model/validate.h"
 #include "engine/world/energy.h"

@@ -113,10 +113,12 @@ class TurnedAngles {
 
  private:
   List<Angle>::iterator first_of(std::size_t joint) {
-    return joint < first_.size() ? list_.begin() + first_[joint] : list_.end();
+    return joint < first_.size() ? list_.begin() + static_cast<std::ptrdiff_t>(first_[joint])
+                                 : list_.end();
   }
   List<Angle>::const_iterator first_of(std::size_t joint) const {
-    return joint < first_.size() ? list_.begin() + first_[joint] : list_.end();
+    return joint < first_.size() ? list_.begin() + static_cast<std::ptrdiff_t>(first_[joint])
+                                 : list_.end();
   }
 
   List<Angle> list_;         // ordered by joint

@@ -71,7 +71,7 @@ const char* to_string(MethodReason why) {
     case MethodReason::kLimitedSpring:
       return "has a spring with a force limit that events do not follow";
     case MethodReason::kManyRows:
-      return "has too many limits, motors and friction for events";
+      return "has too much friction, or too many motors, for events";
     case MethodReason::kFewContacts:
       return "near few others";
     case MethodReason::kContactsGivenUp:

@@ -46,7 +46,8 @@ class EventDriven {
 
   using Ends = EventJoints::Ends;
 
-  /// Largest number of one-sided rows; islands with more rows use another method.
+  /// Largest number of coordinates with friction or a motor with a force limit; islands with more
+  /// use another method. Limits do not count, of which few are reached at a time.
   static constexpr std::size_t kMostRows = 32;
 
   /// `members`: indices of the joints of the island. `couplings`, `open`: as in EquationsOfMotion.

@@ -81,7 +81,7 @@ SCENES = (
     Scene('robot_turns', 'arm.urdf', 20, 'the same arm turns, without collisions', AWAKE),
     Scene('robot_turns_touching', 'arm.urdf', 20, 'the same, where two of its links touch', AWAKE),
 )
-# What the URDF file does not have: motors, and links that do not collide.
+# Motors, and links that do not collide, are given beside a URDF file.
 LINKS = ('base_link', 'shoulder', 'upper_arm', 'forearm', 'wrist_1_link', 'wrist_2_link', 'wrist_3_link')
 MOTORS = {name: {'position': 0} for name in ('shoulder_pan', 'shoulder_lift', 'elbow', 'wrist_1', 'wrist_2', 'wrist_3')}
 TURNING = {**MOTORS, 'shoulder_pan': {'amplitude': 0.5, 'frequency': 1}}

@@ -289,7 +289,9 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
   };
   const auto lasting =
       std::count_if(joints.coordinates().begin(), joints.coordinates().end(), lasts);
-  return to_index(lasting) <= ContactEvents::kMostLaws && add_pairs(step, touching_before, group);
+  return joints.coordinates().size() <= ContactEvents::kMostLaws &&
+         to_index(lasting) <= ContactEvents::kMostLasting &&
+         add_pairs(step, touching_before, group);
 }
 
 bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>& touching_before,

@@ -83,7 +83,7 @@ List<double> fastest_springs(const Model& model, const List<JointData>& joint_st
 }
 
 // Number of coordinates that a law may hold anywhere, as friction does. A limit acts in one place
-// only, and does not count: few are reached at a time.
+// only, and does not count: few limits are reached at a time.
 int lasting_laws(const Joint& joint) {
   int count = joint.motor.max_force > 0.0 ? 1 : 0;
   for (const CoordinateLaw& law : joint.coordinates)
@@ -102,11 +102,12 @@ IslandTraits traits_of(const Model& model, const IslandMembers& members,
                        const FastestSprings& fastest) {
   IslandTraits traits;
   traits.has_joints = !members.joints.empty();
-  int lasting = 0;
+  int laws = 0, lasting = 0;
   bool is_switchable = true, breaks = false;
   for (const int j : members.joints) {
     const Joint& joint = model.joints[j];
     const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
+    laws += has_one_sided_law(joint) ? std::max(1, info(joint.kind).coordinates) : 0;
     lasting += lasting_laws(joint);
     is_switchable = is_switchable && engine::is_switchable(joint);
     breaks = breaks || joint.break_force > 0.0 || joint.break_torque > 0.0;
@@ -120,7 +121,7 @@ IslandTraits traits_of(const Model& model, const IslandMembers& members,
   }
   if (!is_switchable)
     traits.jumps = MethodReason::kLimitedSpring;
-  else if (lasting > static_cast<int>(EventDriven::kMostRows))
+  else if (laws > EventDriven::kMostLaws || lasting > static_cast<int>(EventDriven::kMostRows))
     traits.jumps = MethodReason::kManyRows;
   else if (breaks && traits.jumps == MethodReason::kSmooth)
     traits.jumps = MethodReason::kBreaks;

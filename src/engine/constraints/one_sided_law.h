@@ -81,6 +81,9 @@ struct OneSidedLaw {
     return std::max(start - upper, 0.0) + std::min(start - lower, 0.0);
   }
   bool has_servo() const { return servo_most > 0.0 || only_pulls; }
+  /// Whether the law may hold the coordinate anywhere, as friction and motors do, not only at a
+  /// limit.
+  bool lasts() const { return friction > 0.0 || drive > 0.0; }
   /// Whether the law is a rope: the upper limit of a length or of the lengths of a pulley.
   bool is_rope() const { return is_distance || is_coupling; }
 };

@@ -284,14 +284,7 @@ bool ContactGroups::compile_events(const StepContext& step, const Rollback& roll
     if (info(model.joints[index].kind).couples && !joints.set_terms(j, model.terms_of(index)))
       return false;
   }
-  const auto lasts = [](const GroupCoordinate& of) {
-    return of.law.friction > 0.0 || of.law.drive > 0.0;
-  };
-  const auto lasting =
-      std::count_if(joints.coordinates().begin(), joints.coordinates().end(), lasts);
-  return joints.coordinates().size() <= ContactEvents::kMostLaws &&
-         to_index(lasting) <= ContactEvents::kMostLasting &&
-         add_pairs(step, touching_before, group);
+  return add_pairs(step, touching_before, group);
 }
 
 bool ContactGroups::add_pairs(const StepContext& step, const List<TouchingPair>& touching_before,

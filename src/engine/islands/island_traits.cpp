@@ -102,12 +102,11 @@ IslandTraits traits_of(const Model& model, const IslandMembers& members,
                        const FastestSprings& fastest) {
   IslandTraits traits;
   traits.has_joints = !members.joints.empty();
-  int laws = 0, lasting = 0;
+  int lasting = 0;
   bool is_switchable = true, breaks = false;
   for (const int j : members.joints) {
     const Joint& joint = model.joints[j];
     const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
-    laws += has_one_sided_law(joint) ? std::max(1, info(joint.kind).coordinates) : 0;
     lasting += lasting_laws(joint);
     is_switchable = is_switchable && engine::is_switchable(joint);
     breaks = breaks || joint.break_force > 0.0 || joint.break_torque > 0.0;
@@ -121,7 +120,7 @@ IslandTraits traits_of(const Model& model, const IslandMembers& members,
   }
   if (!is_switchable)
     traits.jumps = MethodReason::kLimitedSpring;
-  else if (laws > EventDriven::kMostLaws || lasting > static_cast<int>(EventDriven::kMostRows))
+  else if (lasting > static_cast<int>(EventDriven::kMostRows))
     traits.jumps = MethodReason::kManyRows;
   else if (breaks && traits.jumps == MethodReason::kSmooth)
     traits.jumps = MethodReason::kBreaks;

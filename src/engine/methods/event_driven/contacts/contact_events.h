@@ -29,10 +29,6 @@ namespace constraint_sim::engine {
 /// folder lists the owners of the parts in the order of their calls.
 class ContactEvents {
  public:
-  /// Groups with more coordinates with laws, or with more with friction or a motor with a force
-  /// limit, use another method.
-  static constexpr std::size_t kMostLaws = 64, kMostLasting = 32;
-
   /// Bodies, joints and pairs of the group; set before begin(), without contacts.
   ContactEquations& equations() { return equations_; }
   List<ContactPair>& pairs() { return pairs_.list(); }

@@ -48,6 +48,11 @@ std::optional<HoldCandidate> candidate(const EventMotions& motions, std::size_t 
       c, *hold, at.rate, at.acceleration, zeta.rate, force_bounds(law, *hold, at, zeta)};
 }
 
+// Adds values of the laws that act to values of all laws.
+void add_by_acting(const EventProblem& problem, const VectorXd& values, VectorXd* all) {
+  for (const std::size_t c : problem.acting()) (*all)[eigen_index(c)] += values[problem.column(c)];
+}
+
 // Finds the coordinates that may be held, and the accelerations without forces that hold them.
 // Returns false where a limit has given way that cannot.
 bool find_candidates(const EventMotions& motions, const EventProblem& problem, double t,
@@ -56,24 +61,25 @@ bool find_candidates(const EventMotions& motions, const EventProblem& problem, d
   const List<OneSidedLaw>& laws = motions.laws();
   next->states.assign(laws.size(), {});
   next->leaves.assign(laws.size(), 0);
-  VectorXd force = VectorXd::Zero(eigen_index(laws.size()));
-  for (std::size_t c = 0; c < laws.size(); ++c) {
+  VectorXd force = VectorXd::Zero(eigen_index(problem.acting().size()));
+  for (const std::size_t c : problem.acting()) {
     if (motions.is_broken(laws[c].joint)) continue;
     OneSidedState& state = next->states[c];
+    double& of_law = force[problem.column(c)];
     if (laws[c].has_servo())
-      force[eigen_index(c)] = clamped_servo_force(laws[c], problem.reading(c), motions.rest(c, t));
+      of_law = clamped_servo_force(laws[c], problem.reading(c), motions.rest(c, t));
     if (!problem.is_free(c)) continue;
     const auto found = candidate(motions, c, problem, t, is_pressed[c] != 0, &state);
     if (state.yield != 0 && !std::isfinite(laws[c].limit_force)) return false;
     if (found)
       candidates->push_back(*found);
     else
-      force[eigen_index(c)] += constant_force(laws[c], state);
+      of_law += constant_force(laws[c], state);
   }
   next->acceleration.resize(eigen_index(laws.size()));
   for (std::size_t c = 0; c < laws.size(); ++c)
     next->acceleration[eigen_index(c)] = problem.reading(c).acceleration;
-  next->acceleration += math::product(problem.A(), force);
+  add_by_acting(problem, math::product(problem.A(), force), &next->acceleration);
   return true;
 }
 
@@ -85,7 +91,7 @@ BoxLcp problem_of(const List<HoldCandidate>& candidates, const EventProblem& all
   for (Index i = 0; i < n; ++i) {
     const HoldCandidate& row = candidates[i];
     for (Index j = 0; j < n; ++j)
-      problem.A(i, j) = all.A()(eigen_index(row.law), eigen_index(candidates[j].law));
+      problem.A(i, j) = all.A(row.law, candidates[j].law);
     problem.b[i] = acceleration[eigen_index(row.law)] - row.acceleration;
     problem.least[i] = row.bounds.least;
     problem.most[i] = row.bounds.most;
@@ -133,7 +139,8 @@ bool decide_once(const EventMotions& motions, const EventProblem& all, double t,
   VectorXd lambda;
   if (!solve(problem, &lambda)) return false;
   for (Index i = 0; i < n; ++i)
-    next->acceleration += lambda[i] * all.A().col(eigen_index(candidates[i].law));
+    add_by_acting(all, lambda[i] * all.A().col(all.column(candidates[i].law)),
+                  &next->acceleration);
   const List<signed char> sides = sides_of(candidates, problem, lambda, release, largest_force);
   List<Index> held;
   for (Index i = 0; i < n; ++i)

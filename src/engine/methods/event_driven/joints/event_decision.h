@@ -16,7 +16,8 @@ struct EventRelease {
   signed char side = 0;  ///< bound: -1 lower, +1 upper
 };
 
-/// States of all laws from now on, and the accelerations of their coordinates.
+/// States of all laws from now on, and the accelerations of their coordinates, where laws that do
+/// not act have those without one-sided forces.
 struct EventDecision {
   List<OneSidedState> states;
   List<char> leaves;  ///< per law: its coordinate leaves the rate at which the law could hold it

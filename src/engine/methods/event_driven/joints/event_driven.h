@@ -47,11 +47,9 @@ class EventDriven {
   using Ends = EventJoints::Ends;
 
   /// Largest number of coordinates with friction or a motor with a force limit; islands with more
-  /// use another method. Limits do not count, since few are reached at a time.
-  static constexpr std::size_t kMostRows = 32;
-  /// Largest number of coordinates with any law, also limits. The cost of an event grows with the
-  /// square of this number.
-  static constexpr int kMostLaws = 64;
+  /// use another method. A chain of so many hinges with friction costs as much by time_stepping.
+  /// Limits do not count, since few are reached at a time.
+  static constexpr std::size_t kMostRows = 128;
 
   /// `members`: indices of the joints of the island. `couplings`, `open`: as in EquationsOfMotion.
   EventDriven(const List<int>& members, const List<Joint>& all_joints, const Ends& ends,

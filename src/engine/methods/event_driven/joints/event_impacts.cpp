@@ -64,8 +64,7 @@ bool solve_impact(const EventProblem& rows, const List<EventHit>& hits, List<dou
     rate[i] = hit.rate;
     for (Index j = 0; j < n; ++j) {
       const EventHit& other = hits[static_cast<std::size_t>(j)];
-      problem.A(i, j) =
-          hit.direction * other.direction * rows.A()(eigen_index(hit.law), eigen_index(other.law));
+      problem.A(i, j) = hit.direction * other.direction * rows.A(hit.law, other.law);
     }
   }
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {

@@ -271,8 +271,8 @@ double EventMotions::braking_of(const EventProblem& problem, std::size_t c) cons
   List<Eigen::Index> others;
   for (std::size_t d = 0; d < laws().size(); ++d)
     if (d != c && laws()[d].drive > 0.0 && problem.is_free(d) && !is_broken(laws()[d].joint))
-      others.push_back(eigen_index(d));
-  return 0.5 * laws()[c].drive * response_beside(problem.A(), others, eigen_index(c));
+      others.push_back(problem.column(d));
+  return 0.5 * laws()[c].drive * response_beside(problem.A(), others, problem.column(c));
 }
 
 void EventMotions::change_states(const EventProblem& problem, const List<OneSidedState>& next,

@@ -1,6 +1,7 @@
 #include "engine/methods/event_driven/joints/event_problem.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "engine/dynamics/held_response.h"
 #include "engine/methods/event_driven/law_events.h"
@@ -45,21 +46,41 @@ bool EventProblem::load(const EventMotions& motions, const Interval& all, const 
   reading_.clear();
   for (const OneSidedLaw& law : motions.laws())
     reading_.push_back(read_law(motions, bodies, law, t, *bare, rates));
+  find_acting(motions, t);
   find_responses(motions, bare);
   return true;
+}
+
+// Finds the laws that may have a force or an impulse: all but limits that are away.
+void EventProblem::find_acting(const EventMotions& motions, double t) {
+  const List<OneSidedLaw>& laws = motions.laws();
+  acting_.clear();
+  column_.assign(laws.size(), -1);
+  for (std::size_t c = 0; c < laws.size(); ++c) {
+    const auto is_reached = [&](bool upper_one) {
+      if (!std::isfinite(laws[c].limit(upper_one))) return false;
+      const double beyond = reading_[c].q - motions.limit(c, upper_one, t).value;
+      return (upper_one ? -beyond : beyond) <= kTouching;
+    };
+    if (!laws[c].lasts() && !laws[c].has_servo() && !std::isfinite(laws[c].limit_force) &&
+        !is_reached(false) && !is_reached(true))
+      continue;
+    column_[c] = eigen_index(acting_.size());
+    acting_.push_back(c);
+  }
 }
 
 void EventProblem::find_responses(const EventMotions& motions, EquationsOfMotion* bare) {
   const EventJoints& joints = motions.joints();
   const List<OneSidedLaw>& laws = motions.laws();
-  const std::size_t n = laws.size();
+  const std::size_t n = acting_.size();
   response_.resize(n);
   joint_impulses_.resize(n);
-  is_free_.assign(n, 0);
+  is_free_.assign(laws.size(), 0);
   A_.setZero(eigen_index(n), eigen_index(n));
   const List<int>& bodies = bare->bodies();
   List<BodyImpulse> units;
-  for (std::size_t c = 0; c < n; ++c) {
+  for (const std::size_t c : acting_) {
     const std::size_t l = laws[c].joint;
     BodyImpulse& unit = units.emplace_back();
     if (!laws[c].is_coupling) {
@@ -79,23 +100,23 @@ void EventProblem::find_responses(const EventMotions& motions, EquationsOfMotion
     }
     return rate;
   };
-  for (std::size_t c = 0; c < n; ++c) {
-    if (motions.is_broken(laws[c].joint)) continue;
-    response_[c] = held_response(*bare, bare->inputs(), bare->kinematics(), units[c],
-                                 &bare->delassus(), &joint_impulses_[c]);
-    for (std::size_t d = 0; d < n; ++d)
-      A_(eigen_index(d), eigen_index(c)) = rate_of(units[d], response_[c]);
-    const bool is_free = A_(eigen_index(c), eigen_index(c)) >
-                         kHeld * free_response(*bare, bare->kinematics(), units[c]);
-    is_free_[c] = is_free ? 1 : 0;
+  for (std::size_t k = 0; k < n; ++k) {
+    if (motions.is_broken(laws[acting_[k]].joint)) continue;
+    response_[k] = held_response(*bare, bare->inputs(), bare->kinematics(), units[k],
+                                 &bare->delassus(), &joint_impulses_[k]);
+    for (std::size_t i = 0; i < n; ++i)
+      A_(eigen_index(i), eigen_index(k)) = rate_of(units[i], response_[k]);
+    const bool is_free = A_(eigen_index(k), eigen_index(k)) >
+                         kHeld * free_response(*bare, bare->kinematics(), units[k]);
+    is_free_[acting_[k]] = is_free ? 1 : 0;
   }
   A_ = (0.5 * (A_ + A_.transpose())).eval();
 }
 
 void EventProblem::add_impulse(std::size_t c, double impulse, EquationsOfMotion* bare) {
-  bare->add_response(response_[c], joint_impulses_[c], impulse, y_.data());
-  for (std::size_t d = 0; d < reading_.size(); ++d)
-    reading_[d].rate += A_(eigen_index(d), eigen_index(c)) * impulse;
+  const auto k = static_cast<std::size_t>(column(c));
+  bare->add_response(response_[k], joint_impulses_[k], impulse, y_.data());
+  for (const std::size_t d : acting_) reading_[d].rate += A(d, c) * impulse;
   hit_[c] += impulse;
 }
 

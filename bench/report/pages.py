@@ -1,4 +1,5 @@
-"""Writes the report: index.html with its plots, grid.html, summary.md and columns.md."""
+"""Writes the page of the report (summary.md with at most ten pictures) from the stored figures, and index.html,
+which has the same page and all that is measured: a diagram for each problem, all contestants, the stability grid."""
 import csv
 import html
 import math
@@ -7,12 +8,21 @@ import statistics
 import package_path  # noqa: F401
 from constraint_sim.sweep import figures, plots
 from constraint_sim.sweep.report_pages import (
-    CONTESTANT_HEADER, FRONT_TEXT, HEADER, JUDGED_BY, brief, comparison_lines, contestant_lines, count_lines,
-    exploded_of, grid_body, judgement, markdown_table, page, table)
+    AIM, CONTESTANT_HEADER, FRONT_TEXT, HEADER, JUDGED_BY, brief, comparison_lines, contestant_lines, exploded_of,
+    grid_body, markdown_table, page, table)
 
 import cells
+import kinds
+import pictures
 import published
+import stored as stored_figures
+from document import (Folded, Heading, Items, Numbered, Picture, Table, Text, write_html, write_markdown)
 
+TITLE = 'Error against run time beside other engines'
+DEFAULT = f'{figures.OURS} auto'
+NAMES = pictures.NAMES
+PICTURES = ('scenes', 'ratios', *(kind.name for kind in kinds.KINDS), 'stability', 'sizes')
+SHOWN_TARGETS = (1e-2, 1e-4, 1e-6)
 REFERENCE_COLUMNS = {
     'problem': 'the scene', 'source': 'where its motion is known from',
     'own_error': 'largest difference of a position, or of an orientation times the size of the scene, '
@@ -26,6 +36,370 @@ SCALING_COLUMNS = {
             'several steps in it [µs]',
     'bytes': 'resident memory that building the scene and its first ticks took',
     'instructions': 'of a tick, counted by valgrind; nan: not counted'}
+
+# ---- the first page
+
+def small(error):
+    """Returns a power of ten as text: 1e-2, not 0.01."""
+    return f'1e{round(math.log10(error))}'
+
+
+def named(engines):
+    names = [NAMES.get(engine, engine) for engine in engines]
+    return ', '.join(names[:-1]) + f' and {names[-1]}' if len(names) > 1 else ''.join(names)
+
+
+def compared(lines, target):
+    """Returns the lines of a target that both sides reach."""
+    return [line for line in lines if line[1] == target and not math.isnan(line[4])]
+
+
+def only_one(lines, target):
+    """Returns (number of problems that ours alone reaches, that another engine alone reaches)."""
+    own = [line for line in lines if line[1] == target]
+    return sum(1 for line in own if line[2] and not line[3]), sum(1 for line in own if line[3] and not line[2])
+
+
+def speed_line(lines, target, note):
+    both = compared(lines, target)
+    alone, behind = only_one(lines, target)
+    if not both:
+        return f'**Error {small(target)}** ({note}): no problem that both reach.'
+    won = sum(1 for line in both if line[4] > 1.0)
+    tenfold = sum(1 for line in both if line[4] >= AIM)
+    return (f'**Error {small(target)}** ({note}): constraint_sim is faster in {won} of {len(both)} problems that both '
+            f'reach, at least {AIM:g} times in {tenfold}; median ratio '
+            f'{statistics.median(line[4] for line in both):.2g}. It alone reaches {alone} more, another engine alone '
+            f'{behind}.')
+
+
+def stability_line(counts, cases):
+    """Returns a sentence on runs that exploded, of the default method and of the steadiest other contestant."""
+    if DEFAULT not in counts:
+        return '**Stability** was not measured.'
+    run = {name: sum(found.values()) - found['n/a'] for name, found in counts.items()}
+    def exploded(name):
+        return f'{counts[name]["exploded"]} of {run[name]}'
+    peers = [name for name in counts if not figures.is_ours(name)]
+    # a contestant that cannot express most cases says little
+    fair = [name for name in peers if run[name] >= 0.9 * max(run[peer] for peer in peers)]
+    text = (f'**Stability** ({cases} extreme scenes, such as mass ratios up to 1e9): the default method explodes in '
+            f'{exploded(DEFAULT)} runs')
+    if fair:
+        best = min(fair, key=lambda name: (counts[name]['exploded'] / run[name], name))
+        text += f'; of other engines the steadiest that runs most scenes, {best}, in {exploded(best)}'
+    return text + '.'
+
+
+def many_line(sizes):
+    """Returns a sentence on the cost of a step with many links, bodies and contacts."""
+    parts = []
+    for kind in sorted({row['kind'] for row in sizes}):
+        own = [row for row in sizes if row['kind'] == kind and row['time'] > 0.0]
+        ours = {row['count'] for row in own if figures.is_ours(row['contestant'])}
+        both = ours & {row['count'] for row in own if not figures.is_ours(row['contestant'])}
+        if not both:
+            continue
+        count = max(both)
+        best = {}
+        for row in own:
+            if row['count'] == count:
+                side = figures.is_ours(row['contestant'])
+                best[side] = min(best.get(side, row), row, key=lambda each: each['time'])
+        peer = best[False]['contestant'].split()[0]
+        parts.append(f'{count} {kind} {brief(best[True]["time"] / 1e3)} ms ({NAMES.get(peer, peer)} '
+                     f'{brief(best[False]["time"] / 1e3)} ms)')
+    if not parts:
+        return '**Many bodies** were not measured beside another engine.'
+    return '**Many bodies**: a step of 1 ms, by the fastest method of an engine, takes with ' + ', '.join(parts) + '.'
+
+
+def loss_line(lines):
+    lost = [line for line in lines if line[4] < 1.0 and line[1] in SHOWN_TARGETS]
+    both = [line for line in lines if not math.isnan(line[4]) and line[1] in SHOWN_TARGETS]
+    at = ', '.join(f'{sum(1 for line in lost if line[1] == target)} at {small(target)}' for target in SHOWN_TARGETS)
+    return (f'**Losses**: another engine is faster in {len(lost)} of {len(both)} cases ({at}). '
+            'Where and why is [below](#where-other-engines-are-faster).')
+
+
+def measured_line(runs):
+    minutes = sum(run['minutes'] for run in runs)
+    if len(runs) == 1:
+        run, = runs
+        return (f'Measured at commit {run["commit"]} ({run["date"]}) in {minutes:.0f} minutes on {run["processor"]}. '
+                '`./scripts/report` repeats all of it, `./scripts/report --quick` a tenth.')
+    return ('Measured at several commits, ' + ', '.join(f'{run["commit"]} ({run["covers"]})' for run in runs) +
+            f', in {minutes:.0f} minutes on {runs[0]["processor"]}. `./scripts/report` measures all of it at one '
+            'commit, `./scripts/report --quick` a tenth.')
+
+
+def ten_lines(stored, lines, counts, sizes):
+    engines = sorted({engine for run in stored.runs for engine in run['engines']}, key=list(NAMES).index)
+    longest = max(run['time_steps'][0] for run in stored.runs)
+    shortest = min(run['time_steps'][1] for run in stored.runs)
+    problems = {line[0] for line in lines}
+    known = sum(1 for row in stored.problems if row['problem'] in problems and row['source'])
+    others = f', {named(engines)}' if engines else ''
+    return [
+        f'**Question**: how much run time does an engine need for a given error? {len(problems)} scenes; the exact '
+        f'motion of {known} is known, from formulas or from independent integration in long double.',
+        f'**Engines**: constraint_sim{others}. Each runs what it can express, with all its methods, and with time '
+        f'steps from {longest:g} s to {shortest:g} s or tolerances. The fastest run below an error counts.',
+        '**Ratio**: run time of the best other engine / run time of constraint_sim. 10: constraint_sim is ten times '
+        'faster. Below 1: the other engine is faster.',
+        speed_line(lines, 1e-2, 'm or rad; enough for a game'),
+        speed_line(lines, 1e-4, 'enough for most robots'), speed_line(lines, 1e-6, 'for analysis'),
+        stability_line(counts, len({row['problem'] for row in stored.stability})),
+        many_line(sizes), loss_line(lines), measured_line(stored.runs)]
+
+
+KIND_HEADER = ['kind', 'scenes', *(f'error {small(target)}' for target in SHOWN_TARGETS)]
+KIND_TEXT = ('In a cell: problems in which constraint_sim is faster, of those that both reach, and the median ratio; '
+             '+ those that constraint_sim alone reaches, − those that another engine alone reaches.')
+
+
+def kind_lines(lines, kind_of):
+    found = []
+    for kind in kinds.KINDS:
+        own = [line for line in lines if kind_of[line[0]] == kind.name]
+        if not own:
+            continue
+        texts = []
+        for target in SHOWN_TARGETS:
+            both = compared(own, target)
+            alone, behind = only_one(own, target)
+            text = f'{sum(1 for line in both if line[4] > 1.0)} of {len(both)}'
+            text += f', {statistics.median(line[4] for line in both):.2g}' if both else ''
+            texts.append(text + (f', +{alone}' if alone else '') + (f', −{behind}' if behind else ''))
+        found.append([kind.title, str(len({line[0] for line in own})), *texts])
+    return found
+
+
+LOSS_HEADER = ['kind', 'problems, with the ratio at each error', 'faster', 'why']
+
+
+def loss_lines(lines, kind_of):
+    """Returns a line for each kind and reason, with the problems that another engine wins."""
+    found = {}
+    for problem, target, ours, peer, ratio in lines:
+        if ratio < 1.0 or (peer and not ours):
+            kind = kind_of[problem]
+            cell = found.setdefault((kind, kinds.reason_of(problem, kind)), {}).setdefault(problem, ([], set()))
+            cell[0].append(f'{ratio:.2g} at {small(target)}' if ours else f'not reached at {small(target)}')
+            cell[1].add(peer[0].split()[0])
+    titles = {kind.name: kind.title for kind in kinds.KINDS}
+    order = [kind.name for kind in kinds.KINDS]
+    return [[titles[kind],
+             '; '.join(f'{problem}: {", ".join(ratios)}' for problem, (ratios, _) in sorted(cells_of.items())),
+             named(sorted({engine for _, engines in cells_of.values() for engine in engines}, key=list(NAMES).index)),
+             reason or 'not known']
+            for (kind, reason), cells_of in sorted(found.items(), key=lambda item: order.index(item[0][0]))]
+
+
+RATIO_HEADER = ['problem', 'kind', *(f'error {small(target)}' for target in figures.TARGETS)]
+RATIO_TEXT = ('In a cell: ratio (run time of constraint_sim / of the best other engine [µs per simulated second]). '
+              'Bold: the other engine is faster. –: not reached within the time limit.')
+
+
+def ratio_lines(lines, kind_of):
+    rows = {}
+    for problem, _, ours, peer, ratio in lines:
+        text = '–'
+        if ours or peer:
+            value = '' if math.isnan(ratio) else f'**{ratio:.2g}** ' if ratio < 1.0 else f'{ratio:.2g} '
+            peer_name = peer[0].split()[0] if peer else ''
+            text = f'{value}({brief(ours and ours[1].time)} / {brief(peer and peer[1].time)} {peer_name})'.replace(
+                ' )', ')')
+        rows.setdefault(problem, []).append(text)
+    titles = {kind.name: kind.title for kind in kinds.KINDS}
+    order = list(titles)
+    return [[problem, titles[kind_of[problem]], *texts] for problem, texts in sorted(
+        rows.items(), key=lambda item: (order.index(kind_of[item[0]]), item[0]))]
+
+
+def count_lines(counts):
+    names = sorted(counts, key=lambda name: (not figures.is_ours(name), name))
+    shown = [kind for kind in figures.CLASSES if any(counts[name][kind] for name in names)]
+    return ['contestant', *shown], [[name, *(str(counts[name][kind]) for kind in shown)] for name in names]
+
+
+def conditions_of(run):
+    """Returns the conditions of a run: programs, machine and duration."""
+    budgets = run['budgets']
+    median, worst = run['spread']
+    spread = f'; the median of the rounds is above it by {100 * median:.0f} % (median of all settings), at most ' \
+        f'{100 * worst:.0f} %' if median is not None else ', too few to tell how far they lie apart'
+    return [
+        f'commit: {run["commit"]} ({run["date"]})' + (f', for {run["covers"]}' if run['covers'] else ''),
+        f'processor: {run["processor"]}', f'system: {run["system"]}', f'compiler: {run["compiler"]}',
+        'engines: ' + ', '.join(f'{NAMES.get(name, name)} {version}'
+                                for name, version in sorted(run['engines'].items())) + '; absent: ' + (', '.join(run['absent']) or 'none'),
+        f'{run["size"]} run, measured in {run["minutes"]:.1f} minutes; each time the best of {run["rounds"]} '
+        'interleaved rounds' + spread,
+        f'time steps from {run["time_steps"][0]:g} s to {run["time_steps"][1]:g} s; longest run ' +
+        ', '.join(f'{limit:g} s ({part})' for part, limit in budgets.items())]
+
+
+def first_page(stored, has):
+    """Returns the blocks of the page. `has` tells whether a picture exists."""
+    runs = stored_figures.runs_of(stored.fronts)
+    lines = figures.comparison(runs)
+    kind_of = {row['problem']: row['kind'] for row in stored.problems}
+    counts, sizes = stored_figures.counts_of(stored.stability), stored_figures.sizes_of(stored.sizes)
+
+    def picture(name, alt):
+        return [Picture(f'{name}.svg', alt)] if has(name) else []
+
+    blocks = [Numbered(ten_lines(stored, lines, counts, sizes)),
+              *picture('ratios', 'ratios of run times, by kind of problem'),
+              Table(KIND_HEADER, kind_lines(lines, kind_of)), Text(KIND_TEXT),
+              Heading('Where other engines are faster'), Table(LOSS_HEADER, loss_lines(lines, kind_of)),
+              Heading('The scenes'),
+              Text('Two of each kind, as they start. Blue: bodies; brown: rods; red: joints.'),
+              *picture('scenes', 'scenes of each kind'), Heading('Error against run time'),
+              Text('Further left is faster, further down more exact. A line is the best that an engine reaches with all '
+                   'its methods and settings.')]
+    for kind in kinds.KINDS:
+        if has(kind.name):
+            names = ', '.join(sorted(name for name in runs if kind_of[name] == kind.name))
+            blocks += [Text(f'**{kind.title}.** {kind.text}'),
+                       Picture(f'{kind.name}.svg', f'error against run time: {kind.title}'),
+                       Folded('all problems of this kind', [Text(names)])]
+    blocks += [Heading('Stability'),
+               Text('Runs of extreme scenes at time steps from 0.5 s to 1 ms, by how they end. Exploded: not finite, or '
+                    'more than ten times the size of the scene away.'),
+               *picture('stability', 'share of runs that are exact, stable, or explode'),
+               Folded('numbers of runs', [Table(*count_lines(counts))])] if counts else []
+    if sizes:
+        blocks += [Heading('Many bodies'),
+                   Text('A step of 1 ms with ever more links of a chain, free bodies, and balls on a plane; of each '
+                        'engine its fastest method.'),
+                   *picture('sizes', 'run time of a step against the number of bodies')]
+    if stored.many:
+        blocks.append(Folded('scenes of 1000 to 10 000 bodies at steps of 1/240 s', [
+            Text(MANY_TEXT), Table(MANY_HEADER, many_lines(stored.many))]))
+    if sizes:
+        blocks.append(Folded('how run time and memory grow', [
+            Text(SLOPE_TEXT), Table(SLOPE_HEADER, slope_lines(sizes))]))
+    return blocks + [
+        Heading('Details'),
+        Folded('all ratios', [Text(RATIO_TEXT), Table(RATIO_HEADER, ratio_lines(lines, kind_of))]),
+        Folded('what this does not measure', [Items(HONESTY)]),
+        Folded('conditions', [Text(JUDGED_BY), *(Items(conditions_of(run)) for run in stored.runs),
+                              Text(own_error_text(stored.problems, runs))]),
+        Text('`./scripts/report` writes the same page to `build/report/full/index.html`, with a diagram for each problem, '
+             'all methods of all engines, the grid of stability and the raw figures. The figures of this page are in '
+             '`data/*.csv.xz`, with [their columns](columns.md); `./scripts/report --redraw` makes the page of them.')]
+
+
+def own_error_text(problems, runs):
+    errors = [float(row['own_error']) for row in problems if row['problem'] in runs]
+    largest = max((error for error in errors if not math.isnan(error)), default=0.0)
+    return f'Largest error of a reference: {largest:.1g} m.'
+
+
+# ---- parts that both pages have
+
+def many_lines(rows):
+    """Returns lines for each scene of many bodies, fastest first."""
+    done = [row for row in rows if row['outcome'] != 'unsupported']
+    done.sort(key=lambda row: (row['problem'], math.isnan(float(row['run_time'])), float(row['run_time'])))
+    return [[row['problem'], row['contestant'], row['outcome'].replace('_', ' '), brief(float(row['run_time']) * 1e-6),
+             *(brief(float(row[name])) for name in MANY_ERRORS)] for row in done]
+
+
+MANY_ERRORS = ('position', 'orientation', 'constraint', 'energy')
+MANY_HEADER = ['problem', 'contestant', 'outcome', 'run time per second [s/s]',
+               *(figures.MEASURES[name] for name in MANY_ERRORS)]
+MANY_TEXT = ('One tick of 1/240 s after the other with the tolerances that each engine has by itself. '
+             'What is too slow was stopped at the budget: its figures are of the part until then. '
+             'net_32 is the net of 1984 rods and two that hold its corners.')
+
+
+def slope_lines(sizes):
+    """Returns for each kind and contestant the exponents of time, instructions and memory, and the cost of
+    one more element at the largest size."""
+    found = {measure: figures.growth(sizes, measure) for measure in ('time', 'instructions', 'bytes')}
+    lines = []
+    for kind, contestant in sorted(found['time'], key=lambda key: (
+            key[0], not figures.is_ours(key[1]), key[1])):
+        line, key = found['time'][kind, contestant], (kind, contestant)
+        counts = [count for count, _ in line]
+        def slope(measure):
+            points = found[measure].get(key, [])
+            return f'{figures.slope(*zip(*points)):.2f}' if len(points) > 1 else '–'
+        weight = found['bytes'].get(key, [(1, math.nan)])[-1]
+        lines.append([kind, contestant, f'{counts[0]} to {counts[-1]}', slope('time'),
+                      brief(line[-1][1] / line[-1][0]), slope('instructions'), slope('bytes'),
+                      brief(weight[1] / weight[0])])
+    return lines
+
+
+SLOPE_HEADER = ['kind', 'contestant', 'over', 'slope of time', 'µs for one, at most', 'of instructions',
+                'of memory', 'bytes for one, at most']
+SLOPE_TEXT = ('Run time of a tick of 1 ms and memory from 10 links, bodies or contacts on, each '
+              'contestant as far as the budget goes; the slope is the exponent of the growth, and what '
+              'one costs is taken where there are most.')
+
+
+HONESTY = [
+    'One thread of one machine; nothing is said of engines in parallel or on other processors.',
+    'Errors are taken each 0.1 s (at longer time steps each step), of the states an engine reports; velocities '
+    'enter only energy and momentum.',
+    'Each engine is used as its documentation suggests, through one adapter written for this report; '
+    'somebody who knows it better may get more out of it. Point masses have small inertias where an '
+    'engine insists on one.',
+    'Time steps are 0.2 s and divisors of 0.1 s, tolerances powers of ten: a finer choice moves a run time by up to '
+    'the factor between two of them.',
+    'Runs beyond the budget were not made, so that "–" may mean too dear as well as never.',
+    'Building a scene and rendering are not measured. Memory is resident memory, and of small scenes '
+    'mostly what a library takes once.',
+    'Scenes were chosen by the authors of constraint_sim. Those with contacts are few and simple.',
+    'What an adapter cannot express is left out (outcome `unsupported`): MuJoCo has no restitution by '
+    'a coefficient; Simbody (compliant contacts: Hertz, 1e8 Pa, 10 s/m) has no contact of boxes with '
+    'anything but planes; DART and Simbody take other means of two coefficients of friction than the '
+    'geometric one; DART has no rods, and where light bars (1e-6 to 1e-2 of the mass they hold) stood '
+    'for rods in a four-bar linkage they flew apart at the ticks that were tried, so its loops are of '
+    'ball joints; springs, motors and, of others than DART, loops are not built in joint coordinates.',
+]
+
+
+def columns_text(described):
+    return '\n'.join(f'# Columns of {name}\n\n' + markdown_table(
+        ['column', 'meaning'], [[f'`{column}`', text] for column, text in columns.items()])
+        for name, columns in described)
+
+
+def write(output, stored, scenes=None):
+    """Writes summary.md, columns.md and their pictures. `scenes` gives (kind, problem, scene as YAML); without it
+    an existing picture of scenes stays."""
+    output.mkdir(parents=True, exist_ok=True)
+    runs = stored_figures.runs_of(stored.fronts)
+    lines = figures.comparison(runs)
+    kind_of = {row['problem']: row['kind'] for row in stored.problems}
+    counts = stored_figures.counts_of(stored.stability)
+    drawn = {'scenes': (output / 'scenes.svg').exists()}
+    if scenes:
+        drawn['scenes'] = True
+        pictures.scenes(scenes, output / 'scenes.svg')
+    if lines:
+        drawn['ratios'] = True
+        pictures.ratios(lines, kind_of, output / 'ratios.svg')
+    for kind in kinds.KINDS:
+        drawn[kind.name] = pictures.fronts(runs, kind.shown, output / f'{kind.name}.svg')
+    if counts:
+        drawn['stability'] = True
+        pictures.stability(counts, output / 'stability.svg')
+    drawn['sizes'] = pictures.sizes(stored_figures.sizes_of(stored.sizes), output / 'sizes.svg')
+    blocks = first_page(stored, lambda name: drawn.get(name, False))
+    write_markdown(output / 'summary.md', TITLE, blocks)
+    (output / 'columns.md').write_text(columns_text(
+        (f'data/{name}.csv.xz', columns) for name, columns in stored_figures.COLUMNS.items()))
+    return blocks
+
+
+# ---- all that is measured
+
 def published_lines(runs, problems, budget):
     """Returns each peer's time beside that of an earlier comparison, over the median ratio, with reasons
     for large deviations and for times in only one of both. Peers outside the budget here are skipped."""
@@ -71,75 +445,7 @@ def read_csv(path):
         return list(csv.DictReader(line for line in file if ',' in line))
 
 
-HONESTY = [
-    'One thread of one machine; nothing is said of engines in parallel or on other processors.',
-    'Errors are taken each 0.1 s, of the states an engine reports; velocities enter only energy and '
-    'momentum.',
-    'Each engine is used as its documentation suggests, through one adapter written for this report; '
-    'somebody who knows it better may get more out of it. Point masses have small inertias where an '
-    'engine insists on one.',
-    'Ticks are those that divide 0.1 s, tolerances powers of ten: a finer choice moves a run time '
-    'by up to the factor between two of them.',
-    'Runs beyond the budget were not made, so that "–" may mean too dear as well as never.',
-    'Building a scene and rendering are not measured. Memory is resident memory, and of small scenes '
-    'mostly what a library takes once.',
-    'Scenes were chosen by the authors of constraint_sim. Those with contacts are few and simple.',
-    'What an adapter cannot express is left out (outcome `unsupported`): MuJoCo has no restitution by '
-    'a coefficient; Simbody (compliant contacts: Hertz, 1e8 Pa, 10 s/m) has no contact of boxes with '
-    'anything but planes; DART and Simbody take other means of two coefficients of friction than the '
-    'geometric one; DART has no rods, and where light bars (1e-6 to 1e-2 of the mass they hold) stood '
-    'for rods in a four-bar linkage they flew apart at the ticks that were tried, so its loops are of '
-    'ball joints; springs, motors and, of others than DART, loops are not built in joint coordinates.',
-]
-
-
-def many_lines(rows):
-    """Returns lines for each scene of many bodies, fastest first."""
-    lines = []
-    for problem, contestants in sorted(figures.runs_of(rows).items()):
-        done = [(name, run) for name, (run,) in contestants.items() if run.outcome != 'unsupported']
-        for name, run in sorted(done, key=lambda pair: (math.isnan(pair[1].time), pair[1].time)):
-            lines.append([problem, name, run.outcome.replace('_', ' '), brief(run.time * 1e-6),
-                          *(brief(run.errors[measure]) for measure in MANY_ERRORS)])
-    return lines
-
-
-MANY_ERRORS = ('position', 'orientation', 'constraint', 'energy')
-MANY_HEADER = ['problem', 'contestant', 'outcome', 'run time per second [s/s]',
-               *(figures.MEASURES[name] for name in MANY_ERRORS)]
-MANY_TEXT = ('One tick of 1/240 s after the other with the tolerances that each engine has by itself. '
-             'What is too slow was stopped at the budget: its figures are of the part until then. '
-             'net_32 is the net of 1984 rods and two that hold its corners.')
-
-
-def slope_lines(sizes):
-    """Returns for each kind and contestant the exponents of time, instructions and memory, and the cost of
-    one more element at the largest size."""
-    found = {measure: figures.growth(sizes, measure) for measure in ('time', 'instructions', 'bytes')}
-    lines = []
-    for kind, contestant in sorted(found['time'], key=lambda key: (
-            key[0], not figures.is_ours(key[1]), key[1])):
-        line, key = found['time'][kind, contestant], (kind, contestant)
-        counts = [count for count, _ in line]
-        def slope(measure):
-            points = found[measure].get(key, [])
-            return f'{figures.slope(*zip(*points)):.2f}' if len(points) > 1 else '–'
-        weight = found['bytes'].get(key, [(1, math.nan)])[-1]
-        lines.append([kind, contestant, f'{counts[0]} to {counts[-1]}', slope('time'),
-                      brief(line[-1][1] / line[-1][0]), slope('instructions'), slope('bytes'),
-                      brief(weight[1] / weight[0])])
-    return lines
-
-
-SLOPE_HEADER = ['kind', 'contestant', 'over', 'slope of time', 'µs for one, at most', 'of instructions',
-                'of memory', 'bytes for one, at most']
-SLOPE_TEXT = ('Run time of a tick of 1 ms and memory from 10 links, bodies or contacts on, each '
-              'contestant as far as the budget goes; the slope is the exponent of the growth, and what '
-              'one costs is taken where there are most.')
-
-
 def write_sizes(output, sizes):
-    plots.scaling(sizes, output / 'scaling.svg')
     with open(output / 'scaling.csv', 'w', newline='') as file:
         writer = csv.DictWriter(file, list(SCALING_COLUMNS), lineterminator='\n')
         writer.writeheader()
@@ -155,41 +461,6 @@ def write_references(output, problems, own_errors):
                          for name in sorted(own_errors))
 
 
-def write_columns(output):
-    described = [('cells.csv, grid.csv and many.csv', cells.COLUMNS),
-                 ('references.csv', REFERENCE_COLUMNS), ('scaling.csv', SCALING_COLUMNS)]
-    (output / 'columns.md').write_text(
-        '`nan`: there is nothing to compare with. micro.csv is as Google Benchmark writes it.\n\n' +
-        '\n'.join(f'# Columns of {name}\n\n' + markdown_table(
-            ['column', 'meaning'], [[f'`{column}`', text] for column, text in columns.items()])
-            for name, columns in described))
-
-
-def spread_of(runs):
-    """Returns the spread between rounds, which a single round cannot show."""
-    median, worst = figures.spread(runs)
-    if math.isnan(median):
-        return ', too few to tell how far they lie apart'
-    return (f'; the median of the rounds is above it by {100 * median:.0f} % (median of all '
-            f'settings), at most {100 * worst:.0f} %')
-
-
-def conditions_of(facts, runs, variants, own_errors, grid, many, sizes):
-    """Returns the conditions of the measurement: programs, machine and duration."""
-    versions = sorted({f'{variant.engine} {variant.version}' for variant in variants})
-    return [f'{key}: {facts[key]}' for key in ('processor', 'system', 'compiler', 'commit')] + [
-        'engines: ' + ', '.join(versions),
-        'absent peers: ' + (', '.join(facts['absent']) or 'none'),
-        f'{facts["kind"]} run, measured in {facts["measured in"]}; each time the best of '
-        f'{facts["rounds"]} interleaved rounds' + spread_of(runs),
-        f'budget of a run: {facts["budget"]:g} s' +
-        (f', in the stability grid {facts["grid_budget"]:g} s' if grid else '') +
-        (f', with many bodies {facts["many_budget"]:g} s' if many else '') +
-        (f', of a size {facts["sizes_budget"]:g} s' if sizes else ''),
-        f'largest error of a reference of the diagrams: '
-        f'{max((own_errors.get(name, 0.0) for name in runs), default=0.0):.1g} m (references.csv)']
-
-
 def micro_body(micro):
     kept = [row for row in micro if row['name'].endswith('_median')]
     return ['<h2>Micro figures</h2>', table(
@@ -199,97 +470,52 @@ def micro_body(micro):
          for row in kept])]
 
 
-def write(output, rows, sizes, problems, variants, own_errors, facts):
-    """Writes the report. `rows` are those of the diagrams, the grid and the scenes of many bodies."""
-    runs = figures.runs_of(rows['diagrams'])
-    contestants = sorted({name for found in runs.values() for name in found},
+def grid_parts(output, rows, problems):
+    """Writes grid.html; returns HTML that sums it up."""
+    grid = figures.verdicts(rows, problems)
+    if not grid:
+        return []
+    contestants = sorted({name for found in grid.values() for name in found},
                          key=lambda name: (not figures.is_ours(name), name))
-    style = plots.styles(contestants)
+    (output / 'grid.html').write_text(page('Stability', grid_body(
+        grid, problems, contestants, 'two seconds (longer where ticks are scaled)')))
+    exploded = ' '.join(exploded_of(grid, name) for name in contestants if figures.is_ours(name))
+    return [f'<h2>Stability, case by case</h2><p>{html.escape(exploded)} <a href="grid.html">The grid</a>.</p>']
+
+
+def write_details(output, blocks, rows, sizes, problems, own_errors, budget):
+    """Writes index.html: the page `blocks`, and all that is measured. `rows` are those of the diagrams, the grid and
+    the scenes of many bodies."""
+    runs = figures.runs_of(rows['diagrams'])
+    style = plots.styles(sorted({name for found in runs.values() for name in found},
+                                key=lambda name: (not figures.is_ours(name), name)))
+    (output / 'diagrams').mkdir(exist_ok=True)
     for name, found in runs.items():
-        plots.diagram(name, found, style, output / f'{name}.svg')
-    lines = figures.comparison(runs)
-    plots.ratios(lines, output / 'ratios.svg')
-    grid = figures.verdicts(rows['grid'], problems)
-    in_grid = sorted({name for found in grid.values() for name in found},
-                     key=lambda name: (not figures.is_ours(name), name))
-    counts = figures.counts(grid)
+        plots.diagram(name, found, style, output / 'diagrams' / f'{name}.svg')
     if sizes:
         write_sizes(output, sizes)
-    micro = read_csv(output / 'micro.csv')
-    many = many_lines(rows['many'])
-    slopes = slope_lines(sizes)
-    if grid:
-        (output / 'grid.html').write_text(page('Stability', grid_body(
-            grid, problems, in_grid, 'two seconds (longer where ticks are scaled)')))
     write_references(output, problems, own_errors)
-    write_columns(output)
-    conditions = conditions_of(facts, runs, variants, own_errors, grid, many, sizes)
-    texts = judgement(lines)
-    header, counted = count_lines(counts, in_grid)
-    stability = f'{len(grid)} cases. ' + ' '.join(exploded_of(grid, name) for name in in_grid
-                                                  if figures.is_ours(name))
-    beside, factor = published_lines(runs, problems, facts["budget"])
-
-    write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside, factor,
-                   conditions)
-    table_lines, classes = comparison_lines(lines)
-    body = ['<ul>', *(f'<li>{html.escape(text)}</li>' for text in conditions), '</ul>',
-            '<h2>Run time to an error</h2>',
-            *(f'<p>{html.escape(text)}</p>' for text in texts),
-            '<img src="ratios.svg" alt="ratios of run times">',
-            f'<p>{JUDGED_BY} Green: at least ten times less run time than the best peer. Red: the '
-            'peer wins.</p>',
-            table(HEADER, table_lines, classes),
-            f'<h2>Diagrams</h2><p>{FRONT_TEXT}</p>',
-            *(f'<h3>{name}</h3><img src="{name}.svg" alt="error against run time of {name}">'
+    (output / 'raw_columns.md').write_text(
+        '`nan`: there is nothing to compare with. micro.csv is as Google Benchmark writes it.\n\n' + columns_text([
+            ('cells.csv, grid.csv and many.csv', cells.COLUMNS), ('references.csv', REFERENCE_COLUMNS),
+            ('scaling.csv', SCALING_COLUMNS)]))
+    table_lines, classes = comparison_lines(figures.comparison(runs))
+    beside, factor = published_lines(runs, problems, budget)
+    micro = read_csv(output / 'micro.csv')
+    body = ['<h1>All that was measured</h1>', '<h2>Run time to an error</h2>',
+            f'<p>{JUDGED_BY} Green: at least ten times less run time than the best other engine. Red: the other engine '
+            'is faster.</p>', table(HEADER, table_lines, classes),
+            f'<h2>A diagram for each problem</h2><p>{FRONT_TEXT}</p>',
+            *(f'<h3>{name}</h3><img src="diagrams/{name}.svg" loading="lazy" alt="error against run time of {name}">'
               for name in sorted(runs)),
             '<h2>All contestants</h2><p>Least run time [µs/s] to each error.</p>',
-            table(CONTESTANT_HEADER, contestant_lines(runs))]
-    if grid:
-        body += [f'<h2>Stability</h2><p>{html.escape(stability)} <a href="grid.html">The grid</a>.</p>',
-                 table(header, counted)]
-    if many:
-        body += [f'<h2>Many bodies at 1/240 s</h2><p>{html.escape(MANY_TEXT)}</p>',
-                 table(MANY_HEADER, many)]
-    if sizes:
-        body += [f'<h2>Scaling</h2><p>{html.escape(SLOPE_TEXT)}</p>'
-                 '<img src="scaling.svg" alt="cost of a tick against size">', table(SLOPE_HEADER, slopes)]
+            table(CONTESTANT_HEADER, contestant_lines(runs)), *grid_parts(output, rows['grid'], problems)]
     if micro:
         body += micro_body(micro)
     if beside:
-        body += [f'<h2>Peers beside an earlier comparison</h2><p>{published_text(factor)}</p>',
+        body += [f'<h2>Other engines beside an earlier comparison</h2><p>{published_text(factor)}</p>',
                  table(PUBLISHED_HEADER, beside)]
-    body += ['<h2>What this does not measure</h2><ul>',
-             *(f'<li>{html.escape(text)}</li>' for text in HONESTY), '</ul>',
-             '<p>Raw figures: ' + ', '.join(
-                 f'<a href="{name}.csv">{name}.csv</a>'
-                 for name in ('cells', 'grid', 'many', 'scaling', 'references')
-                 if (output / f'{name}.csv').exists()) +
-             '; <a href="columns.md">their columns</a>.</p>']
-    (output / 'index.html').write_text(page('constraint_sim: error against run time', '\n'.join(body)))
-
-
-def write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside,
-                   factor, conditions):
-    parts = ['# Error against run time\n',
-             'Written by `./scripts/report' +
-             (f' --{facts["kind"]}' if facts['kind'] in ('quick', 'mechanisms', 'events') else '') + '`; '
-             'open [index.html](index.html) in a browser for the diagrams.\n',
-             '\n'.join(f'- {text}' for text in texts) + '\n',
-             '![ratios](ratios.svg)\n',
-             f'{JUDGED_BY} Ratio: run time of the best peer over ours; bold where the peer wins.\n',
-             markdown_table(HEADER, [[*line[:-1], f'**{line[-1]}**' if kind == 'loss' else line[-1]]
-                                     for line, kind in zip(*comparison_lines(lines))]),
-             *(['## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted)]
-               if counted else []),
-             *(['## Many bodies at 1/240 s\n', MANY_TEXT + '\n', markdown_table(MANY_HEADER, many)]
-               if many else []),
-             *(['## Scaling\n', SLOPE_TEXT + '\n', markdown_table(SLOPE_HEADER, slopes)]
-               if slopes else []),
-             *(['## Peers beside an earlier comparison\n', published_text(factor) +
-                f' Of {len(beside)} figures those that differ:\n',
-                markdown_table(PUBLISHED_HEADER, [line for line in beside if line[-1]])]
-               if beside else []),
-             '## Conditions\n', '\n'.join(f'- {text}' for text in conditions) + '\n',
-             '## What this does not measure\n', '\n'.join(f'- {text}' for text in HONESTY) + '\n']
-    (output / 'summary.md').write_text('\n'.join(parts))
+    body.append('<p>Raw figures: ' + ', '.join(
+        f'<a href="{name}.csv">{name}.csv</a>' for name in ('cells', 'grid', 'many', 'scaling', 'references')
+        if (output / f'{name}.csv').exists()) + '; <a href="raw_columns.md">their columns</a>.</p>')
+    write_html(output / 'index.html', TITLE, blocks, '\n'.join(body))

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Measures error against run time, stability and scaling of this engine and others, and writes the
-report: an HTML page with plots, the raw figures as CSV, and a summary in Markdown.
+"""Measures error against run time, stability and scaling of this engine and others, and writes the report
+to --output: index.html with all that is measured, summary.md with its pictures, the raw figures as CSV, and
+in data/ the compressed figures from which --redraw makes summary.md again.
 
 scripts/report calls this with what it has built. A run that was interrupted goes on where it
 stopped, as long as its options, the commit and the engines' versions are the same; --fresh begins
@@ -8,6 +9,7 @@ anew. Problems and variants may come and go meanwhile.
 """
 import argparse
 import json
+import math
 import os
 import pathlib
 import platform
@@ -21,7 +23,9 @@ import package_path  # noqa: F401
 from constraint_sim.sweep import figures, report_pages
 
 import cells
+import kinds
 import pages
+import stored
 import studies
 
 SOURCES = pathlib.Path(__file__).parent
@@ -31,28 +35,23 @@ PARTS = studies.PARTS
 # Parts of the studies that a shorter report leaves out.
 QUICK = {
     'problems': ('pendulum', 'double_pendulum', 'chain_10', 'chain_100', 'free_box',
-                 'tumbling_pendulum', 'four_bar_10_loaded', 'heavy_chain_1e3', 'sliding_ball'),
+                 'tumbling_pendulum', 'four_bar_10_loaded', 'net_8', 'heavy_chain_1e3', 'hinge_pair', 'slider_pair',
+                 'arm_7', 'rope_and_wall', 'stick_slip', 'rocking_block', 'sliding_ball'),
     # one number of sweeps of each iterative solver, without variants that are nowhere the best of their
     # engine
     'leave_out': re.compile(r'_(10|200)$|^ode (step|quickstep_50)$|^mujoco (tendon_rk4|joint_euler)$'),
     'grid_ticks': (0.1, 1 / 60), 'grid_stride': 3, 'many': (), 'counts': (10, 100),
-    'budget': 0.04, 'grid_budget': 0.02, 'many_budget': 0.0, 'sizes_budget': 0.015, 'most': 1000,
+    'budget': 0.04, 'grid_budget': 0.02, 'many_budget': 0.0, 'sizes_budget': 0.015, 'shortest': 1e-3,
 }
 FULL = {'problems': None, 'leave_out': None, 'grid_ticks': STUDIES['grid'].time_steps, 'grid_stride': 1,
-        'many': STUDIES['many'].scenes, 'counts': STUDIES['sizes'].counts, 'most': 100000,
+        'many': STUDIES['many'].scenes, 'counts': STUDIES['sizes'].counts, 'shortest': 0.0,
         'budget': STUDIES['diagrams'].time_limit, 'grid_budget': STUDIES['grid'].time_limit,
         'many_budget': STUDIES['many'].time_limit, 'sizes_budget': STUDIES['sizes'].time_limit}
 TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
         'grid_ticks': (0.1, 1 / 30), 'grid_stride': 1, 'many': ('pendula_1000',), 'counts': (10, 30),
-        'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 5.0, 'most': 100}
-# Groups of problems with a report of their own, by its option; contacts are in the large report too.
-DIAGRAMS = {**FULL, 'grid_ticks': (), 'many': (), 'counts': ()}
-REPORTS = {'mechanisms': ('mechanism',), 'events': ('event', 'contact')}
-APART = ('mechanism', 'event')
-# Problems of contact except heaps without a reference.
-EVENTS_OF_CONTACT = ('bouncing', 'cradle', 'sliding_ball', 'block_sticks', 'block_slides', 'rolling',
-                     'balls_666_elastic')
+        'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 5.0, 'shortest': 0.01}
+SIZES = {'full': FULL, 'quick': QUICK, 'tiny': TINY}
 BY_EVENTS = 'constraint_sim event_driven'  # equals `auto` where there are no contacts
 TINY_GRID = ('pendulum_doubled', 'spring_1e+12', 'mass_nan', 'chain_load_1e+03')
 
@@ -60,15 +59,15 @@ TINY_GRID = ('pendulum_doubled', 'spring_1e+12', 'mass_nan', 'chain_load_1e+03')
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--programs', required=True, help='folder with constraint_sim_report_*')
-    parser.add_argument('--output', required=True, help='folder for the report')
-    parser.add_argument('--work', required=True, help='folder for references and unfinished runs')
+    parser.add_argument('--programs', help='folder with constraint_sim_report_*')
+    parser.add_argument('--output', help='folder for the report')
+    parser.add_argument('--work', help='folder for references and unfinished runs')
+    parser.add_argument('--page', help='folder that gets summary.md, its pictures and data/ too')
+    parser.add_argument('--redraw', metavar='FOLDER',
+                        help='measure nothing: write summary.md and its pictures from FOLDER/data')
     size = parser.add_mutually_exclusive_group()
-    size.add_argument('--quick', action='store_true', help='a few minutes')
+    size.add_argument('--quick', action='store_true', help='some problems; a tenth of the time')
     size.add_argument('--tiny', action='store_true', help='seconds; for tests')
-    size.add_argument('--mechanisms', action='store_true', help='joints with axes, and nothing else')
-    size.add_argument('--events', action='store_true',
-                      help='ropes, stops, friction, motors at their limit and contacts, and nothing else')
     parser.add_argument('--rounds', type=int, help='interleaved runs of each setting')
     parser.add_argument('--budget', type=float,
                         help='longest run in the diagrams [s]; all other budgets change in proportion')
@@ -81,18 +80,23 @@ def arguments():
                         help='that a run may use [bytes], so that what grows without end is '
                              'stopped; 0: no limit')
     parser.add_argument('--commit', default='unknown')
-    return parser.parse_args()
+    parser.add_argument('--date', default='', help='of the commit')
+    options = parser.parse_args()
+    missing = [f'--{name}' for name in ('programs', 'output', 'work') if not getattr(options, name)]
+    if missing and not options.redraw:
+        parser.error('without --redraw are needed: ' + ', '.join(missing))
+    return options
 
 
-def kind_of(options):
-    return next((name for name in ('quick', 'tiny', *REPORTS) if getattr(options, name)), 'full')
+def size_of(options):
+    return next((name for name in ('quick', 'tiny') if getattr(options, name)), 'full')
 
 
-def is_in_report(problem, kind):
-    """Returns whether a graded problem belongs to the report of this kind."""
-    if kind == 'events' and problem.group == 'contact':
-        return problem.name in EVENTS_OF_CONTACT
-    return problem.group in REPORTS[kind] if kind in REPORTS else problem.group not in APART
+def is_run(variant, problem):
+    """Returns whether a variant runs a problem: contacts are event-driven where their events can be found one by
+    one, in a problem with a reference."""
+    return cells.label(variant) != BY_EVENTS or (
+        problem.graded and problem.group in ('event', 'contact') and problem.name not in kinds.CONTACT_HEAPS)
 
 
 def machine():
@@ -105,10 +109,16 @@ def machine():
             'compiler': compiler + ', CMake Release (-O3)'}
 
 
-def values_of(variant, most):
-    if variant.knob == 'tick':
-        return [step for step in STUDIES['diagrams'].time_steps if step >= 1.0 / most]
-    return variant.values
+def steps_of(shortest):
+    return [step for step in STUDIES['diagrams'].time_steps if step >= shortest]
+
+
+def values_of(variant, problem, shortest):
+    """Returns the settings of a variant: tolerances, or the time steps of which a whole number fits the duration."""
+    if variant.knob != 'tick':
+        return variant.values
+    return [step for step in steps_of(shortest)
+            if abs(problem.duration / step - round(problem.duration / step)) < 1e-6 * problem.duration / step]
 
 
 def is_continued(path, run, versions):
@@ -134,8 +144,8 @@ class Measurements:
         self.ours = self.variants[0].program
         self.problems = cells.problems(self.ours)
         versions = {variant.engine: variant.version for variant in all_variants}
-        self.kind = kind_of(options)
-        run = {'commit': options.commit, 'size': [self.kind, options.rounds, options.budget,
+        self.size_name = size_of(options)
+        run = {'commit': options.commit, 'size': [self.size_name, options.rounds, options.budget,
                                                   options.perturb]}
         self.state_path = work / 'state.json'
         is_fresh = options.fresh or not is_continued(self.state_path, run, versions)
@@ -153,12 +163,7 @@ class Measurements:
 
     def graded(self):
         return [p.name for p in self.problems.values()
-                if p.graded and is_in_report(p, self.kind) and
-                (self.size['problems'] is None or p.name in self.size['problems'])]
-
-    def asks_for(self, variant):
-        """Returns whether a variant is in this report: event-driven contacts have their own one."""
-        return self.kind == 'events' or cells.label(variant) != BY_EVENTS
+                if p.graded and (self.size['problems'] is None or p.name in self.size['problems'])]
 
     def in_grid(self):
         return [p.name for p in self.problems.values()
@@ -172,14 +177,15 @@ class Measurements:
         """Yields the batches of all requested parts."""
         size = self.size
         found = {
-            'diagrams': [cells.Batch(1, name, variant, values_of(variant, size['most']), False)
+            'diagrams': [cells.Batch(1, name, variant,
+                                     values_of(variant, self.problems[name], size['shortest']), False)
                          for name in self.graded() for variant in self.variants
-                         if self.asks_for(variant)],
+                         if is_run(variant, self.problems[name])],
             'grid': [cells.Batch(1, name, variant, [tick * self.problems[name].tick_scale
                                                     for tick in size['grid_ticks']], True)
-                     for name in self.in_grid() for variant in self.variants if self.asks_for(variant)],
+                     for name in self.in_grid() for variant in self.variants if cells.label(variant) != BY_EVENTS],
             'many': [cells.Batch(1, name, variant, STUDIES['many'].time_steps, True)
-                     for name in size['many'] for variant in self.variants if self.asks_for(variant)],
+                     for name in size['many'] for variant in self.variants if cells.label(variant) != BY_EVENTS],
             'sizes': [cells.Batch(1, f'{kind}_{count}', variant,
                                   STUDIES['sizes'].time_steps, True)
                       for count in size['counts'] for kind in STUDIES['sizes'].scenes
@@ -285,9 +291,51 @@ def instructions(program, variant, problem):
     return int(re.search(r'Collected : (\d+)', run.stderr).group(1)) // ticks
 
 
+def scene_texts(program):
+    """Returns (title of the kind, name of the problem, scene as YAML) of the scenes that the page shows."""
+    return [(kind.title, name, cells.output_of(program, 'save', '--problem', name, '--variant', 'auto'))
+            for kind in kinds.KINDS for name in kind.scenes]
+
+
+def facts_of(measurements, size, options, taken, runs):
+    """Returns the conditions of a run, as runs.json has them."""
+    variants = measurements.variants
+    known = {path.stem for path in (SOURCES / 'peers').glob('*.cpp')}
+    present = {variant.program.name.replace('constraint_sim_report_', '') for variant in variants}
+    steps = steps_of(size['shortest'])
+    return {'commit': options.commit, 'date': options.date, 'size': measurements.size_name, 'covers': '',
+            'minutes': round(taken / 60.0, 1), 'rounds': measurements.rounds('diagrams'),
+            'budgets': {'diagrams': size['budget'], 'grid': size['grid_budget'], 'many': size['many_budget'],
+                        'sizes': size['sizes_budget']},
+            'time_steps': [steps[0], steps[-1]],
+            'engines': {variant.engine: variant.version for variant in variants if variant.engine != figures.OURS},
+            'absent': sorted(known - present), **machine(),
+            'spread': [None if math.isnan(value) else round(value, 3) for value in figures.spread(runs)]}
+
+
+def stored_of(measurements, rows, sizes, facts, runs):
+    """Returns the figures of the page."""
+    problems = measurements.problems
+    grid = figures.verdicts(rows['grid'], problems)
+    return stored.Stored([facts], stored.fronts_of(runs), stored.stability_of(grid),
+                         stored.many_of(figures.runs_of(rows['many'])), sizes,
+                         stored.problems_of(problems, measurements.own_errors, set(runs) | set(grid)))
+
+
+def write_page(folder, page, scenes):
+    """Writes the figures of the page, and the page from what was written; returns its blocks."""
+    stored.write(folder / 'data', page)
+    return pages.write(folder, stored.read(folder / 'data'), scenes)
+
+
 def main():
     options = arguments()
-    size = dict({'quick': QUICK, 'tiny': TINY, 'full': FULL}.get(kind_of(options), DIAGRAMS))
+    if options.redraw:
+        folder = pathlib.Path(options.redraw)
+        pages.write(folder, stored.read(folder / 'data'))
+        print(f'report: {folder}/summary.md')
+        return
+    size = dict(SIZES[size_of(options)])
     if options.budget:
         share = options.budget / size['budget']
         size.update((name, share * size[name]) for name in size if name.endswith('budget'))
@@ -296,29 +344,27 @@ def main():
     output.mkdir(parents=True, exist_ok=True)
     measurements = Measurements(options, size, work)
     taken = measurements.measure()
-    micro = work / 'micro.csv'
-    if kind_of(options) in ('quick', 'full') and not micro.exists():
+    micro, benchmark = work / 'micro.csv', pathlib.Path(options.programs) / 'constraint_sim_micro'
+    if size_of(options) != 'tiny' and not micro.exists() and benchmark.exists():
         micro.write_text(cells.output_of(
-            pathlib.Path(options.programs) / 'constraint_sim_micro', '--benchmark_format=csv',
-            '--benchmark_min_time=0.02', '--benchmark_repetitions=5',
+            benchmark, '--benchmark_format=csv', '--benchmark_min_time=0.02', '--benchmark_repetitions=5',
             '--benchmark_report_aggregates_only=true'))
     tables = measurements.tables
     for path in [table.path for part, table in tables.items() if table.done and part != 'sizes'] + [micro]:
         if path.exists():
             shutil.copy(path, output / path.name)
-    variants = measurements.variants
-    known = {path.stem for path in (SOURCES / 'peers').glob('*.cpp')}
-    present = {variant.program.name.replace('constraint_sim_report_', '') for variant in variants}
-    facts = {**machine(), 'commit': options.commit, 'rounds': measurements.rounds('diagrams'),
-             'budget': size['budget'], 'grid_budget': size['grid_budget'],
-             'many_budget': size['many_budget'], 'sizes_budget': size['sizes_budget'],
-             'kind': measurements.kind,
-             'absent': sorted(known - present), 'measured in': f'{taken / 60.0:.1f} min'}
     counted = json.loads(path.read_text()) if (path := work / 'instructions.json').exists() else {}
     rows = {part: measurements.rows(part) for part in PARTS}
     sizes = figures.scaling(figures.runs_of(rows.pop('sizes')), counted)
-    pages.write(output, rows, sizes, measurements.problems, variants, measurements.own_errors, facts)
-    print(f'report: {output}/index.html, {output}/summary.md')
+    runs = figures.runs_of(rows['diagrams'])
+    page = stored_of(measurements, rows, sizes, facts_of(measurements, size, options, taken, runs), runs)
+    scenes = scene_texts(measurements.ours)
+    blocks = write_page(output, page, scenes)
+    pages.write_details(output, blocks, rows, sizes, measurements.problems, measurements.own_errors, size['budget'])
+    if options.page:
+        write_page(pathlib.Path(options.page), page, scenes)
+        print(f'report: {options.page}/summary.md')
+    print(f'report: {output}/index.html, {output}/summary.md; measured in {taken / 60.0:.1f} minutes')
 
 
 if __name__ == '__main__':

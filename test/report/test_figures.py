@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Evaluation of the report's figures, against results worked out by hand."""
+import json
 import math
 import os
 import pathlib
@@ -13,9 +14,11 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / 'bench' / '
 import package_path  # noqa: E402, F401
 from constraint_sim.sweep import figures  # noqa: E402
 import cells  # noqa: E402
+import kinds  # noqa: E402
 import pages  # noqa: E402
 import published  # noqa: E402
 import report  # noqa: E402
+import stored  # noqa: E402
 
 
 def row(**values):
@@ -28,6 +31,12 @@ def row(**values):
 
 def problem(**values):
     return cells.Problem('p', 'g', True, 2.0, 2.0, 1.0, False, False, True, '')._replace(**values)
+
+
+def facts(**values):
+    return {'commit': 'abc', 'date': '2026-01-01', 'size': 'full', 'covers': '', 'minutes': 1.0, 'rounds': 2,
+            'budgets': {'diagrams': 0.1}, 'time_steps': [0.2, 1e-5], 'engines': {'ode': '1'}, 'absent': [],
+            'processor': 'p', 'system': 's', 'compiler': 'c', 'spread': [0.1, 0.2], **values}
 
 
 class Script(unittest.TestCase):
@@ -48,17 +57,27 @@ class Script(unittest.TestCase):
             'cmake_minimum_required(VERSION 3.16)\nproject(nothing NONE)\n'
             'add_custom_target(report_programs)\n')
 
-    def output_of(self, *options):
-        said = subprocess.run([self.package / 'scripts/report', *options], text=True, check=True,
-                              stdout=subprocess.PIPE).stdout.split()
+    def said(self, *options):
+        return subprocess.run([self.package / 'scripts/report', *options], text=True, check=True,
+                              stdout=subprocess.PIPE).stdout
+
+    def folders_of(self, *options):
+        """Returns the folder of the report, and that of the page or None."""
+        said = self.said(*options).split()
         self.assertNotIn('--update', said)
-        return said[said.index('--output') + 1]
+        return said[said.index('--output') + 1], said[said.index('--page') + 1] if '--page' in said else None
 
     def test_the_committed_page_stays_unless_it_is_to_be_updated(self):
-        self.assertEqual(self.output_of(), 'build/report/full')
-        self.assertEqual(self.output_of('--quick'), 'build/report/quick')
-        self.assertEqual(self.output_of('--budget', '0.15', '--update'), 'docs/report')
-        self.assertEqual(self.output_of('--quick', '--update'), 'docs/report')
+        self.assertEqual(self.folders_of(), ('build/report/full', None))
+        self.assertEqual(self.folders_of('--quick'), ('build/report/quick', None))
+        self.assertEqual(self.folders_of('--budget', '0.15', '--update'), ('build/report/full', 'docs/report'))
+        self.assertEqual(self.folders_of('--quick', '--update'), ('build/report/quick', 'docs/report'))
+
+    def test_it_says_how_long_it_took(self):
+        self.assertRegex(self.said(), r'report: took \d+ minutes, \d+ of them to build\n$')
+
+    def test_drawing_the_page_again_measures_nothing(self):
+        self.assertEqual(self.said('--redraw'), '--redraw docs/report\n')
 
 
 class Figures(unittest.TestCase):
@@ -71,10 +90,12 @@ class Figures(unittest.TestCase):
 
     def test_one_round_tells_no_spread(self):
         once = figures.runs_of([row(round='1')])
-        self.assertEqual(pages.spread_of(once), ', too few to tell how far they lie apart')
+        self.assertTrue(math.isnan(figures.spread(once)[0]))
         twice = figures.runs_of([row(round='1', run_time='12'), row(round='2', run_time='10')])
-        self.assertEqual(pages.spread_of(twice), '; the median of the rounds is above it by 10 % '
-                         '(median of all settings), at most 10 %')
+        self.assertAlmostEqual(figures.spread(twice)[0], 0.1)
+        self.assertIn('too few to tell', pages.conditions_of(facts(spread=[None, None]))[5])
+        self.assertIn('above it by 10 % (median of all settings), at most 20 %',
+                      pages.conditions_of(facts(spread=[0.1, 0.2]))[5])
 
     def test_the_cheapest_run_below_the_target_counts(self):
         rows = [row(value='0.1', run_time='10', position='1e-3'),
@@ -164,6 +185,116 @@ class Figures(unittest.TestCase):
             'bullet featherstone_rk4', 'simbody rod', 'simbody pin')}
         used = {name for columns in published.TIMES.values() for name in columns} - {'simbody'}
         self.assertEqual(named, used)
+
+
+class Page(unittest.TestCase):
+    """The stored figures of the page, and the page."""
+
+    ROWS = [row(problem='gear_pair', value='0.2', run_time='10', position='1e-3'),
+            row(problem='gear_pair', value='0.1', run_time='20', position='2e-3'),  # worse in both
+            row(problem='gear_pair', value='0.05', run_time='40', position='1e-7'),
+            row(problem='gear_pair', contestant='constraint_sim b', run_time='15', position='1e-5'),
+            row(problem='gear_pair', contestant='ode step', run_time='5', position='1e-3'),
+            row(problem='gear_pair', contestant='ode step', value='0.01', run_time='600', position='1e-5'),
+            row(problem='gear_pair', contestant='ode step', value='0.001', outcome='too_slow', position='1e-9'),
+            row(problem='gear_pair', contestant='constraint_sim a perturbed', run_time='1', position='0')]
+
+    def page(self):
+        runs = figures.runs_of(self.ROWS)
+        problems = {'gear_pair': problem(name='gear_pair', group='mechanism')}
+        return stored.Stored([facts()], stored.fronts_of(runs), [], [], [],
+                             stored.problems_of(problems, {'gear_pair': 1e-12}, {'gear_pair'}))
+
+    def test_of_each_engine_the_runs_are_kept_that_no_other_beats(self):
+        self.assertEqual([(each['contestant'], each['run_time'], each['error']) for each in self.page().fronts],
+                         [('constraint_sim a', '10', '0.001'), ('constraint_sim b', '15', '1e-05'),
+                          ('constraint_sim a', '40', '1e-07'), ('ode step', '5', '0.001'),
+                          ('ode step', '600', '1e-05')])
+
+    def test_ratios_of_all_runs_and_of_the_kept_ones_are_equal(self):
+        def ratios(runs):
+            return str([(line[:2], line[4]) for line in figures.comparison(runs)])  # as text, nan equals nan
+        self.assertEqual(ratios(stored.runs_of(self.page().fronts)), ratios(figures.runs_of(self.ROWS)))
+
+    def test_stored_figures_are_read_as_they_were_written(self):
+        with tempfile.TemporaryDirectory() as folder:
+            first, second = pathlib.Path(folder) / 'first', pathlib.Path(folder) / 'second'
+            stored.write(first, self.page())
+            stored.write(second, stored.read(first))
+            for path in first.iterdir():
+                self.assertEqual(path.read_bytes(), (second / path.name).read_bytes(), path.name)
+
+    def test_the_page_says_where_another_engine_is_faster_and_why(self):
+        with tempfile.TemporaryDirectory() as folder:
+            pages.write(pathlib.Path(folder), self.page())
+            text = (pathlib.Path(folder) / 'summary.md').read_text()
+        self.assertIn('| Joints and couplings | gear_pair: 0.5 at 1e-2 | ODE | ' +
+                      kinds.reason_of('gear_pair', 'mechanisms'), text)
+        self.assertIn('constraint_sim is faster in 1 of 1 problems that both reach, at least 10 times in 1; median '
+                      'ratio 40', text)
+        self.assertIn('Measured at commit abc (2026-01-01) in 1 minutes', text)
+
+    def test_each_problem_has_a_kind(self):
+        known = {kind.name for kind in kinds.KINDS}
+        for name, group, kind in (('arm_7', 'mechanism', 'robots'), ('gear_pair', 'mechanism', 'mechanisms'),
+                                  ('ring_12', 'smooth', 'loops'), ('heavy_chain_1e3', 'stiff', 'loops'),
+                                  ('pendulum', 'smooth', 'smooth'), ('winch', 'event', 'events'),
+                                  ('rolling', 'contact', 'contacts')):
+            self.assertEqual(kinds.kind_of(name, group), kind, name)
+            self.assertIn(kind, known)
+
+    def test_time_steps_fit_the_duration(self):
+        variant = cells.Variant('', 'v', '', 'tick', 'e', '', [])
+        self.assertEqual(report.values_of(variant, problem(duration=2.0), 0.05), [0.2, 0.1, 0.05])
+        self.assertEqual(report.values_of(variant, problem(duration=1.5), 0.05), [0.1, 0.05])
+
+
+class Age(unittest.TestCase):
+    """scripts/check_report, in a repository of its own."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.package = pathlib.Path(folder.name)
+        for name in ('scripts', 'src/engine', 'docs/report/data'):
+            (self.package / name).mkdir(parents=True)
+        shutil.copy(pathlib.Path(__file__).resolve().parents[2] / 'scripts/check_report', self.package / 'scripts')
+        self.git('init', '-q')
+        self.measured = self.change('src/engine/a.cpp')
+
+    def git(self, *arguments):
+        return subprocess.run(['git', '-c', 'user.name=n', '-c', 'user.email=e', '-C', self.package, *arguments],
+                              check=True, text=True, stdout=subprocess.PIPE).stdout.strip()
+
+    def change(self, name):
+        with open(self.package / name, 'a') as file:
+            file.write('x')
+        self.git('add', '.')
+        self.git('commit', '-q', '-m', 'change')
+        return self.git('rev-parse', '--short=8', 'HEAD')
+
+    def check(self, *commits):
+        (self.package / 'docs/report/data/runs.json').write_text(json.dumps([facts(commit=each) for each in commits]))
+        done = subprocess.run([self.package / 'scripts/check_report'], text=True, stdout=subprocess.PIPE)
+        return done.returncode, done.stdout
+
+    def test_a_report_may_be_sixty_commits_of_the_engine_old(self):
+        for _ in range(60):
+            self.change('src/engine/a.cpp')
+        self.change('README.md')
+        self.assertEqual(self.check(self.measured)[0], 0)
+        self.change('src/engine/a.cpp')
+        code, said = self.check(self.measured)
+        self.assertEqual(code, 1)
+        self.assertIn(f'61 commits that touch src/engine came after {self.measured}', said)
+
+    def test_a_report_has_one_commit_that_is_known_and_without_changes_beside_it(self):
+        later = self.change('src/engine/a.cpp')
+        for commits, message in (((self.measured, later), 'several commits'), (('12345678',), 'is not an ancestor'),
+                                 ((f'{later}-dirty',), 'were not committed')):
+            code, said = self.check(*commits)
+            self.assertEqual(code, 1, said)
+            self.assertIn(message, said)
 
 
 class Processes(unittest.TestCase):

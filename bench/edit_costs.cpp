@@ -79,7 +79,7 @@ void command(const std::string& what, World* world) {
   const double t = world->time();
   int number = 0;
   for (const JointId id : world->joint_ids()) {
-    CoordinateMotor motor;
+    Motor motor;
     ++number;
     if (what == "arm_forces") {
       motor.force = 3.0 * std::sin(5.0 * t + number);

@@ -78,7 +78,7 @@ inline void add_joint(World* world, const std::vector<BodyId>& ids, const JointA
   if (info(at.kind).has_frames)
     joint.frame_a = frame_along(state(at.a).orientation.conjugate() * at.axis);
   if (at.second_axis) joint.axis_b = state(at.b).orientation.conjugate() * *at.second_axis;
-  if (at.motor) static_cast<Motor&>(joint.coordinates.front().motor.emplace()) = *at.motor;
+  joint.coordinates.front().motor = at.motor;
   world->add_joint(joint);
 }
 

@@ -164,8 +164,8 @@ inline Parts mechanism(unsigned seed, bool with_motors) {
 // ---- arms
 
 /// Motor that is too weak for many poses: with a constant rate or a sine, or to a position.
-inline CoordinateMotor motor_of_arm(Draw& draw, double weight) {
-  CoordinateMotor motor;
+inline Motor motor_of_arm(Draw& draw, double weight) {
+  Motor motor;
   motor.max_force = 0.5 * weight * std::pow(10.0, 1.5 * draw());
   const int course = draw.below(4);
   if (course < 2) motor.bias = draw();

@@ -77,7 +77,7 @@ World crane(double time_step, const std::string& folder) {
   engine::WorldOptions options = world.options();
   options.time_step = time_step;
   world.set_options(options);
-  engine::CoordinateMotor motor;
+  engine::Motor motor;
   const JointId foot = world.find_joint("foot");
   motor.position = world.joint_state(foot).coordinates[0].position;
   world.set_motor(foot, 0, motor);

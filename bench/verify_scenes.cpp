@@ -97,7 +97,7 @@ struct RandomEdit {
     if (kind == Kind::kMotor && !joints.empty()) {
       const JointId id = joints[which % joints.size()];
       if (info(world.joint(id).kind).coordinates == 0) return;
-      CoordinateMotor motor;
+      Motor motor;
       motor.bias = amount;
       motor.max_force = which % 2 == 0 ? 5.0 : 0.0;
       world.set_motor(id, 0, motor);

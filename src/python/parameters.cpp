@@ -56,7 +56,7 @@ py::object to_python(const Eigen::Quaterniond& value) {
 template <class Struct>
 py::dict dict_of(const Struct& object);
 template <>
-py::object to_python(const std::optional<engine::CoordinateMotor>& value) {
+py::object to_python(const std::optional<engine::Motor>& value) {
   return value ? py::object(dict_of(*value)) : py::none();
 }
 template <>
@@ -120,7 +120,7 @@ void read(Keywords* keywords, const char* key, engine::Method* value) {
 }
 
 /// Reads the motor of a coordinate; None keeps the motor.
-void read(Keywords* keywords, const char* key, std::optional<engine::CoordinateMotor>* value) {
+void read(Keywords* keywords, const char* key, std::optional<engine::Motor>* value) {
   const py::object motor = keywords->find(key);
   if (motor && !motor.is_none()) motor_from(as_dict(key, motor), &value->emplace());
 }
@@ -228,9 +228,9 @@ void motor_from(const py::dict& keywords, engine::Motor* target) {
   reading.expect_no_more();
 }
 
-void motor_from(const py::dict& keywords, engine::CoordinateMotor* target) {
+void velocity_motor_from(const py::dict& keywords, engine::Motor* target) {
   Keywords reading("motor", keywords);
-  engine::visit_fields(*target, reader(&reading));
+  engine::visit_list(engine::kVelocityMotor, *target, reader(&reading));
   reading.expect_no_more();
 }
 
@@ -330,7 +330,7 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
   if (engine::info(joint.kind).coordinates > 0)
     read_laws(&reading, &joint);
   else if (const py::object motor = reading.find("motor"))
-    motor_from(as_dict("motor", motor), &joint.motor);
+    velocity_motor_from(as_dict("motor", motor), &joint.motor);
   reading.expect_no_more();
   return joint;
 }
@@ -342,7 +342,7 @@ void change_joint(const py::dict& keywords, engine::Joint* joint) {
     engine::visit_fields(*distance, reader(&reading));
     if (const py::object motor = reading.find("motor")) {
       joint->motor = engine::Motor{};
-      if (!motor.is_none()) motor_from(as_dict("motor", motor), &joint->motor);
+      if (!motor.is_none()) velocity_motor_from(as_dict("motor", motor), &joint->motor);
     }
   }
   if (const int count = engine::info(joint->kind).coordinates) {
@@ -382,7 +382,9 @@ py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool
     dict["value"] = world.joint_state(world.find_joint(joint.name)).coupling.constant;
   if (const auto* distance = engine::if_distance(joint)) {
     engine::visit_fields(*distance, writer(&dict));
-    dict["motor"] = dict_of(joint.motor);
+    py::dict motor;
+    engine::visit_list(engine::kVelocityMotor, joint.motor, writer(&motor));
+    dict["motor"] = motor;
   }
   if (const int count = engine::info(joint.kind).coordinates) {
     py::list laws;

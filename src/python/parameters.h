@@ -30,7 +30,8 @@ void state_from(const py::dict& keywords, engine::BodyState* target);
 py::dict state_dict(const engine::BodyState& state);
 
 void motor_from(const py::dict& keywords, engine::Motor* target);
-void motor_from(const py::dict& keywords, engine::CoordinateMotor* target);
+/// Reads the motor of a length, which has the keywords of a velocity motor alone.
+void velocity_motor_from(const py::dict& keywords, engine::Motor* target);
 
 /// Reads a joint between bodies of `world`. `broken`: whether the joint starts broken.
 engine::Joint joint_from(const py::dict& keywords, const engine::World& world, bool* broken);

@@ -51,7 +51,7 @@ void set_motor(engine::World* world, const std::string& name, const py::dict& ke
   const engine::JointId id = world->find_joint(name);
   if (engine::info(world->joint(id).kind).coordinates == 0) {
     engine::Motor motor;
-    motor_from(keywords, &motor);
+    velocity_motor_from(keywords, &motor);
     world->set_motor(id, motor);
     return;
   }
@@ -62,7 +62,7 @@ void set_motor(engine::World* world, const std::string& name, const py::dict& ke
   reading.read("coordinate", &coordinate);
   reading.read("removed", &removed);
   for (const char* key : {"coordinate", "removed"}) rest.attr("pop")(key, py::none());
-  engine::CoordinateMotor motor;
+  engine::Motor motor;
   motor_from(rest, &motor);
   if (removed && !rest.empty())
     throw std::invalid_argument("removed: a motor that is taken away has no settings");

@@ -20,7 +20,7 @@ double passive_effort(const engine::CoordinateLaw& law, const engine::Coordinate
   return -law.stiffness * (middle - law.rest) - law.damping * rate - friction;
 }
 
-double effort_of(const engine::CoordinateMotor& motor, const engine::CoordinateLaw& law,
+double effort_of(const engine::Motor& motor, const engine::CoordinateLaw& law,
                  const engine::CoordinateState& now, bool is_saturated, double coupled,
                  double time_step) {
   const double most =

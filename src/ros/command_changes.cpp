@@ -138,10 +138,9 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
   const bool was_to_position = trajectories_.drop(id);
   goals_.replace({constraint}, "a command");
   const JointBounds bounds = robots_.bounds(world, id);
-  engine::CoordinateMotor motor;
+  engine::Motor motor = joint.motor;
   const double asked = value;
   if (engine::info(joint.kind).coordinates == 0) {
-    static_cast<engine::Motor&>(motor) = joint.motor;
     motor.bias = bounded(value, bounds.velocity);
     return driver->set_motor(id, motor);
   }

@@ -64,10 +64,10 @@ void check_mode(const std::string& prefix, const Motor& msg) {
                {{"max_force", msg.max_force}, {"timeout", msg.timeout}});
 }
 
-std::optional<engine::CoordinateMotor> motor_of(const std::string& prefix, const Motor& msg) {
+std::optional<engine::Motor> motor_of(const std::string& prefix, const Motor& msg) {
   check_mode(prefix, msg);
   if (msg.mode == Motor::NONE) return std::nullopt;
-  engine::CoordinateMotor motor;
+  engine::Motor motor;
   motor.bias = msg.bias;
   motor.amplitude = msg.amplitude;
   motor.frequency = msg.frequency;
@@ -138,7 +138,7 @@ void read_law_of_length(const Constraint& msg, engine::Joint* joint) {
   joint->distance.damping = law.damping;
   if (msg.type == "rope" && joint->distance.is_soft())
     joint->distance = engine::tension_spring(joint->distance);
-  const std::optional<engine::CoordinateMotor> motor = motor_of(prefix + "motor.", law.motor);
+  const std::optional<engine::Motor> motor = motor_of(prefix + "motor.", law.motor);
   if (!motor) return;
   if (law.motor.mode != Motor::RATE)
     refuse(prefix + "motor.mode", of_type(msg) + " have motors of mode RATE=1 alone, got " +

@@ -32,7 +32,7 @@ void write_errors(const Joint& joint, const JointState& state, ConstraintState* 
 /// Whether a motor requests a rate, by velocity or by position.
 bool has_rigid_motor(const Joint& joint) {
   if (engine::if_distance(joint) != nullptr) return true;
-  const std::optional<engine::CoordinateMotor>& motor = joint.coordinates[0].motor;
+  const std::optional<engine::Motor>& motor = joint.coordinates[0].motor;
   return engine::info(joint.kind).coordinates > 0 && motor && motor->is_rigid();
 }
 

@@ -44,8 +44,11 @@ template <class Bias>
 void set_bias(World& world, const Bias& bias) {
   const engine::JointId id = find_joint(world, "constraint", bias.constraint);
   const engine::Joint& joint = world.joint(id);
-  engine::Motor motor = joint.motor;
-  if (joint.coordinates[0].motor) motor = *joint.coordinates[0].motor;
+  engine::Motor motor;
+  const engine::Motor& present = joint.coordinates[0].motor.value_or(joint.motor);
+  motor.amplitude = present.amplitude;
+  motor.frequency = present.frequency;
+  motor.phase = present.phase;
   motor.bias = bias.bias;
   motor.max_force = bias.max_force;
   motor.timeout = bias.timeout;
@@ -312,7 +315,7 @@ void visit_drive(Stream& stream, DriveChanges::Motor& each) {
   stream.next(each.joint);
   stream.next(has_coordinate);
   each.has_coordinate = has_coordinate != 0;
-  engine::CoordinateMotor& motor = each.motor;
+  engine::Motor& motor = each.motor;
   for (double* number : {&motor.bias, &motor.amplitude, &motor.frequency, &motor.phase,
                          &motor.max_force, &motor.timeout, &motor.servo_frequency,
                          &motor.servo_damping_ratio, &motor.servo_stiffness, &motor.servo_damping})

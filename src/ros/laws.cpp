@@ -36,7 +36,7 @@ template <class List, class Struct>
 bool set_field(const List& list, const std::string& key, double value, Struct* target) {
   bool is_known = false;
   engine::visit_list(list, *target, [&](const char* field, auto& member, auto) {
-    if (key != (std::is_base_of_v<engine::Motor, Struct> ? key_of_motor(field) : field)) return;
+    if (key != (std::is_same_v<Struct, engine::Motor> ? key_of_motor(field) : field)) return;
     is_known = true;
     if constexpr (std::is_same_v<decltype(member), bool&>)
       member = flag(value, field);
@@ -49,8 +49,8 @@ bool set_field(const List& list, const std::string& key, double value, Struct* t
 // Sets a key of a law. The first key of a motor adds the motor.
 bool set_key(const std::string& key, double value, engine::CoordinateLaw* law) {
   if (set_field(engine::kFields<engine::CoordinateLaw>, key, value, law)) return true;
-  engine::CoordinateMotor motor = law->motor.value_or(engine::CoordinateMotor{});
-  if (!set_field(engine::kFields<engine::CoordinateMotor>, key, value, &motor)) return false;
+  engine::Motor motor = law->motor.value_or(engine::Motor{});
+  if (!set_field(engine::kFields<engine::Motor>, key, value, &motor)) return false;
   law->motor = motor;
   return true;
 }
@@ -59,7 +59,7 @@ bool set_key(const std::string& key, double value, engine::CoordinateLaw* law) {
 void choose_motor(const std::string& key, engine::CoordinateLaw* law) {
   const bool is_rate = key == "bias" || key == "amplitude";
   if (!law->motor || !(is_rate || key == "motor_position" || key == "motor_force")) return;
-  engine::CoordinateMotor& motor = *law->motor;
+  engine::Motor& motor = *law->motor;
   if (!is_rate) motor.bias = motor.amplitude = 0.0;
   if (key != "motor_force") motor.force.reset();
   if (key == "motor_position") return;
@@ -71,7 +71,7 @@ bool set_property(const std::string& given, double value, engine::Joint* joint) 
   if (set_field(engine::kJointSettings, given, value, joint)) return true;
   if (engine::DistanceJoint* const distance = engine::if_distance(*joint))
     return set_field(engine::kFields<engine::DistanceJoint>, given, value, distance) ||
-           set_field(engine::kFields<engine::Motor>, given, value, &joint->motor);
+           set_field(engine::kVelocityMotor, given, value, &joint->motor);
   std::string name = given;
   const std::size_t i = take_coordinate(&name);
   if (i >= static_cast<std::size_t>(engine::info(joint->kind).coordinates)) return false;

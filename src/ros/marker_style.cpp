@@ -214,7 +214,7 @@ std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::
     return std::nullopt;
   for (int i = 0; i < engine::info(joint.kind).coordinates; ++i) {
     const auto at = static_cast<std::size_t>(i);
-    const std::optional<engine::CoordinateMotor>& motor = joint.coordinates[at].motor;
+    const std::optional<engine::Motor>& motor = joint.coordinates[at].motor;
     if (!motor) continue;
     shown.is_angle = engine::info(joint.kind).is_angle[i];
     shown.rate = state.coordinates[at].bias;

@@ -14,8 +14,8 @@ namespace constraint_sim {
 struct DriveChanges {
   struct Motor {
     std::string joint;
-    bool has_coordinate = false;    ///< false: a distance joint, which has a plain motor
-    engine::CoordinateMotor motor;  ///< motor of the first coordinate
+    bool has_coordinate = false;  ///< false: a distance joint
+    engine::Motor motor;          ///< motor of the length or the first coordinate
   };
   struct State {
     std::string body;
@@ -43,12 +43,9 @@ class Driver {
 
   // The setters call the functions of the world with these names, which throw
   // std::invalid_argument.
-  void set_motor(engine::JointId id, const engine::CoordinateMotor& motor) {
+  void set_motor(engine::JointId id, const engine::Motor& motor) {
     const bool has_coordinate = engine::info(world_->joint(id).kind).coordinates > 0;
-    if (has_coordinate)
-      world_->set_motor(id, 0, motor);
-    else
-      world_->set_motor(id, motor);
+    world_->set_motor(id, motor);
     if (changes_) changes_->motors.push_back({world_->joint(id).name, has_coordinate, motor});
   }
   void set_state(engine::BodyId id, const engine::BodyState& state) {

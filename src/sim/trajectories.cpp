@@ -61,12 +61,12 @@ int order_of(const JointTrajectory& trajectory) {
 }
 
 /// Returns the motor that follows the trajectory.
-const engine::CoordinateMotor& motor_of(const engine::Joint& joint) {
+const engine::Motor& motor_of(const engine::Joint& joint) {
   if (engine::info(joint.kind).coordinates == 0)
     refuse_joints(of_joint(joint.name) + "has no coordinate");
   if (!joint.coordinates[0].motor)
     refuse_joints(of_joint(joint.name) + "has no motor to follow a trajectory with");
-  const engine::CoordinateMotor& motor = *joint.coordinates[0].motor;
+  const engine::Motor& motor = *joint.coordinates[0].motor;
   if (motor.force) refuse_joints(of_joint(joint.name) + "has a motor that goes by force");
   return motor;
 }
@@ -124,8 +124,7 @@ Spline spline_of(const engine::World& world, engine::JointId id, const JointTraj
 /// force than any limited motor has. With x from −1/2 to 1/2 within the tick the rate is v = bias +
 /// p cos(κ x) + q sin(κ x), where v(1/2) − v(−1/2) = 2 q sin(κ/2), (v(1/2) + v(−1/2))/2 = bias + p
 /// cos(κ/2), and the mean is bias + p sin(κ/2)/(κ/2).
-void set_rate(double begin, double mean, double end, double time, double h,
-              engine::CoordinateMotor* motor) {
+void set_rate(double begin, double mean, double end, double time, double h, engine::Motor* motor) {
   // A joint with friction has no direction where it begins, or comes to rest, without a rate.
   constexpr double kLeast = 0.03;
   const double square_of_mean = mean * mean;
@@ -220,7 +219,7 @@ void Trajectories::begin(const engine::World& world, const JointTrajectory& traj
 
 // A trajectory in progress drives a motor to a position by a rate; its own flag counts then.
 bool Trajectories::is_to_position(const engine::Joint& joint, engine::JointId id) const {
-  const engine::CoordinateMotor& motor = *joint.coordinates[0].motor;
+  const engine::Motor& motor = *joint.coordinates[0].motor;
   if (motor.position) return !motor.is_servo();
   const auto found = on_their_way_.find(id.value);
   return found != on_their_way_.end() && found->second.joint == joint.name &&
@@ -274,7 +273,7 @@ bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driv
   if (since + h <= 0.0) return true;
   const bool is_over = since >= way.course.spline.duration();
   const double target = way.course.spline.at(since + h);
-  engine::CoordinateMotor motor = *world.joint(id).coordinates[0].motor;
+  engine::Motor motor = *world.joint(id).coordinates[0].motor;
   motor.timeout = motor.amplitude = motor.frequency = motor.phase = 0.0;
   if (motor.is_servo()) {
     motor.position = target;

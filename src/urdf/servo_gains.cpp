@@ -29,7 +29,7 @@ double inertia_behind(const Lumps& lumps, const std::vector<engine::Body>& bodie
   return sum;
 }
 
-void set_servo_gains(double inertia, engine::CoordinateMotor* motor) {
+void set_servo_gains(double inertia, engine::Motor* motor) {
   if (!(motor->servo_frequency > 0.0)) return;
   const double omega = 2.0 * engine::kPi * motor->servo_frequency;
   motor->servo_stiffness = omega * omega * inertia;

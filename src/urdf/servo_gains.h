@@ -22,6 +22,6 @@ double inertia_behind(const Lumps& lumps, const std::vector<engine::Body>& bodie
 
 /// Replaces frequency and damping ratio of a servo by the stiffness and damping that give them to
 /// this inertia [kg or kg m²]. Other motors stay.
-void set_servo_gains(double inertia, engine::CoordinateMotor* motor);
+void set_servo_gains(double inertia, engine::Motor* motor);
 
 }  // namespace constraint_sim

@@ -99,7 +99,7 @@ class Tree {
   std::set<std::uint32_t> shared_;       // joints whose links others carry too
 };
 
-const engine::CoordinateMotor* servo_of(const engine::Joint& joint) {
+const engine::Motor* servo_of(const engine::Joint& joint) {
   const auto& motor = joint.coordinates[0].motor;
   const bool has_servo = joint.kind == engine::JointKind::kHinge || is_slider(joint);
   return has_servo && motor && motor->is_servo() ? &*motor : nullptr;
@@ -112,7 +112,7 @@ std::map<std::uint32_t, double> holding_efforts(World world, const std::vector<J
   options.time_step = 1e-4;
   world.set_options(options);
   for (const JointId id : joints) {
-    engine::CoordinateMotor rigid;
+    engine::Motor rigid;
     rigid.position = world.joint_state(id).coordinates[0].position;
     world.set_motor(id, 0, rigid);
   }

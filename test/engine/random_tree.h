@@ -150,7 +150,7 @@ inline RandomTree random_tree(int seed, double far = 0.0) {
           law.damping = draws.share();
           law.rest = random();
         } else if (which < 0.45 && kind != JointKind::kScrew) {  // motors of both would contradict
-          CoordinateMotor motor;
+          Motor motor;
           if (which < 0.4) {  // else it holds the coordinate
             motor.bias = random();
             motor.amplitude = random();

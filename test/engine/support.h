@@ -95,13 +95,6 @@ inline Motor rate_motor(double bias, double max_force = 0.0, double timeout = 0.
   return motor;
 }
 
-/// A motor of a coordinate without a position.
-inline CoordinateMotor of_coordinate(const Motor& motor) {
-  CoordinateMotor of;
-  static_cast<Motor&>(of) = motor;
-  return of;
-}
-
 // ---- poses
 
 /// States of the two bodies of a joint.

@@ -139,7 +139,7 @@ struct Shot {
     rail.body_b = id;
     rail.frame_a = frame.turn * z_along_x();
     CoordinateLaw& law = rail.coordinates[0];
-    CoordinateMotor motor;
+    Motor motor;
     if (drive == Drive::kSpring) {
       law.stiffness = stiffness;
       law.rest = length(travel);
@@ -317,7 +317,7 @@ TEST(AssumedPathsOfArms, EndAtPosts) {
         hinge.frame_a = frame.turn;
         hinge.body_b = world.add_body(frame.place(ball));
         hinge.anchor_b = {-s * (has_arm ? 0.5 : 1.0) * kArm, 0.0, 0.0};
-        CoordinateMotor motor;
+        Motor motor;
         motor.force = torque * s * s;
         hinge.coordinates[0].motor = motor;
         const JointId id = world.add_joint(hinge);

@@ -235,6 +235,36 @@ TEST(BadInput, Motors) {
   victim.expect_refused("motor", "2.5", [&](World& w) { w.set_motor(victim.hinge, motor); });
 }
 
+// A distance joint has a velocity motor alone; joints without coordinates have no motor.
+TEST(BadInput, MotorsByPositionOrForce) {
+  const std::vector<std::pair<std::string, std::function<void(Motor&)>>> settings{
+      {"position", [](Motor& m) { m.position = 2.5; }},
+      {"servo_frequency", [](Motor& m) { m.servo_frequency = 2.5; }},
+      {"servo_damping_ratio", [](Motor& m) { m.servo_damping_ratio = 2.5; }},
+      {"servo_stiffness", [](Motor& m) { m.servo_stiffness = 2.5; }},
+      {"servo_damping", [](Motor& m) { m.servo_damping = 2.5; }},
+      {"force", [](Motor& m) { m.force = 2.5; }},
+  };
+  Victim victim;
+  for (const auto& [field, set] : settings) {
+    Motor motor;
+    set(motor);
+    victim.expect_refused(field, "2.5", [&](World& w) { w.set_motor(victim.rod, motor); });
+    victim.expect_refused("motor", "2.5", [&](World& w) { w.set_motor(victim.hinge, motor); });
+    Joint joint = victim.world.joint(victim.rod);
+    joint.motor = motor;
+    victim.expect_refused(field, "free: true", [&](World& w) { w.set_joint(victim.rod, joint); });
+    joint.name = "new";
+    victim.expect_refused(field, "kFreeDistance", [&](World& w) { w.add_joint(joint); });
+    const std::string scene =
+        "bodies: [{name: a, mass: 1, position: [1, 0, 0]}]\nconstraints: "
+        "[{name: rod, body_b: a, motor: {" +
+        field + ": 2.5}}]";
+    EXPECT_NE(refusal([&] { load_scene(scene); }).find("'" + field + "'"), std::string::npos)
+        << field;
+  }
+}
+
 TEST(BadInput, Joints) {
   const auto distance = [](Joint& j) -> DistanceJoint& { return j.distance; };
   std::vector<Field<Joint>> fields{

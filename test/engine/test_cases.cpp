@@ -121,7 +121,7 @@ TEST(Case, MotorsGoFromStopToStop) {
       rail.coordinates[0].lower = 0.0;
       rail.coordinates[0].upper = 0.2;
       const JointId id = world.add_joint(rail);
-      CoordinateMotor motor;
+      Motor motor;
       motor.max_force = max_force;
       int events = 0;
       for (const double goal : {0.2, 0.0, 0.2}) {
@@ -154,7 +154,7 @@ TEST(Case, RepeatedTargetsAreReached) {
     rail.kind = JointKind::kSlider;
     rail.body_b = world.add_body(load);
     const JointId id = world.add_joint(rail);
-    CoordinateMotor motor;
+    Motor motor;
     motor.position = 0.3;
     for (int i = 0; i < static_cast<int>(std::lround(1.0 / h)); ++i) {
       world.set_motor(id, 0, motor);

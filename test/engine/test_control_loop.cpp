@@ -13,14 +13,14 @@ namespace {
 
 using Eigen::Vector3d;
 
-CoordinateMotor pushing(double force) {
-  CoordinateMotor motor;
+Motor pushing(double force) {
+  Motor motor;
   motor.force = force;
   return motor;
 }
 
-CoordinateMotor going_to(double position, double frequency, double max_force = 0.0) {
-  CoordinateMotor motor;
+Motor going_to(double position, double frequency, double max_force = 0.0) {
+  Motor motor;
   motor.position = position;
   motor.servo_frequency = frequency;
   motor.max_force = max_force;

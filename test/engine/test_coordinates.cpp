@@ -298,7 +298,7 @@ TEST(AngleMotor, GivesWayAtItsForceLimit) {
 TEST(AngleMotor, TellsItsForceLimitByImpulses) {
   World world = shipped("slider_crank", Method::kSequentialImpulses);
   const JointId shaft = world.find_joint("shaft");
-  CoordinateMotor motor;
+  Motor motor;
   motor.bias = 6.0;
   motor.max_force = 5.0;
   world.set_motor(shaft, 0, motor);

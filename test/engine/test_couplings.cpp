@@ -133,7 +133,7 @@ TEST(Gear, FollowsAMotorOverMoreThanHalfATurn) {
   for (const Method method : {Method::kRungeKutta, Method::kTimeStepping}) {
     Wheels made(2, method);
     made.gear(0, 1, 1.0);
-    CoordinateMotor motor;
+    Motor motor;
     motor.position = 5.0;
     made.world.set_motor(made.hinges[0], 0, motor);
     double before = 0.0;
@@ -277,7 +277,7 @@ TEST(Gear, TellsALoopThatContradictsAMotor) {
     wheels.gear(0, 1, 1.0);
     wheels.gear(1, 2, 1.0);
     wheels.gear(0, 2, 1.0);
-    CoordinateMotor motor;
+    Motor motor;
     motor.bias = 1.0;
     wheels.world.set_motor(wheels.hinges[0], 0, motor);
     const double energy = wheels.world.energy();
@@ -392,7 +392,7 @@ TEST(Gear, DrivesARack) {
     rail.body_b = wheels.world.add_body(rack);
     wheels.hinges.push_back(wheels.world.add_joint(rail));
     wheels.gear(0, 1, -2.0);  // 1/radius
-    CoordinateMotor motor;
+    Motor motor;
     motor.bias = 0.8;
     wheels.world.set_motor(wheels.hinges[0], 0, motor);
     for (int i = 0; i < 100; ++i) wheels.world.step();

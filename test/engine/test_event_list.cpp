@@ -144,7 +144,7 @@ TEST_P(EventList, WhatEditsOfAMotorChangeIsTold) {
   World world(by_events(GetParam(), 0.0));
   const JointId slider = push_into_limit(&world);
   events_of(&world, 1.0);
-  CoordinateMotor motor = *world.joint(slider).coordinates[0].motor;
+  Motor motor = *world.joint(slider).coordinates[0].motor;
   motor.bias = 0.0;
   world.set_motor(slider, 0, motor);
   const double stops = world.time();

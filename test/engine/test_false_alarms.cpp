@@ -76,7 +76,7 @@ World motorized_arm(Method method, double max_force) {
 
 void send(World* world, double position) {
   const JointId hinge = world->find_joint("hinge");
-  CoordinateMotor motor = *world->joint(hinge).coordinates[0].motor;
+  Motor motor = *world->joint(hinge).coordinates[0].motor;
   motor.position = position;
   world->set_motor(hinge, 0, motor);
 }

@@ -423,10 +423,10 @@ TEST_P(ForceLimitsAt, AnArmWithWeakMotorsComesToItsPosition) {
 TEST(ForceLimits, AreSeenBetweenSteps) {
   CoordinateLaw pressed;  // by half more than its weight
   pressed.lower = 0.0;
-  pressed.motor = of_coordinate({0.0, 1.0, 14.0, kPi, 1.5 * kSlidingMass * kGravity, 0.0});
+  pressed.motor = Motor{0.0, 1.0, 14.0, kPi, 1.5 * kSlidingMass * kGravity, 0.0};
   CoordinateLaw wound;  // the spring's force is 2 k A / ω at the middle of a period
   wound.stiffness = 300.0;
-  wound.motor = of_coordinate({0.0, 1.0, 10.0, 0.0, 8.0, 0.0});
+  wound.motor = Motor{0.0, 1.0, 10.0, 0.0, 8.0, 0.0};
   for (const int order : {5, 8})
     for (const auto& [law, gravity] : {std::pair(pressed, kGravity), std::pair(wound, 0.0)}) {
       WorldOptions options = by_events(0.1, gravity);
@@ -463,7 +463,7 @@ TEST(ForceLimits, ANewPositionIsANewCourse) {
   Slider slider(automatic(1.0 / 240), to_position(0.8, 6.0));
   run(slider.world, 60);
   EXPECT_TRUE(slider.state().saturated);
-  CoordinateMotor motor = *slider.world.joint(slider.joint).coordinates[0].motor;
+  Motor motor = *slider.world.joint(slider.joint).coordinates[0].motor;
   motor.position = -0.1;
   slider.world.set_motor(slider.joint, 0, motor);
   run(slider.world, 3 * 240);

@@ -38,7 +38,7 @@ struct Grasp {
       Joint guide = make_joint(name + "_guide", kWorldBody, {0.05 * side, 0.0, 0.0}, id,
                                Vector3d::Zero(), JointKind::kSlider);
       guide.frame_a = frame_along({-side, 0.0, 0.0});
-      CoordinateMotor& motor = guide.coordinates[0].motor.emplace();
+      Motor& motor = guide.coordinates[0].motor.emplace();
       motor.max_force = kPress;
       if (drive == Drive::kPosition)
         motor.position = 0.04;
@@ -116,7 +116,7 @@ TEST(WeakMotors, ReachTheirPositionByImpulses) {
       const BodyId id = world.add_body(body);
       Joint slider = make_joint("slider", kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(),
                                 JointKind::kSlider);
-      CoordinateMotor& motor = slider.coordinates[0].motor.emplace();
+      Motor& motor = slider.coordinates[0].motor.emplace();
       motor.position = 0.8;
       motor.max_force = force;
       const JointId joint = world.add_joint(slider);

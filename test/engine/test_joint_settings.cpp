@@ -157,7 +157,7 @@ TEST(EnabledJoint, ItsMotorStartsFromHere) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
     World world = pair(JointKind::kHinge, method, 0.01);
     const JointId id = world.joint_ids().front();
-    CoordinateMotor motor;
+    Motor motor;
     motor.bias = 0.5;
     world.set_motor(id, 0, motor);
     run(world, 10);
@@ -184,7 +184,7 @@ World driven_box(Method method, double h) {
   Joint joint = hang("rod", box, JointKind::kCylindrical);
   const std::array<std::pair<double, double>, 2> motors{{{0.7, 0.123}, {-1.3, 0.0777}}};
   for (std::size_t i = 0; i < 2; ++i) {
-    CoordinateMotor& motor = joint.coordinates[i].motor.emplace();
+    Motor& motor = joint.coordinates[i].motor.emplace();
     motor.bias = motors[i].first;
     motor.timeout = motors[i].second;
   }
@@ -214,7 +214,7 @@ TEST(Timeouts, OfEachCoordinateAreSavedMovedAndSetApart) {
   World loaded = load_scene(save_scene(world), "saved");
   EXPECT_EQ(save_scene(loaded), save_scene(world));
   loaded.set_time(100.0, 7);
-  CoordinateMotor motor = *world.joint(world.joint_ids().front()).coordinates[1].motor;
+  Motor motor = *world.joint(world.joint_ids().front()).coordinates[1].motor;
   motor.timeout = 0.05;  // counts from now and stops this coordinate only
   world.set_motor(world.joint_ids().front(), 1, motor);
   run(world, 20);

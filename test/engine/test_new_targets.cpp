@@ -79,7 +79,7 @@ struct Moved {
     world.add_joint(spring);
   }
   void send(double position) {
-    CoordinateMotor motor = world.joint(joint).coordinates[0].motor.value_or(CoordinateMotor{});
+    Motor motor = world.joint(joint).coordinates[0].motor.value_or(Motor{});
     motor.bias = 0.0;
     motor.position = position;
     world.set_motor(joint, 0, motor);
@@ -166,7 +166,7 @@ TEST(NewTargets, StartFromTheRateOfACoordinateWithoutTarget) {
       options.gravity.setZero();
       Moved moved(options, JointKind::kSlider, CoordinateLaw{});
       if (is_driven) {
-        CoordinateMotor motor;
+        Motor motor;
         motor.bias = 0.8;
         moved.world.set_motor(moved.joint, 0, motor);
       } else {
@@ -257,7 +257,7 @@ TEST(NewTargets, LeaveOtherCoordinatesOnTheirWay) {
   }
   const JointId joint = world.add_joint(made);
   const auto send = [&](int coordinate, double position) {
-    CoordinateMotor motor = *world.joint(joint).coordinates[to_index(coordinate)].motor;
+    Motor motor = *world.joint(joint).coordinates[to_index(coordinate)].motor;
     motor.position = position;
     world.set_motor(joint, coordinate, motor);
   };

@@ -59,7 +59,7 @@ class CommandedArm {
 
   void send(double share = 1.0) {
     for (std::size_t i = 0; i < joints.size(); ++i) {
-      CoordinateMotor motor = *world.joint(joints[i]).coordinates[0].motor;
+      Motor motor = *world.joint(joints[i]).coordinates[0].motor;
       motor.position = share * targets[i];
       world.set_motor(joints[i], 0, motor);
     }

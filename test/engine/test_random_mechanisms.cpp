@@ -39,8 +39,8 @@ double draw_between(double low, double high, Random* random) {
 }
 
 /// Returns a rate motor with a timeout, or a position-controlled motor.
-CoordinateMotor rigid_motor(Random* random) {
-  CoordinateMotor motor;
+Motor rigid_motor(Random* random) {
+  Motor motor;
   if (below(2, random) == 0) {
     motor.position = (*random)();
     return motor;
@@ -53,8 +53,8 @@ CoordinateMotor rigid_motor(Random* random) {
   return motor;
 }
 
-CoordinateMotor soft_motor(Random* random) {
-  CoordinateMotor motor;
+Motor soft_motor(Random* random) {
+  Motor motor;
   if (below(2, random) == 0) {
     motor.force = 3.0 * (*random)();
     return motor;

@@ -15,7 +15,7 @@ Joint hinge(const std::string& name, BodyId a, const Vector3d& anchor_a, BodyId 
   Joint joint = make_joint(name, a, anchor_a, b, {-0.2, 0.0, 0.0});
   joint.kind = JointKind::kHinge;
   joint.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
-  joint.coordinates[0].motor = of_coordinate(rate_motor(0.0, 20.0));
+  joint.coordinates[0].motor = rate_motor(0.0, 20.0);
   joint.coordinates[0].motor->position = 0.0;
   return joint;
 }
@@ -85,8 +85,7 @@ const Edit kEdits[] = {
     {"nothing", [](ArmOnFloor*) {}},
     {"position",
      [](ArmOnFloor* arm) { arm->change_law([](auto* law) { law->motor->position = 0.01; }); }},
-    {"rate",
-     [](ArmOnFloor* arm) { arm->world.set_motor(arm->elbow, 0, of_coordinate(rate_motor(0.1))); }},
+    {"rate", [](ArmOnFloor* arm) { arm->world.set_motor(arm->elbow, 0, rate_motor(0.1)); }},
     {"force",
      [](ArmOnFloor* arm) { arm->change_law([](auto* law) { law->motor->max_force = 0.5; }); }},
     {"no motor", [](ArmOnFloor* arm) { arm->world.set_motor(arm->elbow, 0, std::nullopt); }},

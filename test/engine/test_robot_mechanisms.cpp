@@ -227,7 +227,7 @@ TEST(RobotMechanisms, ScrewsAndGears) {
 TEST(RobotMechanisms, MotorsAreLeftOut) {
   WorldOptions options;
   World free = bars_on_hinges(options, {1.0, 2.0, 3.0}, 0.7, 0.1), driven = free;
-  CoordinateMotor turning, servo, pushing;
+  Motor turning, servo, pushing;
   turning.bias = 0.0;
   servo.position = 0.3;
   servo.servo_frequency = 2.0;

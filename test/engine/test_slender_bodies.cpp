@@ -56,7 +56,7 @@ struct SlenderArms {
     CoordinateLaw& law = joint.coordinates[0];
     const double damping = 2.0 * damping_ratio * stiffness() / frequency;
     if (kind == Elastic::kServo) {
-      CoordinateMotor motor;
+      Motor motor;
       motor.position = start;
       motor.servo_stiffness = stiffness();
       motor.servo_damping = damping;

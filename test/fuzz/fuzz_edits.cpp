@@ -181,8 +181,8 @@ class Editor {
     if (flag()) motor->max_force = positive();
     if (flag()) motor->timeout = positive();
   }
-  CoordinateMotor coordinate_motor() {
-    CoordinateMotor motor;
+  Motor coordinate_motor() {
+    Motor motor;
     set_motor(&motor);
     if (flag()) motor.position = number();
     if (below(4) == 0) motor.servo_frequency = positive();
@@ -342,7 +342,7 @@ class Editor {
       case 11: {
         const JointId id = joint();
         const int coordinate = below(5) - 1;
-        std::optional<CoordinateMotor> to;
+        std::optional<Motor> to;
         if (flag()) to = coordinate_motor();
         attempt([&] { world_.set_motor(id, coordinate, to); });
         break;

@@ -339,6 +339,18 @@ def test_further_coordinates_have_numbers():
         world.set_motor('rod', removed=True, bias=1.0)
 
 
+def test_lengths_have_velocity_motors_alone():
+    world = hanging()
+    assert list(world.joint('rod')['motor']) == ['bias', 'amplitude', 'frequency', 'phase', 'max_force', 'timeout']
+    for key in ('position', 'force', 'servo_frequency', 'servo_damping_ratio', 'servo_stiffness', 'servo_damping'):
+        with pytest.raises(TypeError, match=f"no argument '{key}'"):
+            world.set_motor('rod', **{key: 1.0})
+        with pytest.raises(TypeError, match=f"no argument '{key}'"):
+            world.set_joint('rod', motor={key: 1.0})
+        with pytest.raises(TypeError, match=f"no argument '{key}'"):
+            world.add_joint('other', body_b='bob', motor={key: 1.0})
+
+
 def test_joints_change_while_they_act():
     world = engine.World(gravity=(0, 0, 0))
     world.add_body('bob', mass=2.0, position=(1, 0, 0))

@@ -153,7 +153,7 @@ TEST(FiveRobots, HoldGivesMotors) {
     World world = Case{name, {}, extra}.world(100.0, &robot);
     EXPECT_EQ(driven(world).size(), static_cast<std::size_t>(motors)) << name;
     for (const engine::JointId id : driven(world)) {
-      const engine::CoordinateMotor& motor = *world.joint(id).coordinates[0].motor;
+      const engine::Motor& motor = *world.joint(id).coordinates[0].motor;
       EXPECT_EQ(motor.max_force, robot.bounds.at(world.joint(id).name).effort);
       EXPECT_NEAR(*motor.position, position(world, id), 1e-12);  // rounding of the pose
     }

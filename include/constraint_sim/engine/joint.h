@@ -63,34 +63,30 @@ struct DistanceJoint {
   bool is_soft() const { return frequency > 0.0 || stiffness > 0.0 || damping > 0.0; }
 };
 
-/// Velocity motor: drives the rate of a length or coordinate to ζ(t) = bias +
-/// amplitude·sin(2π·frequency·t + phase), with simulated time t. ζ > 0 lengthens, or turns
-/// positively about the axis; with ζ = 0 the joint holds its present value.
+/// Motor of a length or a coordinate. By default it is a velocity motor: it drives the rate to
+/// ζ(t) = bias + amplitude·sin(2π·frequency·t + phase), with simulated time t. ζ > 0 lengthens, or
+/// turns positively about the axis; with ζ = 0 the motor holds the present value. By `position` a
+/// motor moves a coordinate there, rigidly within the world's closing time or as a servo (spring
+/// and damper about `position`). By `force` it acts with a constant force. Kind kDistance has
+/// velocity motors alone.
 struct Motor {
-  double bias = 0.0;       ///< [m/s or rad/s]
-  double amplitude = 0.0;  ///< [m/s or rad/s]
-  double frequency = 0.0;  ///< [Hz] ≥ 0
-  double phase = 0.0;      ///< [rad]
-  double max_force = 0.0;  ///< [N or N m] ≥ 0; 0: no limit
-  double timeout = 0.0;    ///< simulated time until bias returns to 0 [s]; 0: never
-
-  bool is_moving() const { return bias != 0.0 || amplitude != 0.0; }
-};
-
-/// Motor of a translation or an angle. By `position` it moves the coordinate there, rigidly within
-/// the world's closing time or as a servo (spring and damper about `position`). By `force` it acts
-/// with a constant force.
-struct CoordinateMotor : Motor {
-  std::optional<double> position;  ///< target of the coordinate [m or rad]
+  double bias = 0.0;                 ///< [m/s or rad/s]
+  double amplitude = 0.0;            ///< [m/s or rad/s]
+  double frequency = 0.0;            ///< [Hz] ≥ 0
+  double phase = 0.0;                ///< [rad]
+  double max_force = 0.0;            ///< [N or N m] ≥ 0; 0: no limit
+  double timeout = 0.0;              ///< simulated time until bias returns to 0 [s]; 0: never
+  std::optional<double> position{};  ///< target of the coordinate [m or rad]
   /// Servo by frequency [Hz] and damping ratio [1]. When added, both are converted to
   /// `servo_stiffness` and `servo_damping` with the effective mass while the joint's own rows hold.
   /// With frequency and stiffness 0 the position is held rigidly.
   double servo_frequency = 0.0;
   double servo_damping_ratio = 1.0;
-  double servo_stiffness = 0.0;  ///< [N/m or N m/rad] ≥ 0
-  double servo_damping = 0.0;    ///< [N s/m or N m s/rad] ≥ 0
-  std::optional<double> force;   ///< constant force [N or N m]
+  double servo_stiffness = 0.0;   ///< [N/m or N m/rad] ≥ 0
+  double servo_damping = 0.0;     ///< [N s/m or N m s/rad] ≥ 0
+  std::optional<double> force{};  ///< constant force [N or N m]
 
+  bool is_moving() const { return bias != 0.0 || amplitude != 0.0; }
   bool is_servo() const { return position && (servo_frequency > 0.0 || servo_stiffness > 0.0); }
   /// Whether the motor prescribes the coordinate rigidly, by velocity or position.
   bool is_rigid() const { return !force && !is_servo(); }
@@ -99,7 +95,7 @@ struct CoordinateMotor : Motor {
 /// Laws of a free coordinate q of a joint: a translation [m] or an angle [rad]. Kind kDistance has
 /// its laws in DistanceJoint.
 struct CoordinateLaw {
-  std::optional<CoordinateMotor> motor;  ///< left out: no motor
+  std::optional<Motor> motor;  ///< left out: no motor
   /// Limits of q [m or rad].
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();
@@ -157,7 +153,7 @@ struct Joint {
   /// Axis z of the frame on B in body B's frame, any length but 0, instead of `frame_b`.
   std::optional<Eigen::Vector3d> axis_b;
   DistanceJoint distance;  ///< for kind kDistance
-  Motor motor;             ///< for kind kDistance
+  Motor motor;             ///< for kind kDistance: a velocity motor
   /// Laws of the free coordinates, JointKindInfo::coordinates of them; for kinds other than
   /// kDistance.
   std::array<CoordinateLaw, kMaxCoordinates> coordinates;
@@ -222,7 +218,8 @@ struct JointState {
   std::array<CoordinateState, kMaxCoordinates> coordinates;  ///< for kinds other than kDistance
   CouplingState coupling;                                    ///< for kinds that couple coordinates
 
-  double travel = 0.0;  ///< ∫ζ dt since the joint was added: length added by the motor [m]
+  /// ∫ζ dt since the length was set [m]: the motor adds it to `length` and the limits.
+  double travel = 0.0;
   /// End of the bias of a distance joint, simulated [s].
   double expires_at = std::numeric_limits<double>::infinity();
 };
@@ -279,7 +276,6 @@ DistanceJoint tension_spring(DistanceJoint rope);
 /// exist.
 void validate(const Joint& joint);
 void validate(const Motor& motor);
-void validate(const CoordinateMotor& motor);
 void validate(const CoordinateLaw& law);
 
 }  // namespace constraint_sim::engine

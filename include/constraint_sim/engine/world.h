@@ -124,13 +124,13 @@ class World {
     Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
   };
   JointWrench joint_wrench(JointId id) const;
-  /// Replaces the motor of the joint; its timeout [s] counts from the present time. For kinds with
-  /// coordinates it is the motor of the first. Throws for settings out of range, and for a joint
-  /// without a coordinate to drive.
+  /// Replaces the motor of the length, or of the first coordinate, of the joint; its timeout [s]
+  /// counts from the present time. Throws for settings out of range, for a motor of a length by
+  /// position or force, and for a joint without a coordinate to drive.
   void set_motor(JointId id, const Motor& motor);
   /// Replaces the motor of coordinate `coordinate` (from 0) of a joint with coordinates; none:
   /// the coordinate is free.
-  void set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor);
+  void set_motor(JointId id, int coordinate, const std::optional<Motor>& motor);
   /// Replaces all laws of the coordinate. Without a `position` its value continues; an existing
   /// motor keeps its timeout. Throws for settings out of range.
   void set_law(JointId id, int coordinate, const CoordinateLaw& law);

@@ -16,11 +16,28 @@ struct Prescribed {
   double acceleration = 0.0;  ///< [m/s²]
 };
 
+/// Rate ζ(t) = bias + amplitude·sin(2π·frequency·t + phase) that a motor prescribes; see Motor.
+struct MotorRate {
+  double bias = 0.0, amplitude = 0.0;   ///< [m/s or rad/s]
+  double frequency = 0.0, phase = 0.0;  ///< [Hz], [rad]
+
+  bool is_moving() const { return bias != 0.0 || amplitude != 0.0; }
+};
+inline MotorRate motor_rate(const Motor& motor) {
+  return {motor.bias, motor.amplitude, motor.frequency, motor.phase};
+}
+/// Returns ζ from time t on, without the bias where a timeout ended it at `expires_at`.
+inline MotorRate motor_rate(const Motor& motor, double expires_at, double t) {
+  MotorRate rate = motor_rate(motor);
+  if (motor.timeout > 0.0 && expires_at <= t) rate.bias = 0.0;
+  return rate;
+}
+
 /// Returns the angular frequency ω of ζ [rad/s].
-inline double motor_omega(const Motor& motor) { return 2.0 * kPi * motor.frequency; }
+inline double motor_omega(const MotorRate& motor) { return 2.0 * kPi * motor.frequency; }
 
 /// Returns ∫ζ dt from t to t + h [m].
-inline double motor_travel(const Motor& motor, double t, double h) {
+inline double motor_travel(const MotorRate& motor, double t, double h) {
   double travel = motor.bias * h;
   if (motor.amplitude == 0.0) return travel;
   // ∫ sin(ωt + φ) dt = h sin(ω(t + h/2) + φ) sin(x)/x with x = ωh/2
@@ -32,13 +49,13 @@ inline double motor_travel(const Motor& motor, double t, double h) {
 }
 
 /// Returns sine and cosine of the phase of ζ at time t; the default where ζ is constant.
-inline math::SineCosine motor_phase(const Motor& motor, double t) {
+inline math::SineCosine motor_phase(const MotorRate& motor, double t) {
   if (motor.amplitude == 0.0) return {};
   return math::sin_cos(motor_omega(motor) * t + motor.phase);
 }
 
 /// Returns ∫ζ dt over `h` seconds from a time of the given phase, with ζ and its rate at the end.
-inline Prescribed motor_course(const Motor& motor, const math::SineCosine& phase, double h) {
+inline Prescribed motor_course(const MotorRate& motor, const math::SineCosine& phase, double h) {
   if (motor.amplitude == 0.0) return {motor.bias * h, motor.bias, 0.0};
   // With x = ωh/2 the phase advances by x to the middle and by 2x to the end.
   const double omega = motor_omega(motor);

@@ -10,36 +10,38 @@
 
 namespace constraint_sim::engine {
 
-Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state) {
+MotorRate drive(const DistanceJoint& distance, const JointStep& step, const Motor& motor,
+                JointState& state) {
+  MotorRate rate = motor_rate(motor);
   state.saturated = false;
   state.bias = 0.0;
   // The bias acts until it expires, so that the travel does not depend on the tick.
-  motor.bias *= std::clamp((state.expires_at - step.t) / step.h, 0.0, 1.0);
-  if (motor.bias == 0.0 && motor.amplitude == 0.0) return motor;
-  double travel = motor_travel(motor, step.t, step.h);
+  rate.bias *= std::clamp((state.expires_at - step.t) / step.h, 0.0, 1.0);
+  if (!rate.is_moving()) return rate;
+  double travel = motor_travel(rate, step.t, step.h);
   const double lowest = least_travel(distance);
   if (state.travel + travel < lowest) {
     travel = std::min(lowest - state.travel, 0.0);
     state.saturated = true;
-    motor = Motor{};
-    motor.bias = travel / step.h;
+    rate = MotorRate{};
+    rate.bias = travel / step.h;
   }
   state.bias = travel / step.h;
-  return motor;
+  return rate;
 }
 
-Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* state) {
+MotorRate drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* state) {
   state->bias = 0.0;
   if (law.motor->position) {
     state->held = *law.motor->position;
     return {};
   }
-  Motor motor = *law.motor;
-  if (!motor.is_moving()) return motor;
-  if (motor.timeout > 0.0)
-    motor.bias *= std::clamp((state->expires_at - step.t) / step.h, 0.0, 1.0);
-  if (motor.is_moving()) state->bias = motor_travel(motor, step.t, step.h) / step.h;
-  return motor;
+  MotorRate rate = motor_rate(*law.motor);
+  if (!rate.is_moving()) return rate;
+  if (law.motor->timeout > 0.0)
+    rate.bias *= std::clamp((state->expires_at - step.t) / step.h, 0.0, 1.0);
+  if (rate.is_moving()) state->bias = motor_travel(rate, step.t, step.h) / step.h;
+  return rate;
 }
 
 void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointData& state) {
@@ -52,7 +54,7 @@ void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointDat
   if (const auto* distance = if_distance(joint)) {
     count_ = 1;
     rows_ = 0;
-    const Motor motor = drive(*distance, span, joint.motor, state);
+    const MotorRate motor = drive(*distance, span, joint.motor, state);
     hold(0, distance->length.value_or(0.0) + state.travel, motor);
   }
   for (std::size_t i = 0; i < to_index(kind.coordinates); ++i) {
@@ -61,7 +63,7 @@ void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointDat
     held_[i] = Held{};
     const CoordinateLaw& law = joint.coordinates[i];
     if (!law.motor || !law.motor->is_rigid()) continue;
-    const Motor motor = drive(law, span, &coordinate);
+    const MotorRate motor = drive(law, span, &coordinate);
     if (!is_held(law)) continue;  // a motor with a force limit prescribes nothing
     hold(i, coordinate.held - joint.coordinates[i].zero, motor);
   }
@@ -72,7 +74,7 @@ void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointDat
   moves_frame_ = kind.alignment != Alignment::kFree || !to_close_.shift.isZero(0.0);
 }
 
-void PrescribedMotion::hold(std::size_t i, double value, const Motor& motor) {
+void PrescribedMotion::hold(std::size_t i, double value, const MotorRate& motor) {
   held_[i] = {value, motor, 0.0, 0.0, {}};
   if (motor.amplitude != 0.0) held_[i].phase = motor_phase(motor, start_);
   is_driven_ = is_driven_ || motor.is_moving();

@@ -13,10 +13,11 @@ namespace constraint_sim::engine {
 
 // Motions that motors and closing prescribe, with their derivatives.
 
-/// Sets the mean bias of a step, and returns the motor as it acts throughout the step.
-Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state);
-/// Sets the mean bias of a coordinate, and returns its motor as it acts throughout the step.
-Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* state);
+/// Sets the mean bias of a step, and returns the rate ζ that the motor prescribes throughout it.
+MotorRate drive(const DistanceJoint& distance, const JointStep& step, const Motor& motor,
+                JointState& state);
+/// Sets the mean bias of a coordinate, and returns the rate ζ that its motor prescribes.
+MotorRate drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* state);
 
 /// Prescribed motion of a joint over an interval without jumps: by its motors, and by an error that
 /// is being closed.
@@ -41,7 +42,7 @@ class PrescribedMotion {
   /// Whether the motors continue as in the previous interval.
   bool is_driven_as(const PrescribedMotion& before) const {
     for (std::size_t i = 0; i < count_; ++i) {
-      const Motor &a = held_[i].motor, &b = before.held_[i].motor;
+      const MotorRate &a = held_[i].motor, &b = before.held_[i].motor;
       if (a.bias != b.bias || a.amplitude != b.amplitude || a.frequency != b.frequency ||
           a.phase != b.phase || held_[i].until != before.held_[i].until ||
           held_[i].braking != before.held_[i].braking)
@@ -103,12 +104,12 @@ class PrescribedMotion {
   /// Prescribed motion of a motor: of the length of a distance joint, or of a coordinate.
   struct Held {
     double value = 0.0;  // value at the start, or at rest after braking
-    Motor motor;
+    MotorRate motor;
     double until = 0.0, braking = 0.0;  // end [s] and acceleration of braking; 0: no braking
     math::SineCosine phase;             // phase of the motor at start_
   };
 
-  void hold(std::size_t i, double value, const Motor& motor);
+  void hold(std::size_t i, double value, const MotorRate& motor);
   /// Returns the motion of the motor relative to `held.value`.
   Prescribed moved(const Held& held, double t) const {
     if (!is_driven_) return {};

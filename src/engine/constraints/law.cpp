@@ -112,7 +112,7 @@ int write_law_rows(const CoordinateLaw& law, const CoordinateMotion& motion,
                    const CoordinateStep& step, int component, Row* rows) {
   int count = 0;
   if (law.motor) {
-    const CoordinateMotor& motor = *law.motor;
+    const Motor& motor = *law.motor;
     if (motor.is_rigid()) {
       Row& row = rows[count++] = row_at(motion, motion.q - step.target);
       row.target = row.drive = step.bias;

@@ -73,7 +73,7 @@ void visit_motors(const Joint& joint, State& state, Visit visit) {
   if (has_length(joint.kind)) visit(joint.motor, state.expires_at);
   for (std::size_t i = 0; i < count; ++i)
     if (const auto& motor = joint.coordinates[i].motor)
-      visit(static_cast<const Motor&>(*motor), state.coordinates[i].expires_at);
+      visit(*motor, state.coordinates[i].expires_at);
 }
 
 /// Whether a velocity motor has a rate other than 0; `is_in_time`: its timeout is not over.

@@ -165,7 +165,7 @@ bool with_rows_switched(const OneSidedLaw* laws, const OneSidedState* states, st
     if (!law.is_distance) {
       CoordinateLaw& of = joint->coordinates[static_cast<std::size_t>(law.coordinate)];
       if (is_held(of)) continue;
-      CoordinateMotor motor;
+      Motor motor;
       if (states[k].hold == Hold::kDrive || states[k].hold == Hold::kBrake) motor = *of.motor;
       motor.max_force = 0.0;
       SoftLaw soft = law.soft;

@@ -193,7 +193,7 @@ void fill_in_laws(const Model& model, const State& state, Joint* joint) {
       *damping = 2.0 * ratio * omega / inverse_mass;
     };
     if (is_servo) {
-      CoordinateMotor& motor = *law.motor;
+      Motor& motor = *law.motor;
       set(motor.servo_frequency, motor.servo_damping_ratio, &motor.servo_stiffness,
           &motor.servo_damping);
       motor.servo_frequency = 0.0;

@@ -26,8 +26,8 @@ namespace {
 bool differ_in_force_alone(const CoordinateLaw& a, const CoordinateLaw& b) {
   if (a.motor.has_value() != b.motor.has_value() || a.zero != b.zero) return false;
   if (a.motor) {
-    const CoordinateMotor &of_a = *a.motor, &of_b = *b.motor;
-    const auto may_jump = [](const CoordinateMotor& of) { return of.is_rigid() || of.timeout > 0; };
+    const Motor &of_a = *a.motor, &of_b = *b.motor;
+    const auto may_jump = [](const Motor& of) { return of.is_rigid() || of.timeout > 0; };
     if (may_jump(of_a) || may_jump(of_b)) return false;
     if (of_a.is_servo() != of_b.is_servo() || of_a.max_force != of_b.max_force) return false;
   }
@@ -147,7 +147,7 @@ void JointEdits::set_law(std::size_t i, const CoordinateLaw& law, bool is_motor_
   fill_in_laws(world_, world_, &joint);
   // A repeated target changes nothing: a motor that began anew each time would never reach it.
   if (are_same(joint.coordinates[i], world_.joints[j_].coordinates[i])) {
-    const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
+    const std::optional<Motor>& motor = joint.coordinates[i].motor;
     const bool has_timeout = is_motor_set && motor && motor->timeout > 0.0;
     if (!has_timeout) return;
     if (motor->position) {
@@ -182,7 +182,7 @@ void JointEdits::hold_from_here() {
   JointData& state = world_.joint_states[j_];
   bool is_held = false;
   for (std::size_t i = 0; i < static_cast<std::size_t>(info(joint.kind).coordinates); ++i) {
-    const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
+    const std::optional<Motor>& motor = joint.coordinates[i].motor;
     if (!motor || !motor->is_rigid() || motor->position) continue;
     state.coordinates[i].held = state.coordinates[i].position;
     is_held = true;

@@ -31,7 +31,7 @@ void replace_spring(const Spring& before, Spring* spring) {
   spring->stiffness = spring->damping = 0.0;
 }
 
-void replace_servo(const std::optional<CoordinateMotor>& before, CoordinateMotor* motor) {
+void replace_servo(const std::optional<Motor>& before, Motor* motor) {
   if (motor->servo_frequency == 0.0 || !before ||
       motor->servo_stiffness != before->servo_stiffness ||
       motor->servo_damping != before->servo_damping)

@@ -151,8 +151,7 @@ void World::Impl::wake_ends(const Joint& joint) {
 }
 
 void World::set_motor(JointId id, const Motor& motor) {
-  if (info(joint(id).kind).coordinates > 0)
-    return set_motor(id, 0, CoordinateMotor{motor, {}, 0.0, 1.0, 0.0, 0.0, {}});
+  if (info(joint(id).kind).coordinates > 0) return set_motor(id, 0, motor);
   const std::size_t j = impl_->index(id);
   Joint joint = impl_->joints[j];
   joint.motor = motor;
@@ -168,7 +167,7 @@ void World::set_motor(JointId id, const Motor& motor) {
   impl_->edits.note_islands_of(*impl_, joint);
 }
 
-void World::set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor) {
+void World::set_motor(JointId id, int coordinate, const std::optional<Motor>& motor) {
   check_coordinate("motor", joint(id), coordinate);
   CoordinateLaw law = joint(id).coordinates[static_cast<std::size_t>(coordinate)];
   law.motor = motor;

@@ -119,8 +119,8 @@ inline constexpr auto kFields<DistanceJoint> = std::tuple{
     Field{"one_sided", &DistanceJoint::one_sided, AnyValue{}},
 };
 
-template <>
-inline constexpr auto kFields<Motor> = std::tuple{
+/// Fields of a velocity motor, the only motor that kind kDistance has.
+inline constexpr std::tuple kVelocityMotor{
     Field{"bias", &Motor::bias, AnyValue{}},
     Field{"amplitude", &Motor::amplitude, AnyValue{}},
     Field{"frequency", &Motor::frequency, NotNegative{}},
@@ -129,17 +129,17 @@ inline constexpr auto kFields<Motor> = std::tuple{
     Field{"timeout", &Motor::timeout, NotNegative{}},
 };
 
+/// Further fields of a motor of a coordinate, which goes by position or force.
+inline constexpr std::tuple kPositionOrForceMotor{
+    Field{"position", &Motor::position, AnyValue{}},
+    Field{"servo_frequency", &Motor::servo_frequency, NotNegative{}},
+    Field{"servo_damping_ratio", &Motor::servo_damping_ratio, NotNegative{}},
+    Field{"servo_stiffness", &Motor::servo_stiffness, NotNegative{}},
+    Field{"servo_damping", &Motor::servo_damping, NotNegative{}},
+    Field{"force", &Motor::force, AnyValue{}},
+};
 template <>
-inline constexpr auto kFields<CoordinateMotor> = std::tuple_cat(
-    kFields<Motor>,
-    std::tuple{
-        Field{"position", &CoordinateMotor::position, AnyValue{}},
-        Field{"servo_frequency", &CoordinateMotor::servo_frequency, NotNegative{}},
-        Field{"servo_damping_ratio", &CoordinateMotor::servo_damping_ratio, NotNegative{}},
-        Field{"servo_stiffness", &CoordinateMotor::servo_stiffness, NotNegative{}},
-        Field{"servo_damping", &CoordinateMotor::servo_damping, NotNegative{}},
-        Field{"force", &CoordinateMotor::force, AnyValue{}},
-    });
+inline constexpr auto kFields<Motor> = std::tuple_cat(kVelocityMotor, kPositionOrForceMotor);
 
 template <>
 inline constexpr auto kFields<CoordinateLaw> = std::tuple{

@@ -210,7 +210,7 @@ void check(const char* field, const std::array<double, 4>& color, Share) {
     if (!(value >= 0.0 && value <= 1.0))
       refuse(field, "must be four numbers from 0 to 1, got " + shortest(value));
 }
-void check(const char* field, const CoordinateMotor& motor, AnyValue) {
+void check(const char* field, const Motor& motor, AnyValue) {
   try {
     validate(motor);
   } catch (const std::invalid_argument& error) {
@@ -288,9 +288,7 @@ void validate(const Body& body) {
   }
 }
 
-void validate(const Motor& motor) { visit_fields(motor, kCheck); }
-
-void validate(const CoordinateMotor& motor) {
+void validate(const Motor& motor) {
   visit_fields(motor, kCheck);
   const auto only_one = [](const char* field, double value, const char* other) {
     refuse(field, "a motor goes by velocity, to a position or with a force, got " +
@@ -358,17 +356,38 @@ void validate_distance(const DistanceJoint& joint) {
   if (joint.one_sided) validate_tension_spring(joint);
 }
 
+// Rejects a motor in Joint::motor of a joint that has no length.
+[[noreturn]] void refuse_motor(JointKind kind, const std::string& got) {
+  refuse("motor", "a " + std::string(name(kind)) + " joint has " +
+                      (info(kind).coordinates > 0 ? "its motors in coordinates" : "none") +
+                      ", got " + got);
+}
+
+// Rejects settings of Joint::motor beside those of a velocity motor.
+void reject_position_and_force(const Motor& motor, JointKind kind) {
+  const auto reject = [&](const auto& field) {
+    const std::optional<double> value = motor.*field.member;
+    if (are_same(value, std::optional<double>(Motor{}.*field.member))) return;
+    if (!has_length(kind)) refuse_motor(kind, field.key + (" " + shortest(*value)));
+    refuse(field.key,
+           "a distance joint has a velocity motor alone; one with free: true (kind kFreeDistance) "
+           "may have this, got " +
+               shortest(*value));
+  };
+  std::apply([&](const auto&... field) { (reject(field), ...); }, kPositionOrForceMotor);
+}
+
 // Checks the motor of a distance joint; other kinds have motors on their coordinates.
 void validate_motor(const Joint& joint) {
   const Motor& m = joint.motor;
+  reject_position_and_force(m, joint.kind);
   validate(m);
   if (has_length(joint.kind) && joint.distance.one_sided && m.max_force > 0.0)
     refuse("max_force", "a one-sided spring has no force limit, got " + shortest(m.max_force));
   if (has_length(joint.kind)) return;
   if (m.is_moving() || m.max_force != 0.0)
-    refuse("motor", "a " + std::string(name(joint.kind)) + " joint has none, got bias " +
-                        shortest(m.bias) + ", amplitude " + shortest(m.amplitude) + ", max_force " +
-                        shortest(m.max_force));
+    refuse_motor(joint.kind, "bias " + shortest(m.bias) + ", amplitude " + shortest(m.amplitude) +
+                                 ", max_force " + shortest(m.max_force));
 }
 
 void validate_coordinates(const Joint& joint) {

@@ -81,11 +81,12 @@ DistanceJoint read_distance(const YamlElement& item, const std::string& type, co
   return distance;
 }
 
-template <class AnyMotor>
-AnyMotor read_motor(const YamlElement& item) {
-  item.expect_keys(keys_of<AnyMotor>());
-  AnyMotor motor;
-  visit_fields(motor, [&](const char* key, auto& value, auto) { item.read(key, &value); });
+/// Reads a motor with the keys of a list of its fields.
+template <class List>
+Motor read_motor(const YamlElement& item, const List& list) {
+  item.expect_keys(keys_in<Motor>(list));
+  Motor motor;
+  visit_list(list, motor, [&](const char* key, auto& value, auto) { item.read(key, &value); });
   item.attempt([&] { validate(motor); });
   return motor;
 }
@@ -93,8 +94,8 @@ AnyMotor read_motor(const YamlElement& item) {
 CoordinateLaw read_law(const YamlElement& item) {
   CoordinateLaw law;
   visit_fields(law, [&](const char* key, auto& value, auto) {
-    if constexpr (std::is_same_v<decltype(value), std::optional<CoordinateMotor>&>) {
-      if (const auto motor = item.find(key)) value = read_motor<CoordinateMotor>(*motor);
+    if constexpr (std::is_same_v<decltype(value), std::optional<Motor>&>) {
+      if (const auto motor = item.find(key)) value = read_coordinate_motor(*motor);
     } else {
       item.read(key, &value);
     }
@@ -205,9 +206,7 @@ void read_moving(const YamlElement& item, int count,
 
 }  // namespace
 
-CoordinateMotor read_coordinate_motor(const YamlElement& item) {
-  return read_motor<CoordinateMotor>(item);
-}
+Motor read_coordinate_motor(const YamlElement& item) { return read_motor(item, kFields<Motor>); }
 
 BodyId read_body_reference(const YamlElement& item, const std::string& key, const World& world) {
   const auto reference = item.find(key);
@@ -244,7 +243,7 @@ Joint read_joint(const YamlElement& item, const World& world) {
   if (info(joint.kind).coordinates > 0)
     read_laws(item, &joint);
   else if (const auto motor = item.find("motor"))
-    joint.motor = read_motor<Motor>(*motor);
+    joint.motor = read_motor(*motor, kVelocityMotor);
   visit_list(kJointSettings, joint,
              [&](const char* key, auto& value, auto) { item.read(key, &value); });
   return joint;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 
 #include "constraint_sim/engine/world.h"
 #include "engine/model/fields.h"
@@ -18,19 +19,24 @@ namespace constraint_sim::engine {
   element.fail("there is no " + in_quotes(word) + " (yet); there are " + existing);
 }
 
+/// Returns `further` keys and the keys of a list of fields of a struct.
+template <class Struct, class List>
+YamlElement::Words keys_in(const List& list, YamlElement::Words further = {}) {
+  const Struct none{};
+  visit_list(list, none, [&](const char* key, const auto&, auto) { further.push_back(key); });
+  return further;
+}
 /// Returns `further` keys and the keys of a struct.
 template <class Struct>
 YamlElement::Words keys_of(YamlElement::Words further = {}) {
-  const Struct none{};
-  visit_fields(none, [&](const char* key, const auto&, auto) { further.push_back(key); });
-  return further;
+  return keys_in<Struct>(kFields<Struct>, std::move(further));
 }
 
 /// Returns the body named by a key; the world where the key is left out.
 BodyId read_body_reference(const YamlElement& item, const std::string& key, const World& world);
 
 /// Reads `motor` of a free coordinate.
-CoordinateMotor read_coordinate_motor(const YamlElement& item);
+Motor read_coordinate_motor(const YamlElement& item);
 
 /// Reads a constraint. Its bodies and coupled joints must exist already.
 Joint read_joint(const YamlElement& item, const World& world);

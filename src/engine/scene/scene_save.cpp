@@ -160,15 +160,17 @@ void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
   if (distance.one_sided) write(out, "one_sided", true);
 }
 
+/// Writes the velocity motor of a length.
 void write_motor(YAML::Emitter* out, const Motor& motor) {
   if (are_same(motor, Motor{})) return;
   *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
-  write_fields(out, motor);
+  visit_list(kVelocityMotor, motor,
+             [out](const char* key, double value, auto) { write(out, key, value); });
   *out << YAML::EndMap;
 }
 
 /// Writes the motor of a coordinate: by velocity, to a position or with a force.
-void write(YAML::Emitter* out, const char* key, const std::optional<CoordinateMotor>& motor) {
+void write(YAML::Emitter* out, const char* key, const std::optional<Motor>& motor) {
   *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginMap;
   if (motor->position) {
     write(out, "position", *motor->position);

@@ -54,6 +54,7 @@ auto fields(T& value, Of<JointData>) {
                   broken, closing, coordinates, coupling, coupling_impulse, travel, to_close,
                   closing_share, expires_at, initial_error, impulse);
 }
+CONSTRAINT_SIM_FIELDS(MotorRate, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(JointStart, a, b, c, d, e, f)
 CONSTRAINT_SIM_FIELDS(Wrench, a, b, c, d, e)
 CONSTRAINT_SIM_FIELDS(Manifold::Point, a, b, c)

@@ -164,7 +164,7 @@ void add(Fnv1a& hash, const CoordinateLaw& law, const CoordinateState& state) {
   if (state.braking != 0.0) hash.add(state.braking);
   hash.add(std::uint64_t{law.motor.has_value()});
   if (!law.motor) return;
-  const CoordinateMotor& motor = *law.motor;
+  const Motor& motor = *law.motor;
   for (const double number :
        {motor.bias, motor.amplitude, motor.frequency, motor.phase, motor.max_force, motor.timeout,
         motor.position.value_or(0.0), motor.servo_stiffness, motor.servo_damping,

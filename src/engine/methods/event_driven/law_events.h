@@ -94,7 +94,7 @@ inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& 
 
 /// Longest substep in which the demand of a motor at its force limit passes the rate of the
 /// coordinate no more often than polynomials through both ends show [s]: an eighth of its period.
-inline double longest_substep(const OneSidedLaw& law, Hold hold, const Motor& motor) {
+inline double longest_substep(const OneSidedLaw& law, Hold hold, const MotorRate& motor) {
   const bool is_followed = hold == Hold::kDrive || hold == Hold::kBrake;
   if (law.drive == 0.0 || is_followed || motor.amplitude == 0.0 || motor.frequency == 0.0)
     return kInfinity;

@@ -19,8 +19,9 @@ double longest_substep(const GroupJoints& joints) {
   double longest = kInfinity;
   for (const GroupCoordinate& of : joints.coordinates())
     longest = std::min(
-        longest, longest_substep(of.law, of.state.hold,
-                                 of.law.is_distance ? joints[of.joint].joint.motor : of.motor));
+        longest,
+        longest_substep(of.law, of.state.hold,
+                        of.law.is_distance ? motor_rate(joints[of.joint].joint.motor) : of.motor));
   return longest;
 }
 

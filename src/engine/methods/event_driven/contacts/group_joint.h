@@ -67,8 +67,8 @@ struct GroupCoordinate {
   bool is_prescribed = false;  ///< held by a motor without force limit
   bool is_one_sided = false;
   OneSidedState state;
-  Motor motor{};   ///< demand in this interval; of laws with a drive
-  int angle = -1;  ///< index in the angles; -1: no angle
+  MotorRate motor{};  ///< demand in this interval; of laws with a drive
+  int angle = -1;     ///< index in the angles; -1: no angle
   /// Position where friction or a drive began to hold the coordinate, or from which a motor brakes
   /// [m or rad].
   double held = 0.0;

@@ -87,8 +87,7 @@ void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& ste
     const CoordinateState& now = states[static_cast<std::size_t>(joint.index)].coordinates[i];
     if (is_first) of.braking = now.braking;
     if (of.law.drive == 0.0) continue;
-    of.motor = *joint.joint.coordinates[i].motor;
-    if (of.motor.timeout > 0.0 && now.expires_at <= t) of.motor.bias = 0.0;
+    of.motor = motor_rate(*joint.joint.coordinates[i].motor, now.expires_at, t);
   }
 }
 

@@ -210,10 +210,9 @@ Prescribed EventMotions::zeta(std::size_t c, double t, double q) const {
   if (law.goal && states_[c].hold == Hold::kBrake)
     return rate_until(*law.goal, braking_[c].along, held_[c] - t);
   if (law.goal) return rate_to_goal(*law.goal, braking_[c].most, q);
-  Motor motor = *joints_[law.joint].coordinates[law.coordinate].motor;
-  const JointData& state = joint_states_[law.joint];
-  if (motor.timeout > 0.0 && state.coordinates[law.coordinate].expires_at <= start_)
-    motor.bias = 0.0;
+  const MotorRate motor =
+      motor_rate(*joints_[law.joint].coordinates[law.coordinate].motor,
+                 joint_states_[law.joint].coordinates[law.coordinate].expires_at, start_);
   return motor_course(motor, motor_phase(motor, t), 0.0);
 }
 

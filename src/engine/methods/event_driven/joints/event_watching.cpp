@@ -121,7 +121,7 @@ double longest_substep(const EventMotions& motions) {
     const Joint& joint = motions.joints()[law.joint];
     const Motor& motor =
         law.is_distance ? joint.motor : *joint.coordinates[to_index(law.coordinate)].motor;
-    longest = std::min(longest, longest_substep(law, motions.states()[c].hold, motor));
+    longest = std::min(longest, longest_substep(law, motions.states()[c].hold, motor_rate(motor)));
   }
   return longest;
 }

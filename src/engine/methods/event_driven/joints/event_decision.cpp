@@ -90,8 +90,7 @@ BoxLcp problem_of(const List<HoldCandidate>& candidates, const EventProblem& all
   BoxLcp problem{Eigen::MatrixXd(n, n), VectorXd(n), VectorXd(n), VectorXd(n)};
   for (Index i = 0; i < n; ++i) {
     const HoldCandidate& row = candidates[i];
-    for (Index j = 0; j < n; ++j)
-      problem.A(i, j) = all.A(row.law, candidates[j].law);
+    for (Index j = 0; j < n; ++j) problem.A(i, j) = all.A(row.law, candidates[j].law);
     problem.b[i] = acceleration[eigen_index(row.law)] - row.acceleration;
     problem.least[i] = row.bounds.least;
     problem.most[i] = row.bounds.most;
@@ -139,8 +138,7 @@ bool decide_once(const EventMotions& motions, const EventProblem& all, double t,
   VectorXd lambda;
   if (!solve(problem, &lambda)) return false;
   for (Index i = 0; i < n; ++i)
-    add_by_acting(all, lambda[i] * all.A().col(all.column(candidates[i].law)),
-                  &next->acceleration);
+    add_by_acting(all, lambda[i] * all.A().col(all.column(candidates[i].law)), &next->acceleration);
   const List<signed char> sides = sides_of(candidates, problem, lambda, release, largest_force);
   List<Index> held;
   for (Index i = 0; i < n; ++i)

@@ -63,8 +63,8 @@ class EventProblem {
   void find_responses(const EventMotions& motions, EquationsOfMotion* bare);
 
   double resting_;
-  List<double> y_, dydt_;              // state and derivative of the bare equations
-  List<EventReading> reading_;         // per law
+  List<double> y_, dydt_;       // state and derivative of the bare equations
+  List<EventReading> reading_;  // per law
   List<std::size_t> acting_;
   List<Eigen::Index> column_;          // per law, in acting_; -1: does not act
   List<Motions> response_;             // per acting law, to a unit impulse

@@ -51,8 +51,8 @@ void IslandMotion::forget() {
 
 void IslandMotion::restart() {
   follows_gradients_ = false;
+  if (events_) events_->restart(&substeps_);
   substeps_.restart();
-  if (events_) events_->restart();
   borrowers_.restart();
 }
 

@@ -82,8 +82,12 @@ class EventDriven {
   bool has_started() const { return motions_.has_started(); }
   /// Forgets the states of rows, after bodies were moved from outside.
   void forget() { motions_.set_started(false); }
-  /// Compiled equations stay, since the states of rows choose among them.
   void restart() { forget(); }
+  /// Gives `motion` the equations with which an island that was just compiled begins.
+  void restart(RungeKutta* motion) {
+    restart();
+    variants_.begin_anew(motions_.joints(), motions_.broken(), motion);
+  }
 
   // ---- results since begin_step(), complete at the end of the step
   std::uint32_t events() const { return stepper_.events(); }

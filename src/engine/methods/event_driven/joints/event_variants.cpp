@@ -45,6 +45,21 @@ bool EventVariants::is_up_to_date(const EventJoints& joints, Variant* variant) c
 bool EventVariants::switch_to(const EventJoints& joints, const List<OneSidedState>& states,
                               const List<char>& is_broken, const List<MassProperties>& masses,
                               RungeKutta* motion) {
+  const auto compile = [&] { return joints.compile(states, is_broken, masses); };
+  return switch_to(joints, states, is_broken, compile, motion);
+}
+
+void EventVariants::begin_anew(const EventJoints& joints, const List<char>& is_broken,
+                               RungeKutta* motion) {
+  const List<OneSidedState> none(joints.laws().size());
+  switch_to(
+      joints, none, is_broken, [&] { return bare_; }, motion);
+}
+
+template <class Compile>
+bool EventVariants::switch_to(const EventJoints& joints, const List<OneSidedState>& states,
+                              const List<char>& is_broken, const Compile& compile,
+                              RungeKutta* motion) {
   if (compiled_for_ == states && broken_then_ == is_broken) return false;
   auto found = std::find_if(others_.begin(), others_.end(), [&](const Variant& other) {
     return other.states == states && other.is_broken == is_broken;
@@ -61,7 +76,7 @@ bool EventVariants::switch_to(const EventJoints& joints, const List<OneSidedStat
   } else {
     if (others_.size() >= kMostVariants) others_.erase(others_.begin());
     others_.push_back({compiled_for_, broken_then_, std::move(*motion), false});
-    *motion = RungeKutta(joints.compile(states, is_broken, masses));
+    *motion = RungeKutta(compile());
     compiled_for_ = states;
     broken_then_ = is_broken;
   }

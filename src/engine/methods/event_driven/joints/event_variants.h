@@ -23,6 +23,8 @@ class EventVariants {
   bool switch_to(const EventJoints& joints, const List<OneSidedState>& states,
                  const List<char>& is_broken, const List<MassProperties>& masses,
                  RungeKutta* motion);
+  /// Gives `motion` the bare equations, with which an island that was just compiled begins.
+  void begin_anew(const EventJoints& joints, const List<char>& is_broken, RungeKutta* motion);
 
   /// Takes over the laws of the joints, `motion` included. Returns false where `motion` or the bare
   /// equations have to be compiled anew.
@@ -48,6 +50,9 @@ class EventVariants {
     bool has_old_laws = false;  ///< laws of joints have changed since the last use
   };
   bool is_up_to_date(const EventJoints& joints, Variant* variant) const;
+  template <class Compile>
+  bool switch_to(const EventJoints& joints, const List<OneSidedState>& states,
+                 const List<char>& is_broken, const Compile& compile, RungeKutta* motion);
 
   EquationsOfMotion bare_;
   List<OneSidedState> compiled_for_;  // states that RungeKutta is compiled for

@@ -21,11 +21,12 @@ namespace {
 /// Returns the folder of the program's own scenes, in its installation or in its sources.
 std::string scene_folder() {
   namespace fs = std::filesystem;
-  std::error_code error;
-  const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
+  std::error_code no_link;
+  const fs::path folder = fs::read_symlink("/proc/self/exe", no_link).parent_path();
   for (const char* prefix : {"..", "../.."}) {  // PREFIX/bin, and catkin's PREFIX/lib/PACKAGE
     const fs::path scenes = folder / prefix / "share/constraint_sim/config/scenes";
-    if (!error && fs::is_directory(scenes, error)) return fs::weakly_canonical(scenes, error);
+    std::error_code error;
+    if (!no_link && fs::is_directory(scenes, error)) return fs::weakly_canonical(scenes, error);
   }
   return CONSTRAINT_SIM_SOURCE_SCENES;
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -63,6 +64,23 @@ class Runner : public testing::Test {
  private:
   TemporaryFolder folder_;
 };
+
+// A program built elsewhere has its sources' folder no more: scenes are those beside it, with and
+// without catkin.
+TEST_F(Runner, FindsTheScenesOfItsInstallation) {
+  namespace fs = std::filesystem;
+  for (const std::string folder : {"bin", "lib/constraint_sim"}) {
+    SCOPED_TRACE(folder);
+    const std::string prefix = in_folder(folder == "bin" ? "without_ros" : "with_ros");
+    fs::create_directories(prefix + "/" + folder);
+    fs::create_directories(prefix + "/share/constraint_sim/config/scenes");
+    fs::copy_file(in_folder("scene.yaml"),
+                  prefix + "/share/constraint_sim/config/scenes/only_here.yaml");
+    const std::string program = prefix + "/" + folder + "/constraint_sim_run";
+    fs::copy_file(CONSTRAINT_SIM_RUN, program);
+    EXPECT_EQ(std::system(("'" + program + "' only_here --duration 1 >/dev/null").c_str()), 0);
+  }
+}
 
 TEST_F(Runner, PrintsASummary) {
   ASSERT_EQ(run("scene.yaml --duration 1"), 0) << err();

@@ -143,14 +143,17 @@ endif()
 
 if(CONSTRAINT_SIM_ROS)
   constraint_sim_add_gtest_program(ros_tests
-    test/ros/test_conversions.cpp test/ros/test_markers.cpp test/engine/counted_allocations.cpp)
+    test/ros/test_body_meshes.cpp test/ros/test_conversions.cpp test/ros/test_markers.cpp
+    test/engine/counted_allocations.cpp)
   target_include_directories(ros_tests PRIVATE test/engine)
   target_link_libraries(ros_tests PRIVATE constraint_sim_ros)
-  constraint_sim_units(ros_tests 2 test/ros/test_conversions.cpp test/ros/test_markers.cpp)
+  constraint_sim_units(ros_tests 3
+    test/ros/test_body_meshes.cpp test/ros/test_conversions.cpp test/ros/test_markers.cpp)
   # shipped scenes are found as files of the package
   set(in_space ${CMAKE_CURRENT_SOURCE_DIR}/scripts/run_in_space
     "${CMAKE_INSTALL_PREFIX}:${CATKIN_DEVEL_PREFIX}")
-  constraint_sim_add_gtests(ros_tests ros_shell test/ros/test_conversions.cpp test/ros/test_markers.cpp)
+  constraint_sim_add_gtests(ros_tests ros_shell
+    test/ros/test_body_meshes.cpp test/ros/test_conversions.cpp test/ros/test_markers.cpp)
   set(in_space)
 
   if(TARGET constraint_sim_panel)

@@ -55,6 +55,11 @@ def hull(vertices):
     return Shape(type=Shape.HULL, vertices=[Point(*vertex) for vertex in vertices])
 
 
+def mesh(resource, scale=(0, 0, 0)):
+    """A mesh by its file, package:// or file://, which is divided into convex parts."""
+    return Shape(type=Shape.MESH, mesh_resource=resource, mesh_scale=Vector3(*scale))
+
+
 def plane():
     return Shape(type=Shape.PLANE)
 

@@ -52,6 +52,10 @@ class _Adding:
         """Adds a convex hull of points, each three numbers; settings as of add_sphere()."""
         self.add_body(messages.body(name, messages.hull(vertices), mass=mass, **settings))
 
+    def add_mesh(self, name, resource, mass=0.0, scale=(0, 0, 0), **settings):
+        """Adds a mesh by its file, package:// or file://, on the node's machine; settings as of add_sphere()."""
+        self.add_body(messages.body(name, messages.mesh(resource, scale), mass=mass, **settings))
+
     def add_point(self, name, mass=0.0, **settings):
         """Adds a point mass, which touches nothing."""
         self.add_body(messages.body(name, messages.point(), mass=mass, **settings))

@@ -27,7 +27,7 @@ engine::Shape hull_from(const Shape& shape) {
            "a hull has none, got " + std::to_string(shape.triangles.size()) + " numbers");
   if (!shape.mesh_resource.empty())
     refuse("mesh_resource",
-           "files are not read yet, give vertices, got '" + shape.mesh_resource + "'");
+           "add_body and apply_edits alone read files, got '" + shape.mesh_resource + "'");
   if (from_msg(shape.mesh_scale) != Eigen::Vector3d::Zero())
     refuse("mesh_scale", "only a mesh_resource has one");
   std::vector<Eigen::Vector3d> vertices;
@@ -120,7 +120,7 @@ engine::Shape from_msg(const Shape& shape) {
       check_dimensions(shape, "hull has no dimensions", 0);
       return hull_from(shape);
     case Shape::MESH:
-      refuse("type", "meshes do not exist yet, got MESH=7");
+      refuse("type", "add_body and apply_edits alone divide meshes, got MESH=7");
     default:
       check_no_surface(shape);
   }
@@ -145,7 +145,8 @@ engine::Shape from_msg(const Shape& shape) {
       return engine::Capsule{size[0], size[1]};
     default:
       refuse("type",
-             "must be POINT=0, SPHERE=1, BOX=2, CAPSULE=3, PLANE=4, CYLINDER=5 or HULL=6, got " +
+             "must be POINT=0, SPHERE=1, BOX=2, CAPSULE=3, PLANE=4, CYLINDER=5, HULL=6 or MESH=7, "
+             "got " +
                  std::to_string(shape.type));
   }
 }

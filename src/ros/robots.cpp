@@ -107,17 +107,31 @@ void Robots::add(const Robot& robot, const UrdfText& urdf, const std::string& pr
     links.links.push_back({link.name, link.in_body, is_root});
     if (is_root) links.robot = description;
   }
-  for (const RobotVisual& of : robot.visuals) {
-    Visual& visual = bodies_[of.body.value].visuals.emplace_back();
-    visual.id = ++last_marker_;
-    visual.position = of.in_body.translation();
-    visual.orientation = Eigen::Quaterniond(of.in_body.linear()).normalized();
-    set_shape(*of.geometry, &visual.marker);
-    set_colour(of, &visual.marker);
-  }
+  for (const RobotVisual& visual : robot.visuals)
+    bodies_[visual.body.value].visuals.push_back(make_visual(visual));
   for (const auto& [joint, bounds] : robot.bounds)
     if (world.has_joint(joint)) bounds_[world.find_joint(joint).value] = {joint, bounds};
   forget_oldest(world);
+}
+
+void Robots::add(const RobotVisual& visual, const engine::World& world) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  has_any_ = true;
+  BodyLinks& links = bodies_[visual.body.value];
+  links.body = world.body(visual.body).name;
+  links.is_of_robot = false;
+  links.visuals.push_back(make_visual(visual));
+  forget_oldest(world);
+}
+
+Robots::Visual Robots::make_visual(const RobotVisual& of) {
+  Visual visual;
+  visual.id = ++last_marker_;
+  visual.position = of.in_body.translation();
+  visual.orientation = Eigen::Quaterniond(of.in_body.linear()).normalized();
+  set_shape(*of.geometry, &visual.marker);
+  set_colour(of, &visual.marker);
+  return visual;
 }
 
 std::size_t Robots::size_of(const BodyLinks& links) {
@@ -188,7 +202,7 @@ bool Robots::add_frames(const engine::World& world, engine::BodyId body, const r
                         tf2_msgs::TFMessage* message) const {
   const std::lock_guard<std::mutex> lock(mutex_);
   const BodyLinks* known = find(world, body);
-  if (known == nullptr) return false;
+  if (known == nullptr || !known->is_of_robot) return false;
   const Eigen::Isometry3d in_world = pose_of(world.state(body));
   const auto add = [&](const std::string& parent, const std::string& child,
                        const Eigen::Isometry3d& pose) {
@@ -215,7 +229,8 @@ bool Robots::add_frames(const engine::World& world, engine::BodyId body, const r
 
 bool Robots::have(const engine::World& world, engine::BodyId body) const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return find(world, body) != nullptr;
+  const BodyLinks* known = find(world, body);
+  return known != nullptr && known->is_of_robot;
 }
 
 void Robots::add_markers(const engine::World& world, bool is_edited,

@@ -34,7 +34,8 @@ struct UrdfText {
   std::string text, folder;
 };
 
-/// Robots added from URDFs: frames of links, visuals, and bounds of joints. Bodies and joints are
+/// Robots added from URDFs: frames of links, visuals, and bounds of joints; and the meshes of other
+/// bodies. Bodies and joints are
 /// identified by id and name, since a snapshot of another process may reuse ids. A removed robot is
 /// hidden until a snapshot restores it; the oldest removed ones are forgotten beyond kMostBytes.
 /// Any thread.
@@ -49,6 +50,8 @@ class Robots {
   /// Adds a robot that has just been added to `world` from this URDF with this prefix.
   void add(const Robot& robot, const UrdfText& urdf, const std::string& prefix,
            const engine::World& world);
+  /// Adds the visual of a body that belongs to no robot.
+  void add(const RobotVisual& visual, const engine::World& world);
   /// Returns the robots in `world`, each name once.
   std::vector<RobotDescription> descriptions(const engine::World& world) const;
   /// Returns whether the body belongs to a robot.
@@ -80,7 +83,8 @@ class Robots {
     visualization_msgs::Marker marker;  ///< mesh or shape, with colour and scale
   };
   struct BodyLinks {
-    std::string body;  ///< name of the body
+    std::string body;         ///< name of the body
+    bool is_of_robot = true;  ///< false: the body only has visuals
     std::vector<Link> links;
     std::vector<Visual> visuals;
     bool is_gone = false;                   ///< state at the last log line
@@ -92,6 +96,7 @@ class Robots {
   };
 
   const BodyLinks* find(const engine::World& world, engine::BodyId body) const;
+  Visual make_visual(const RobotVisual& of);
   void forget_oldest(const engine::World& world);
   static std::size_t size_of(const BodyLinks& links);
   static std::size_t size_of(const BoundedJoint& joint);

@@ -7,6 +7,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "ros/answer.h"
+#include "ros/body_meshes.h"
 #include "ros/conversions.h"
 #include "ros/edits.h"
 #include "ros/geometry_queries.h"
@@ -17,11 +18,12 @@
 #include "sim/words.h"
 
 namespace constraint_sim {
-Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
+Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers, Robots& robots,
                    const Parameters& parameters, ServiceHandles handles)
     : stepper_(stepper),
       edit_log_(edit_log),
       publishers_(publishers),
+      robots_(robots),
       parameters_(parameters),
       snapshots_(stepper, edit_log, parameters, handles.edits, handles.queries) {
   const auto advertise_on = [&](ros::NodeHandle& handle, const char* name, auto handler) {
@@ -37,7 +39,7 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
   visit_edits([&](const char* name, auto* service) {
     using Service = std::remove_pointer_t<decltype(service)>;
     servers_.push_back(guarded_service<typename Service::Request, typename Service::Response>(
-        handles.edits, name, [this, name](const auto& request, auto& response) {
+        handles.edits, name, [this, name](auto& request, auto& response) {
           return this->edit(name, request, response);
         }));
   });
@@ -59,16 +61,21 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
 }
 
 template <class Request, class Response>
-bool Services::edit(const char* service, const Request& request, Response& response) {
+bool Services::edit(const char* service, Request& request, Response& response) {
   return answer(response, [&] {
+    const DividedMeshes meshes = divide_meshes(&request);
     const auto apply = [&](World& world) {
       change(world, request, &response);
+      for (const ShownMesh& mesh : meshes.shown) robots_.add(visual_of(mesh, world), world);
       follow(request);
       edit_log_.record(stepper_, service, request, world);
     };
     const Boundary boundary = stepper_.edit(apply, duration_of(request));
     response.applied_at = time_from_seconds(boundary.time);
     response.step = boundary.step;
+    if (meshes.sentences.empty()) return;
+    const std::string& further = response.status_message;
+    response.status_message = meshes.sentences + (further.empty() ? "" : "; ") + further;
   });
 }
 

@@ -24,6 +24,7 @@
 #include "ros/guarded.h"
 #include "ros/parameters.h"
 #include "ros/publishers.h"
+#include "ros/robots.h"
 #include "ros/snapshot_services.h"
 #include "sim/stepper.h"
 
@@ -42,16 +43,16 @@ struct ServiceHandles {
 /// until the edit has taken effect. The topic motor_bias also edits, without waiting.
 class Services {
  public:
-  Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
+  Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers, Robots& robots,
            const Parameters& parameters, ServiceHandles handles);
 
   /// Runs the service set_options; waits for the stepping thread.
   SetOptionsResponse set_options(SetOptionsRequest& request);
 
  private:
-  /// Handles a service of visit_edits().
+  /// Handles a service of visit_edits(). Divides the meshes of the request.
   template <class Request, class Response>
-  bool edit(const char* service, const Request& request, Response& response);
+  bool edit(const char* service, Request& request, Response& response);
   /// Returns whether an edit may take long.
   template <class Request>
   static Stepper::Duration duration_of(const Request&) {
@@ -84,6 +85,7 @@ class Services {
   Stepper& stepper_;
   EditLog& edit_log_;
   Publishers& publishers_;
+  Robots& robots_;
   Parameters parameters_;
   SnapshotServices snapshots_;
   std::vector<ros::ServiceServer> servers_;

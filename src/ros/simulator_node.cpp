@@ -129,7 +129,7 @@ SimulatorNode::Impl::Impl(const ros::NodeHandle& handle, const ros::NodeHandle& 
       event_topic_(private_handle_, publishers_),
       diagnostics_(parameters_, handle_, private_handle_.getNamespace()),
       stepper_(first_world(), stepper_options(parameters_), clock(), events()),
-      services_(stepper_, edit_log_, publishers_, parameters_, service_handles()),
+      services_(stepper_, edit_log_, publishers_, robots_, parameters_, service_handles()),
       verify_service_(stepper_, verifications_.serving(private_handle_)),
 #ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
       reconfigure_(edits_.serving(private_handle_), first_options_, pacing(),

@@ -10,7 +10,6 @@
 #include <array>
 #include <climits>
 #include <cstdlib>
-#include <map>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
@@ -19,6 +18,7 @@
 #include "ros/answer.h"
 #include "ros/conversions.h"
 #include "ros/guarded.h"
+#include "ros/mesh_files.h"
 #include "ros/scenes.h"
 #include "ros/time_conversions.h"
 #include "sim/files.h"
@@ -33,30 +33,6 @@ bool is_file(const std::string& path) {
   struct stat status {};
   return ::stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
 }
-
-/// Finds meshes as rviz does. Folders are cached: looking up a package takes milliseconds.
-class Meshes {
- public:
-  /// Returns the path of the file of a URI; empty where there is none.
-  std::string path(const std::string& name) {
-    const std::string found = named(name);
-    return is_file(found) ? found : "";
-  }
-
- private:
-  std::string named(const std::string& name) {
-    const std::string package = "package://";
-    if (name.compare(0, package.size(), package) != 0) return path_of_file(name);
-    const std::string rest = name.substr(package.size());
-    const std::size_t slash = rest.find('/');
-    if (slash == std::string::npos) return "";
-    const auto [found, is_new] = folders_.emplace(rest.substr(0, slash), "");
-    if (is_new) found->second = ros::package::getPath(found->first);
-    return found->second.empty() ? "" : found->second + rest.substr(slash);
-  }
-
-  std::map<std::string, std::string> folders_;  // by package
-};
 
 struct Description {
   std::string urdf, extra, srdf;
@@ -155,7 +131,7 @@ BuiltRobot build_described(const Description& description, RobotOptions options)
   options.srdf = description.srdf;
   options.folder = description.folder();
   options.how_to_expand = how_to_expand(description.path);
-  Meshes meshes;
+  MeshFiles meshes;
   options.mesh_path = [&](const std::string& name) { return meshes.path(name); };
   options.mesh_exists = [&](const std::string& name) { return !meshes.path(name).empty(); };
   return build_robot(description.urdf, options);

@@ -3,8 +3,11 @@
 #include "urdf/mesh_file.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <filesystem>
 #include <numeric>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
 #ifdef CONSTRAINT_SIM_READS_MESHES
@@ -44,6 +47,7 @@ void unite_equal_points(TriangleMesh* mesh) {
 #ifdef CONSTRAINT_SIM_READS_MESHES
 namespace {
 
+constexpr std::uintmax_t kMostBytes = std::uintmax_t{256} << 20;
 constexpr std::size_t kMostVertices = 3000000;
 
 void add_triangles(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent, int depth,
@@ -81,6 +85,10 @@ void add_triangles(const aiScene& scene, const aiNode& node, const aiMatrix4x4& 
 bool reads_meshes() { return true; }
 
 TriangleMesh read_mesh(const std::string& path) {
+  std::error_code error;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, error);
+  if (!error && bytes > kMostBytes)
+    throw std::invalid_argument("it has more than 256 MiB, " + std::to_string(bytes) + " bytes");
   Assimp::Importer importer;
   // Robots' frames have z upward whatever the file says, as in rviz.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);

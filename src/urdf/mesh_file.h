@@ -22,8 +22,8 @@ struct TriangleMesh {
 void unite_equal_points(TriangleMesh* mesh);
 
 /// Returns the triangles in a file (STL, DAE, OBJ and others). Transforms of nodes and the unit of
-/// the file place them, as in rviz. Throws std::invalid_argument for a file without triangles, with
-/// more than 3 million vertices, or that cannot be read.
+/// the file place them, as in rviz. Throws std::invalid_argument for a file without triangles, of
+/// more than 256 MiB or 3 million vertices, or that cannot be read.
 TriangleMesh read_mesh(const std::string& path);
 
 }  // namespace constraint_sim

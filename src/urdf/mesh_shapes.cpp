@@ -117,7 +117,9 @@ std::vector<Fitted> parts_of(const TriangleMesh& mesh, std::size_t most) {
   return parts;
 }
 
-MeshShape shape_of(const TriangleMesh& mesh, std::size_t most_parts) {
+}  // namespace
+
+MeshShape collision_of(const TriangleMesh& mesh, std::size_t most_parts) {
   // Share of the hull that a mesh may leave empty and still counts as convex.
   constexpr double kHollow = 0.02;
   std::vector<Fitted> fitted;
@@ -154,7 +156,13 @@ MeshShape shape_of(const TriangleMesh& mesh, std::size_t most_parts) {
   return shape;
 }
 
-}  // namespace
+TriangleMesh read_scaled_mesh(const std::string& path, const Vector3d& scale) {
+  TriangleMesh mesh = read_mesh(path);
+  for (Vector3d& p : mesh.points) p = p.cwiseProduct(scale);
+  if (scale.x() * scale.y() * scale.z() < 0.0)
+    for (TriangleMesh::Triangle& t : mesh.triangles) std::swap(t[1], t[2]);
+  return mesh;
+}
 
 const MeshShape& MeshShapes::of(const std::string& link, const urdf::Mesh& mesh) {
   const auto given = most_parts_.find(link);
@@ -167,11 +175,7 @@ const MeshShape& MeshShapes::of(const std::string& link, const urdf::Mesh& mesh)
   try {
     const std::string path = path_ ? path_(mesh.filename) : path_of_file(mesh.filename);
     if (path.empty()) throw std::invalid_argument("its file is not known");
-    TriangleMesh triangles = read_mesh(path);
-    for (Vector3d& p : triangles.points) p = p.cwiseProduct(to_eigen(mesh.scale));
-    if (mesh.scale.x * mesh.scale.y * mesh.scale.z < 0.0)
-      for (TriangleMesh::Triangle& t : triangles.triangles) std::swap(t[1], t[2]);
-    found->second = shape_of(triangles, most_parts);
+    found->second = collision_of(read_scaled_mesh(path, to_eigen(mesh.scale)), most_parts);
   } catch (const std::invalid_argument& error) {
     found->second.sentence = std::string("does not collide: ") + error.what();
   }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/shape.h"
+#include "urdf/mesh_file.h"
 #include "urdf/meshes.h"
 
 namespace constraint_sim {
@@ -32,6 +33,14 @@ struct MeshShape {
   std::vector<MeshHull> hulls;  ///< none: the mesh does not collide
   std::string sentence;         ///< says how the mesh collides, or why it does not
 };
+
+/// Returns how a surface of triangles collides: as at most `most_parts` convex parts. Throws
+/// std::invalid_argument for points in a plane.
+MeshShape collision_of(const TriangleMesh& mesh, std::size_t most_parts);
+
+/// Returns the mesh in a file, scaled along its axes; a negative scale mirrors it. Throws as
+/// read_mesh().
+TriangleMesh read_scaled_mesh(const std::string& path, const Eigen::Vector3d& scale);
 
 /// Shapes of the collision meshes of a robot. Each file is read once for each scale and number of
 /// parts.

@@ -9,7 +9,7 @@ import tempfile
 import rosbag
 import rospy
 import rostest
-from constraint_sim.msg import Constraint, EditRecord, MotorBias
+from constraint_sim.msg import Constraint, EditRecord, MotorBias, Shape
 from geometry_msgs.msg import Vector3, Wrench
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -101,6 +101,22 @@ class Replay(support.ServiceCase):
         self.assertIn("%d records" % len(self.log.messages), said)
         self.assertGreater(sum(not r.service for r in self.log.messages), 5)  # checks in between
         self.assertGreater(len({r.service for r in self.log.messages}), 10)
+
+    def test_a_mesh_whose_file_is_gone(self):
+        """The log has the convex parts of the mesh, so that a replay does not read the file."""
+        path = os.path.join(self.folder.name, "tetrahedron.obj")
+        with open(path, "w") as file:
+            file.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+        self.good("load_scene", text="world: {}")
+        self.begin()
+        mesh = Shape(type=Shape.MESH, mesh_resource=path)
+        answer = call("add_body", body=sphere("tetrahedron", z=1.0, shapes=[mesh]))
+        self.assertIn("its convex hull with 4 vertices", answer.status_message)
+        os.remove(path)
+        self.good("step", steps=50)
+        self.end()
+        status, said = replay(self.file)
+        self.assertEqual(status, 0, said)
 
     def test_a_run_in_real_time_with_a_stream_of_commands(self):
         self.good("load_scene", path="platform")

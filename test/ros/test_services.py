@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Every service with valid input, and every field with invalid input."""
 import math
+import os
+import tempfile
 import threading
 
 import rospy
@@ -8,6 +10,7 @@ import rostest
 from constraint_sim.msg import Body, BodyState, Shape
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
 
 import support
 from support import call, properties, sphere
@@ -86,12 +89,98 @@ class Services(support.ServiceCase):
         self.bad(["shapes[0].dimensions", "0"], "add_body",
                  body=sphere("b", shapes=[Shape(type=Shape.BOX)]))
         self.bad(["shapes[0].type", "9"], "add_body", body=sphere("b", shapes=[Shape(type=9)]))
-        self.bad(["shapes[0].type", "mesh"], "add_body", body=sphere("b", shapes=[Shape(type=Shape.MESH)]))
+        self.bad(["shapes[0].triangles", "got 0"], "add_body", body=sphere("b", shapes=[Shape(type=Shape.MESH)]))
         self.bad(["shapes[0].vertices", "4"], "add_body",
                  body=sphere("b", shapes=[Shape(type=Shape.SPHERE, dimensions=[1], vertices=[Point()] * 4)]))
         self.bad(["shapes[0]", "part", "sphere"], "add_body", body=sphere("b", shapes=[Shape(), Shape()]))
         self.bad(["color", "1.5"], "add_body", body=sphere("b", color=ColorRGBA(r=1.5)))
         self.bad(["type", "7"], "add_body", body=sphere("b", type=7))
+
+    # ---- meshes
+
+    def channel(self):
+        """Returns a mesh of a channel of 3 x 1 x 2 m along y, open above, with walls and floor of 1 m, and the path
+        of a file with it."""
+        outline = [(-1.5, 0), (1.5, 0), (1.5, 2), (0.5, 2), (0.5, 1), (-0.5, 1), (-0.5, 2), (-1.5, 2)]
+        count = len(outline)
+        points = [(x, y, z) for y in (-0.5, 0.5) for x, z in outline]
+        front = [(0, 1, 4), (1, 2, 3), (1, 3, 4), (0, 4, 5), (0, 5, 7), (5, 6, 7)]
+        triangles = front + [(c + count, b + count, a + count) for a, b, c in front]
+        for i in range(count):
+            j = (i + 1) % count
+            triangles += [(i, i + count, j), (j, i + count, j + count)]
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        path = os.path.join(folder.name, "channel.obj")
+        with open(path, "w") as file:
+            file.writelines("v %g %g %g\n" % point for point in points)
+            file.writelines("f %d %d %d\n" % tuple(i + 1 for i in triangle) for triangle in triangles)
+        return Shape(type=Shape.MESH, vertices=[Point(*point) for point in points],
+                     triangles=[i for triangle in triangles for i in triangle]), path
+
+    def test_a_ball_falls_into_a_mesh(self):
+        """A ball rests on the floor of a channel, and on top of its convex hull. Replays read no file."""
+        mesh, path = self.channel()
+        uri = "file://" + path
+        for shape, sentence, floor in (
+                (mesh, "shapes[0] collides as 3 convex parts", 1.0),
+                (Shape(type=Shape.MESH, mesh_resource=uri), "3 convex parts", 1.0),
+                (Shape(type=Shape.HULL, mesh_resource=path), "its convex hull", 2.0)):
+            support.empty_world()
+            ball = Shape(type=Shape.SPHERE, dimensions=[0.3])
+            self.good("add_body", body=sphere("ball", 0.05, 0, 2.5, shapes=[ball]))
+            answer = call("add_body", body=sphere("channel", type=Body.STATIC, shapes=[shape]))
+            self.assertTrue(answer.success, answer.status_message)
+            self.assertIn(sentence, answer.status_message)
+            self.good("step", steps=300)
+            height = call("get_body_state", name="ball").state.pose.position.z
+            self.assertAlmostEqual(height, floor + 0.3, delta=1e-3)  # within the contact's slop
+            self.assertIn("hull: {vertices:", call("save_scene").text)
+
+    def test_a_mesh_is_shown_by_its_file(self):
+        """The origin of the file is 0.2 m above that of a body that moves, and the marker is there."""
+        _, path = self.channel()
+        shown = support.Listener(support.NODE + "/markers", MarkerArray)
+        shape = Shape(type=Shape.MESH, mesh_resource="file://" + path, mesh_scale=Vector3(0.1, 0.1, 0.1),
+                      pose=Pose(position=Point(0, 0, 0.2)))
+        body = sphere("channel", 0, 0, 1, type=Body.KINEMATIC, shapes=[shape], color=ColorRGBA(g=0.5))
+        body.twist.linear.x = 1.0
+        self.assertTrue(call("add_body", body=body).success)
+
+        def visuals(message):
+            return [m for m in message.markers if m.ns == "visuals" and m.action == Marker.ADD]
+        marker = visuals(shown.find(visuals, "a visual"))[0]
+        self.assertEqual(marker.type, Marker.MESH_RESOURCE)
+        self.assertEqual(marker.mesh_resource, "file://" + path)
+        self.assertEqual((marker.scale.x, marker.scale.y, marker.scale.z), (0.1, 0.1, 0.1))
+        self.assertAlmostEqual(marker.color.g, 0.5)
+        self.assertFalse(marker.mesh_use_embedded_materials)
+        self.assertAlmostEqual(marker.pose.position.z, 1.2)
+        self.good("step", steps=100)
+        x = call("get_body_state", name="channel").state.pose.position.x
+        self.assertGreater(x, 0.9)
+        shown.find(lambda m: any(abs(v.pose.position.x - x) < 1e-9 for v in visuals(m)), "the visual there")
+        self.good("remove_body", name="channel")
+        shown.find(lambda m: any(v.ns == "visuals" and v.action == Marker.DELETE for v in m.markers), "its end")
+        support.Listener.stop_all()
+
+    def test_add_body_refuses_each_bad_mesh(self):
+        mesh, path = self.channel()
+        for named, fields in (
+                (["mesh_resource", "'package://nowhere/x.stl'"], dict(mesh_resource="package://nowhere/x.stl")),
+                (["mesh_resource", "'http://localhost/x.stl'"], dict(mesh_resource="http://localhost/x.stl")),
+                (["mesh_resource", "'x.stl'"], dict(mesh_resource="x.stl")),
+                (["mesh_resource", "cannot be read"], dict(mesh_resource="/etc/hostname")),
+                (["mesh_scale", "1, 0, 1"], dict(mesh_resource=path, mesh_scale=Vector3(1, 0, 1))),
+                (["mesh_scale", "nan"], dict(mesh_resource=path, mesh_scale=Vector3(1, math.nan, 1))),
+                (["vertices", "16"], dict(mesh_resource=path, vertices=mesh.vertices)),
+                (["triangles[2]", "16"], dict(vertices=mesh.vertices, triangles=[0, 1, 16])),
+                (["triangles", "got 2"], dict(vertices=mesh.vertices, triangles=[0, 1])),
+                (["dimensions", "got 1"], dict(mesh_resource=path, dimensions=[1]))):
+            self.bad(["shapes[0]."] + named, "add_body", body=sphere(
+                "b", type=Body.STATIC, shapes=[Shape(type=Shape.MESH, **fields)]))
+        self.bad(["bodies[1]", "shapes[0].mesh_resource"], "apply_edits", bodies=[
+            sphere("a"), sphere("b", shapes=[Shape(type=Shape.MESH, mesh_resource="/x.stl")])])
 
     def test_a_cylinder_rolls_down_a_slope(self):
         self.good("load_scene", text="world: {method: sequential_impulses}")

@@ -270,7 +270,7 @@ TEST(HostileScene, OfRandomTextIsAnsweredAtOnce) {
   Noise noise(20);
   const std::vector<std::string> shipped = shipped_texts();
   int loaded = 0;
-  for (std::size_t i = 0; i < 6000; ++i) {
+  for (std::size_t i = 0; i < 8000; ++i) {
     std::string text;
     if (i % 3 == 0) text = noise.bytes(noise.below(200));
     if (i % 3 == 1) text = noise.marks(noise.below(200));

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Pictures of each shipped mechanism, and of each kind of joint, by rviz."""
+"""Pictures of each shipped mechanism, of scenes of many contacts, and of each kind of joint, by rviz."""
 import math
 import os
 import shutil
@@ -9,7 +9,7 @@ import numpy
 import rospy
 import rostest
 import tf2_ros
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Point, Pose, TransformStamped, Vector3, Wrench
 from visualization_msgs.msg import MarkerArray
 
 import support
@@ -30,6 +30,15 @@ MECHANISMS = {
     "gripper": ((0, 0, 0.94), 0.32, 1.0, 0),
     "stewart_platform": ((0, 0, 0.6), 3.0, 1.0, 0),
 }
+CONTACTS = {
+    "pyramid": ((0, 0, 0.5), 2.4, 0.1, 0),
+    "grasp": ((0, 0, 0.45), 1.4, 0.75, 0),
+    "wrecking_ball": ((0, 0, 1.7), 6.0, 1.0, 0),
+    "marble_run": ((0.18, 0, 0.6), 2.8, 2.6, 0),
+}
+# The quadruped stands on a floor, and is pushed.
+ROBOTS = {"quadruped": ((0, 0, 0.22), 1.0, 0.6, 0)}
+FLOOR = "bodies: [{name: floor, type: static, shape: {plane: {}}, friction: 1}]"
 WIDTHS = {"joints.yaml": 1000, "stewart_platform": 900}  # widths of detailed pictures; else 720
 JOINTS = {"joints.yaml": ((0.2, 0.7, 0.95), 5.0, 0.5, 0)}
 # Distance in the configuration [m], and its factors by a click of the wheel.
@@ -115,6 +124,23 @@ class Mechanisms(InRviz):
         self.show_configuration(from_the_front())
         self.show({name: of for name, of in MECHANISMS.items() if of[-1] == 0})
 
+    def test_scenes_of_many_contacts_are_drawn_whole(self):
+        self.show_configuration(from_the_front())
+        self.show(CONTACTS)
+
+    def test_a_robot_on_its_feet_is_drawn_whole(self):
+        self.show_configuration(from_the_front())
+        self.show(ROBOTS)
+
+    def load(self, scene, path):
+        if scene not in ROBOTS:
+            return call("load_scene", path=path)
+        call("load_scene", text=FLOOR)
+        answer = call("load_urdf", path=scene, pose=Pose(position=Point(z=0.31)))
+        call("apply_body_wrench", body_name=answer.bodies[0], wrench=Wrench(force=Vector3(y=30)),
+             start_time=rospy.Time(0), duration=rospy.Duration(-1))
+        return answer
+
     def test_each_mechanism_that_lies_is_drawn_whole(self):
         """The legend would be in front of a lying mechanism, and is written at its edge."""
         self.show_configuration(from_the_front(legend="false"))
@@ -133,7 +159,7 @@ class Mechanisms(InRviz):
                 support.wait_until(lambda: self.extent(read_view(self.screenshot(name))) == [0, 0],
                                    "an empty view", START)
                 self.look(middle, distance, turn)
-                answer = call("load_scene", path=path)
+                answer = self.load(scene, path)
                 self.assertTrue(answer.success, answer.status_message)
                 tick = support.properties().time_step
                 self.assertTrue(call("step", steps=round(seconds / tick)).success)

@@ -432,6 +432,19 @@ TEST(Robots, QuadrupedStands) {
   const engine::BodyState& trunk = world.state(world.find_body("trunk/com"));
   EXPECT_GT(trunk.position.z(), 0.2);
   EXPECT_LT(trunk.linear_velocity.norm(), 1e-2);
+
+  // Pushed aside by 30 N it stays: friction of its feet bears the push.
+  const Vector3d before = trunk.position;
+  engine::Wrench push;
+  push.body = world.find_body("trunk/com");
+  push.force = {0.0, 30.0, 0.0};
+  push.start = world.time();
+  world.add_wrench(push);
+  for (int i = 0; i < 100; ++i) world.step();
+  Vector3d force = Vector3d::Zero();
+  for (const engine::Contact& contact : world.contacts()) force += contact.force;
+  EXPECT_NEAR(std::abs(force.y()), 30.0, 0.1);
+  EXPECT_LT((trunk.position - before).norm(), 1e-4);
 }
 
 // The gripper closes on a box of 0.2 kg until the crank is at its effort limit, and lifts it by 0.2

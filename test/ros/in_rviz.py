@@ -152,10 +152,10 @@ class InRviz(unittest.TestCase):
         return path
 
     def shrink(self, name, width, zoom=1):
-        """Saves the view of that screenshot, or its middle, as lossless WebP, small enough for a page."""
+        """Saves the view of that screenshot, or its middle, as WebP, small enough for a page."""
         path = os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder), name)
         middle = "%dx%d+0+0" % (1232 / zoom, 690 / zoom)
         subprocess.check_call(["convert", path, "-crop", "1232x690+24+70", "+repage",
                                "-gravity", "center", "-crop", middle, "+repage",
-                               "-resize", "%dx" % width, "+dither", "-colors", "128", "-define", "webp:lossless=true",
+                               "-resize", "%dx" % width, "-quality", "75", "-define", "webp:method=6",
                                os.path.splitext(path)[0] + ".webp"])

@@ -7,6 +7,7 @@ find_package(PkgConfig QUIET)
 
 file(GLOB problem_sources CONFIGURE_DEPENDS bench/report/problems/*.cpp)
 add_library(constraint_sim_report_common OBJECT EXCLUDE_FROM_ALL
+  bench/report/judge.cpp
   bench/report/measures.cpp
   bench/report/phases.cpp
   bench/report/problem.cpp

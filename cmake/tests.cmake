@@ -122,11 +122,12 @@ if(TARGET constraint_sim_urdf)
   constraint_sim_add_gtests(urdf_tests urdf ${urdf_tests})
 endif()
 
-constraint_sim_add_gtest_program(report_tests test/report/test_report.cpp)
+set(report_tests test/report/test_random.cpp test/report/test_report.cpp)
+constraint_sim_add_gtest_program(report_tests ${report_tests})
 target_include_directories(report_tests PRIVATE bench test/engine)  # temporary_folder.h
 target_link_libraries(report_tests PRIVATE constraint_sim_report_common constraint_sim_engine)
 add_dependencies(report_tests constraint_sim_report_engine)
-constraint_sim_add_gtests(report_tests report test/report/test_report.cpp)
+constraint_sim_add_gtests(report_tests report ${report_tests})
 
 # Shapes against another library, whose interface changed with 0.6 (Ubuntu 20.04 has 0.5).
 find_package(fcl 0.6 QUIET)

@@ -53,6 +53,15 @@ struct Setting {
   double tick = 0.01;      ///< [s]
   double tolerance = 0.0;  ///< engine-specific; 0: default of the engine
   bool is_swept = true;    ///< shown in diagrams, where only the knob is to matter
+  bool is_heard = false;   ///< Simulation::said() is asked for; collecting it takes time
+};
+
+/// Errors that an engine itself reports, the largest since the start.
+struct Said {
+  std::string warning;       ///< first warning that a result is not trustworthy; empty: none
+  double joint = 0.0;        ///< error of joints [m]
+  double penetration = 0.0;  ///< [m]
+  double motion = 0.0;       ///< sum of the estimates of the steps' errors [m]; NaN: unknown
 };
 
 /// One scene in one engine. Building the scene is not timed.
@@ -65,6 +74,8 @@ class Simulation {
   /// Takes `ticks` ticks, which end at `time` [s].
   virtual void advance(long ticks, double time) = 0;
   virtual void read(States* states) const = 0;
+  /// Returns what the engine reports of its errors; nothing for engines that report none.
+  virtual Said said() const { return {}; }
   /// Returns the scene as YAML of this package; empty for other engines.
   virtual std::string scene() const { return {}; }
 };

@@ -7,6 +7,10 @@
 //           [--repeats N] [--perturb SHARE]    announces each setting as `begin VALUE`
 //   PROGRAM scene FILE --variant V --values TICK --duration S --sample S [--budget S]
 //   PROGRAM save --problem P --variant V       the problem as a scene file
+//   PROGRAM refine FOLDER --problem P          a reference by our engine in finer steps
+//   PROGRAM judge FOLDER --problem P --variant V    a line for random_grid.py, from the reference
+//           in the folder as far as it goes
+//   PROGRAM describe --problem P               its group and a line about it
 //   PROGRAM ticks --problem P --variant V --values TICK --repeats N    ticks only, for valgrind
 
 #include <malloc.h>
@@ -24,6 +28,7 @@
 #include <limits>
 
 #include "contestant.h"
+#include "judge.h"
 #include "measures.h"
 #include "scene_problem.h"
 
@@ -73,23 +78,31 @@ void write_reference(const std::string& path, const Trajectory& trajectory) {
   if (!file.flush()) throw std::runtime_error("cannot write '" + path + "'");
 }
 
-Trajectory read_reference(const std::string& folder, const Problem& problem) {
-  if (!problem.reference) return {};
-  const std::string path = path_of(folder, problem);
+/// Returns the samples in a file, as far as it goes; none where there is no file.
+Trajectory read_samples(const std::string& path, std::size_t bodies) {
   std::ifstream file(path, std::ios::binary);
-  Trajectory trajectory(static_cast<std::size_t>(problem.samples()) + 1);
-  for (States& states : trajectory)
-    for (std::size_t i = 0; i < problem.bodies.size(); ++i) {
+  Trajectory trajectory;
+  while (true) {
+    States states(bodies);
+    for (State& state : states) {
       Numbers numbers;
       file.read(reinterpret_cast<char*>(numbers.data()), sizeof(double) * 13);
-      State state;
       state.position = numbers.head<3>();
       state.orientation.coeffs() = numbers.segment<4>(3);
       state.velocity = numbers.segment<3>(7);
       state.angular_velocity = numbers.tail<3>();
-      states.push_back(state);
     }
-  if (!file) throw std::runtime_error("cannot read '" + path + "'");
+    if (!file) return trajectory;
+    trajectory.push_back(std::move(states));
+  }
+}
+
+Trajectory read_reference(const std::string& folder, const Problem& problem) {
+  if (!problem.reference) return {};
+  const std::string path = path_of(folder, problem);
+  Trajectory trajectory = read_samples(path, problem.bodies.size());
+  if (trajectory.size() != static_cast<std::size_t>(problem.samples()) + 1)
+    throw std::runtime_error("cannot read '" + path + "'");
   return trajectory;
 }
 
@@ -117,6 +130,8 @@ struct Result {
   Errors errors{};
   double largest_distance = 0.0;  // distance of a body from its start position [m]
   Motion motion;
+  Said said;
+  std::string why;  // words of an exception
 };
 
 /// Runs once: to the end, to a state that is not finite, or until `limit` seconds are spent.
@@ -176,10 +191,13 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
         break;
       }
     }
-  } catch (const Unsupported&) {
+    result.said = simulation->said();
+  } catch (const Unsupported& error) {
     result.outcome = "unsupported";
+    result.why = error.what();
   } catch (const std::exception& error) {  // peers may throw any type
     result.outcome = "refused";
+    result.why = error.what();
     std::fprintf(stderr, "%s %s %g: %s\n", problem.name.c_str(), variant.name.c_str(), setting.tick,
                  error.what());
   }
@@ -310,6 +328,51 @@ void run_scene(const Arguments& arguments) {
   }
 }
 
+/// Writes a reference by this engine in finer steps, as far as two such motions agree; prints how
+/// far.
+void refine(const Arguments& arguments) {
+  const Problem& problem = problem_named(arguments.problem);
+  const auto motion = [&](const Problem& reality, double ticks_a_sample, double tolerance) {
+    Setting setting;
+    setting.is_swept = false;
+    setting.is_heard = true;
+    setting.tick = problem.sample / ticks_a_sample;
+    setting.tolerance = tolerance * speed_of(problem);
+    const Result result =
+        run(problem, reality, {}, variant_named("auto"), setting, arguments.budget);
+    return result.said.warning.empty() ? result.motion.states : Trajectory();
+  };
+  Trajectory exact = motion(problem, 32.0, 1e-12);
+  exact.resize(agreement(problem, motion(problem, 16.0, 1e-10), exact));
+  std::filesystem::create_directories(arguments.folder);
+  write_reference(path_of(arguments.folder, problem), exact);
+  const Trajectory near = exact.empty() ? exact : motion(disturbed(problem), 16.0, 1e-10);
+  write_reference(path_of(arguments.folder, problem) + ".disturbed", near);
+  std::printf("refined %zu of %d\n", exact.size(), problem.samples() + 1);
+}
+
+/// Prints `judged OUTCOME CRITERION AMOUNT TIME WORD WORDS`, separated by tabs.
+void judge_run(const Arguments& arguments) {
+  const Problem& problem = problem_named(arguments.problem);
+  Setting setting;
+  setting.is_swept = false;
+  setting.is_heard = true;
+  setting.tick = problem.sample;
+  const Result result =
+      run(problem, problem, {}, variant_named(arguments.variant), setting, arguments.budget);
+  if (result.outcome != "ok" && result.outcome != "not_finite") {
+    std::printf("judged\t%s\t\tnan\tnan\tsilent\t%s\n", result.outcome.c_str(), result.why.c_str());
+    return;
+  }
+  const std::string path = path_of(arguments.folder, problem);
+  const Reference reference{read_samples(path, problem.bodies.size()),
+                            read_samples(path + ".disturbed", problem.bodies.size())};
+  const Judgement made =
+      judge(problem, result.motion, result.outcome == "ok", result.said, reference);
+  std::printf("judged\t%s\t%s\t%.3g\t%.6g\t%s\t%s\n", name(made.grade), name(made.worst),
+              made.amount, made.time, name(made.word), made.said.c_str());
+}
+
 /// Prints a problem as a scene. Names of bodies are those given by peers/engine.cpp.
 void save_scene(const Arguments& arguments) {
   const Problem& problem = problem_named(arguments.problem);
@@ -407,6 +470,13 @@ int main(int argc, char** argv) {
       run_scene(arguments);
     } else if (arguments.command == "save") {
       save_scene(arguments);
+    } else if (arguments.command == "refine") {
+      refine(arguments);
+    } else if (arguments.command == "judge") {
+      judge_run(arguments);
+    } else if (arguments.command == "describe") {
+      const Problem& problem = problem_named(arguments.problem);
+      std::printf("%s\t%s\n", problem.group.c_str(), description(problem).c_str());
     } else if (arguments.command == "ticks") {
       take_ticks(arguments);
     } else {

@@ -113,10 +113,13 @@ struct Problem {
   std::vector<Body> bodies;
   std::vector<Joint> joints;
   std::vector<Coupling> couplings{};
-  double duration = 1.0;        ///< [s]
-  double sample = 0.1;          ///< errors are evaluated at multiples of this time [s]
-  double tick_scale = 1.0;      ///< factor for the ticks of the stability grid
-  double length = 1.0;          ///< size of the scene, the scale of errors [m]
+  double duration = 1.0;    ///< [s]
+  double sample = 0.1;      ///< errors are evaluated at multiples of this time [s]
+  double tick_scale = 1.0;  ///< factor for the ticks of the stability grid
+  double length = 1.0;      ///< size of the scene, the scale of errors [m]
+  /// Radius of gyration of point masses in engines that divide by their inertia [m]; negligible
+  /// beside the lengths of the scene.
+  double point_gyration = 1e-6;
   bool is_planar = true;        ///< moves in the x-z plane only: joint coordinates may use hinges
   std::vector<int> measured{};  ///< bodies whose position and orientation count; empty: all
   bool is_invalid = false;      ///< every engine should reject it

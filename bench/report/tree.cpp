@@ -94,9 +94,10 @@ std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops,
   return tree;
 }
 
-Vector3d inertia_of(const Body& body) {
+Vector3d inertia_of(const Problem& problem, const Body& body) {
   if (!body.inertia.isZero(0.0)) return body.inertia;
-  return Vector3d::Constant(1e-12 * std::max(body.mass, 1e-3));
+  return Vector3d::Constant(problem.point_gyration * problem.point_gyration *
+                            std::max(body.mass, 1e-3));
 }
 
 Vector3d start_spin(const Problem& problem, const Link& link) {

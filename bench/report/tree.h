@@ -28,7 +28,7 @@ std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops = nu
 
 /// Returns the moments of inertia of a body. A point mass gets negligibly small ones, since engines
 /// in joint coordinates divide by them.
-Eigen::Vector3d inertia_of(const Body& body);
+Eigen::Vector3d inertia_of(const Problem& problem, const Body& body);
 
 /// Returns the initial angular velocity of a link's frame [rad/s], world axes; for a point mass on
 /// a rod that of the rod.

@@ -15,6 +15,7 @@
 #include "problems.h"
 #include "report/measures.h"
 #include "report/tree.h"
+#include "run_python.h"
 #include "temporary_folder.h"
 #include "test_paths.h"
 
@@ -367,17 +368,6 @@ TEST(Tree, SpinsOfPointMassesFollowFromVelocities) {
 }
 
 // ---- the pipeline
-
-std::string run_python(const std::string& arguments) {
-  const engine::TemporaryFolder folder;
-  const std::string log = folder.path() + "/log";
-  const std::string command = "/usr/bin/python3 " + arguments + " >" + log + " 2>&1";
-  const int status = std::system(command.c_str());
-  std::ifstream file(log);
-  std::stringstream text;
-  text << file.rdbuf();
-  return status == 0 ? "" : "failed: " + command + "\n" + text.str();
-}
 
 TEST(Pipeline, FiguresAgreeWithAnswersByHand) {
   EXPECT_EQ(run_python(std::string(CONSTRAINT_SIM_SOURCE_DIR) + "/test/report/test_figures.py"),

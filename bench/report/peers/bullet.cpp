@@ -421,7 +421,7 @@ class FeatherstoneSimulation : public Simulation {
   void add(const Link& link) {
     const Body& added = body(link.body);
     const Place& place = place_[static_cast<std::size_t>(link.body)];
-    const btVector3 inertia = to_bullet(inertia_of(added));
+    const btVector3 inertia = to_bullet(inertia_of(problem_, added));
     if (link.parent == kWorld) {
       if (!link.is_hung && added.inertia.isZero(0.0))
         throw Unsupported("a free point mass as the root of joint coordinates");

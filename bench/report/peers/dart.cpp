@@ -15,7 +15,8 @@ using Eigen::Isometry3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kGround = 100.0;  // edge of the box that represents a plane [m]
+constexpr double kGround = 100.0;     // edge of the box that represents a plane [m], at least
+constexpr double kWideGround = 30.0;  // edge of that box over the length of the scene
 
 class DartSimulation : public Simulation {
  public:
@@ -68,7 +69,7 @@ class DartSimulation : public Simulation {
   void add_node(const Link& link, dart::dynamics::BodyNode* parent,
                 const typename JointClass::Properties& joint) {
     const Body& body = problem_.bodies[static_cast<std::size_t>(link.body)];
-    const Vector3d I = inertia_of(body);
+    const Vector3d I = inertia_of(problem_, body);
     dart::dynamics::BodyNode::Properties properties;
     properties.mName = "body_" + std::to_string(link.body);
     properties.mInertia =
@@ -156,8 +157,9 @@ class DartSimulation : public Simulation {
     } else if (body.shape == Shape::kBox) {
       shape = std::make_shared<dart::dynamics::BoxShape>(body.size);
     } else {
-      shape = std::make_shared<dart::dynamics::BoxShape>(Vector3d::Constant(kGround));
-      offset.z() -= kGround / 2.0;
+      const double edge = std::max(kGround, kWideGround * problem_.length);
+      shape = std::make_shared<dart::dynamics::BoxShape>(Vector3d::Constant(edge));
+      offset.z() -= edge / 2.0;
     }
     auto* node =
         nodes_[static_cast<std::size_t>(link.body)]

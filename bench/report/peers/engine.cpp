@@ -1,5 +1,6 @@
 // The engine of this package: every method by name, with every order.
 
+#include <algorithm>
 #include <limits>
 
 #include "../contestant.h"
@@ -112,7 +113,8 @@ void add(const Coupling& coupling, const std::vector<engine::JointId>& ids, Worl
 
 class EngineSimulation : public Simulation {
  public:
-  EngineSimulation(const Problem& problem, const engine::WorldOptions& options) : world_(options) {
+  EngineSimulation(const Problem& problem, const engine::WorldOptions& options, bool is_heard)
+      : world_(options), is_heard_(is_heard) {
     for (std::size_t i = 0; i < problem.bodies.size(); ++i)
       ids_.push_back(add(problem.bodies[i], i, &world_));
     std::vector<engine::JointId> joints;
@@ -122,9 +124,16 @@ class EngineSimulation : public Simulation {
   }
 
   void advance(long ticks, double) override {
-    for (long i = 0; i < ticks; ++i)
-      if (world_.step().outcome.failed) throw Refused("the engine says that the step failed");
+    for (long i = 0; i < ticks; ++i) {
+      const engine::StepReport& report = world_.step();
+      if (report.outcome.failed)
+        throw Refused(std::string("the engine says that the step failed: ") +
+                      engine::to_string(report.outcome.failure));
+      if (is_heard_) hear(report);
+    }
   }
+
+  Said said() const override { return said_; }
 
   std::string scene() const override { return engine::save_scene(world_); }
 
@@ -138,8 +147,27 @@ class EngineSimulation : public Simulation {
   }
 
  private:
+  /// Keeps warnings but notices. Bodies that are too fast for the step are a notice, and
+  /// inaccurate.
+  void hear(const engine::StepReport& report) {
+    said_.joint = std::max({said_.joint, report.joints.max_error, report.joints.closing_error});
+    said_.penetration = std::max(said_.penetration, report.contacts.max_penetration);
+    said_.motion += report.local_error;
+    if (!said_.warning.empty()) return;
+    for (const engine::StepWarning& warning : world_.warnings())
+      if (!engine::info(warning.kind).is_notice ||
+          warning.kind == engine::StepWarning::Kind::kUnresolved)
+        said_.warning = engine::to_string(warning);
+    for (const engine::Island& island : world_.islands())
+      if (said_.warning.empty() && (island.why == engine::MethodReason::kInconsistent ||
+                                    island.why == engine::MethodReason::kRefused))
+        said_.warning = engine::to_string(island.why);
+  }
+
   World world_;
   std::vector<BodyId> ids_;
+  bool is_heard_;
+  Said said_;
 };
 
 /// Returns the number at the end of a variant's name; 0 where there is none.
@@ -193,7 +221,8 @@ std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Varia
   } else if (options.method == Method::kSequentialImpulses) {
     options.iterations = number_after(variant.name, "sequential_impulses_");
   }
-  return std::make_unique<EngineSimulation>(problem, options);
+  if (!setting.is_swept && setting.tolerance > 0.0) options.tolerance = setting.tolerance;
+  return std::make_unique<EngineSimulation>(problem, options, setting.is_heard);
 }
 
 }  // namespace constraint_sim::report

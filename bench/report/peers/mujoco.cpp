@@ -48,7 +48,8 @@ std::string name_of(const char* kind, std::size_t i) { return kind + std::to_str
 /// Number of nested bodies in one file of the model: MuJoCo's parser allows a hundred nested
 /// elements per file.
 constexpr int kDeepest = 50;
-constexpr double kFar = 1e3;  // beyond the coordinates of problems [m or rad]
+constexpr double kLeastInertia = 1e-14;  // MuJoCo rejects inertias below a tenth of it [kg m²]
+constexpr double kFar = 1e3;             // beyond the coordinates of problems [m or rad]
 constexpr int kMostPairs =
     40;  // largest number of bodies for which every pair is listed with its own friction
 
@@ -85,8 +86,10 @@ class Writer {
 
  private:
   void write_inertia(const Body& body, const Vector3d& centre) {
+    Vector3d inertia = inertia_of(problem_, body);
+    if (!is_jointed_ && body.inertia.isZero(0.0)) inertia = inertia.cwiseMax(kLeastInertia);
     xml_ << "<inertial pos='" << text(centre) << "' mass='" << text(body.mass) << "' diaginertia='"
-         << text(inertia_of(body)) << "'/>";
+         << text(inertia) << "'/>";
   }
 
   /// Accepts rods, springs and their anchors, and of couplings only pulleys.
@@ -462,11 +465,17 @@ class MujocoSimulation : public Simulation {
       if (!breaking_.empty()) break_rods();
     }
     // MuJoCo restarts from the initial state when a number is not finite.
+    for (int kind = 0; kind < mjNWARNING && said_.warning.empty(); ++kind)
+      if (data_->warning[kind].number > 0)
+        said_.warning =
+            mju_warningText(kind, static_cast<std::size_t>(data_->warning[kind].lastinfo));
     if (data_->warning[mjWARN_BADQACC].number + data_->warning[mjWARN_BADQPOS].number +
             data_->warning[mjWARN_BADQVEL].number >
         0)
       is_lost_ = true;
   }
+
+  Said said() const override { return said_; }
 
   void read(States* states) const override {
     mj_copyData(copy_, model_, data_);
@@ -474,7 +483,12 @@ class MujocoSimulation : public Simulation {
     mj_comPos(model_, copy_);
     mj_comVel(model_, copy_);
     states->clear();
-    for (const int id : ids_) {
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      if (problem_.bodies[i].is_static) {  // MuJoCo puts the centre of mass elsewhere
+        states->push_back(problem_.bodies[i].start);
+        continue;
+      }
+      const int id = ids_[i];
       const double* x = copy_->xipos + std::ptrdiff_t{3} * id;
       const double* q = copy_->xquat + std::ptrdiff_t{4} * id;
       double velocity[6];
@@ -549,6 +563,7 @@ class MujocoSimulation : public Simulation {
   std::vector<int> ids_;
   std::vector<std::pair<int, double>> breaking_;  // equality, and its breaking force [N]
   bool is_lost_ = false;
+  Said said_;
 };
 
 }  // namespace

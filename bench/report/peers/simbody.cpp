@@ -117,8 +117,8 @@ class SimbodySimulation : public Simulation {
   }
 
   /// Returns a body whose centre of mass is at `centre` in its frame.
-  static SimTK::Body::Rigid rigid(const Body& body, const Vector3d& centre) {
-    const Vector3d I = inertia_of(body);
+  SimTK::Body::Rigid rigid(const Body& body, const Vector3d& centre) const {
+    const Vector3d I = inertia_of(problem_, body);
     const double mass = body.is_static ? 1.0 : body.mass;
     const SimTK::Inertia inertia =
         SimTK::Inertia(I.x(), I.y(), I.z()).shiftFromMassCenter(-vec(centre), mass);

@@ -48,6 +48,7 @@ import os
 import pathlib
 import re
 import resource
+import signal
 import subprocess
 import tempfile
 
@@ -58,30 +59,35 @@ OUTCOMES = ('held', 'wrong, said', 'wrong, grown', 'wrong, silent', 'blew up, sa
 LEFT_OUT = re.compile('^constraint_sim (?!auto)|_(10|200)$')  # methods by name, and numbers of sweeps
 Result = collections.namedtuple('Result', 'outcome criterion amount time words')
 GRACE = 10.0  # processor time beyond the budget for building, judging and one step that hangs [s]
+MOST_WAIT = 50.0  # wall time over the limit of processor time
 NO_FIGURES = ('', 'nan', 'nan')
 
 
-def run(limit, *command):
-    """Returns exit status, standard output and standard error of a process with this limit of processor time [s]."""
+def run(limit, memory, *command):
+    """Returns exit status, standard output and standard error of a process with these limits of processor time [s]
+    and memory [bytes; 0: none]."""
     def set_limits():
         resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 1))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
-    done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          preexec_fn=set_limits)
+        if memory:
+            resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    try:
+        done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                              preexec_fn=set_limits, timeout=MOST_WAIT * limit)
+    except subprocess.TimeoutExpired:  # waits without using the processor
+        return -signal.SIGXCPU, '', ''
     return done.returncode, done.stdout.decode(errors='replace'), done.stderr.decode(errors='replace')
 
 
-def judged(variant, number, folder, budget):
+def judged(variant, number, folder, budget, memory):
     """Runs a scene in an engine and returns the result."""
-    limit = budget + GRACE
-    status, output, messages = run(limit, variant.program, 'judge', folder, '--problem', f'random_{number}',
-                                   '--variant', variant.name, '--budget', budget)
+    status, output, messages = run(budget + GRACE, memory, variant.program, 'judge', folder, '--problem',
+                                   f'random_{number}', '--variant', variant.name, '--budget', budget)
     lines = output.splitlines()
     found = [line for line in lines if line.startswith('judged\t')]
     printed = [line.strip() for line in messages.splitlines() + lines if line not in found and line.strip()]
     if not found:
-        if status in (-24, -9):  # SIGXCPU, and SIGKILL for who ignores it
+        if status in (-signal.SIGXCPU, -signal.SIGKILL):
             return Result('timed out', *NO_FIGURES, 'within a step')
         return Result('crashed' if status < 0 else 'refused', *NO_FIGURES, (printed or [f'status {status}'])[-1])
     grade, criterion, amount, time, word, words = (found[0].split('\t')[1:] + [''] * 6)[:6]
@@ -111,6 +117,7 @@ def arguments():
     add('--engines', default='', metavar='REGEX', help='engines and variants; default: `auto` of this engine, and '
         'other engines without their smallest and largest numbers of sweeps')
     add('--budget', type=float, default=2.0, help='processor time of a scene in an engine [s]; default 2')
+    add('--memory', type=int, default=4 << 30, help='most memory of a process [bytes]; 0: no limit; default 4 GiB')
     add('--no-reference', action='store_true', help='judges without finer steps of this engine')
     add('--details', action='store_true', help='prints each scene and engine')
     add('--programs', default='build/report', help='folder of the programs that scripts/report builds')
@@ -165,9 +172,9 @@ def page(options, variants, results, scenes, referenced):
         f'{options.scenes} scenes. Steps, tolerances and numbers of sweeps are defaults of the engines; none is set '
         'for a scene. A time-out near the budget depends on the machine; all other outcomes repeat.',
         'Held: joints, limits, overlaps, energy, momentum and the reference are within 1 % of their scales. Wrong: one '
-        'is beyond. Blew up: one but the reference is beyond its whole scale, or a state is not finite. Said: the engine '
-        'warned, or reported an error of this order. Grown: its estimate of the error explains the error only with the '
-        'growth of disturbances that the motion itself has. Silent: neither. Cannot: the engine, or its adapter in '
+        'is beyond. Blew up: one but the reference is beyond its whole scale, or a state is not finite. Said: the '
+        'engine warned, or reported an error of this order. Grown: its estimate of the error explains the error only '
+        'with the growth of disturbances that the motion itself has. Silent: neither. Cannot: the engine, or its adapter in '
         '`bench/report/peers`, cannot express the scene.',
         'Other engines are used as in the [report](summary.md). A message of theirs counts as said. The stiffness of '
         "Simbody's contacts is chosen for scenes of about a metre; its constraints and those of MuJoCo are what "
@@ -180,8 +187,8 @@ def page(options, variants, results, scenes, referenced):
                         for name in names])]
     lines = lines_of_ours(results, scenes)
     text += ['## Scenes that constraint_sim does not hold',
-             '\n'.join(['| scene | class | size | outcome | worst quantity, over its scale |', '|---|---|---|---|---|'] +
-                       lines) if lines else 'None.']
+             '\n'.join(['| scene | class | size | outcome | worst quantity, over its scale |',
+                        '|---|---|---|---|---|'] + lines) if lines else 'None.']
     return '\n\n'.join(text) + '\n'
 
 
@@ -198,8 +205,8 @@ def main():
             scenes[number] = group, words
             reach = 'no reference'
             if not options.no_reference:
-                status, output, _ = run(4.0 * options.budget + GRACE, ours, 'refine', folder, '--problem', problem,
-                                        '--budget', 2.0 * options.budget)
+                _, output, _ = run(6.0 * options.budget + GRACE, options.memory, ours, 'refine', folder,
+                                   '--problem', problem, '--budget', 2.0 * options.budget)
                 match = re.search(r'refined (\d+) of (\d+)', output)
                 if match:
                     reach = f'reference for {match.group(1)} of {match.group(2)} samples'
@@ -208,7 +215,7 @@ def main():
                 print(f'{number} {group}: {words}; {reach}')
             for variant in variants:
                 name = cells.label(variant)
-                result = results[number, name] = judged(variant, number, folder, options.budget)
+                result = results[number, name] = judged(variant, number, folder, options.budget, options.memory)
                 progress.step()
                 if options.details:
                     print(f'  {name:36} {result.outcome:16} {result.criterion:12} {result.amount:>9} at '

@@ -200,7 +200,7 @@ std::string page_of(const std::string& options) {
   EXPECT_EQ(run_python(std::string(CONSTRAINT_SIM_SOURCE_DIR) +
                        "/bench/report/random_grid.py --programs " +
                        std::filesystem::path(CONSTRAINT_SIM_REPORT).parent_path().string() +
-                       " --output " + page + " " + options),
+                       " --memory 0 --output " + page + " " + options),
             "");
   std::ifstream file(page);
   std::stringstream text;

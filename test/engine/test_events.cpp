@@ -411,6 +411,50 @@ TEST(ManyLaws, CountOnlyWhereTheyLast) {
   EXPECT_EQ(rough.islands().front().why, MethodReason::kManyRows);
 }
 
+/// Returns balls on a square grid, with a rope between neighbours of a row and, where `is_net`,
+/// of a column; the corners of the first row are held.
+World balls_on_ropes(int rows, int columns, bool is_net) {
+  World world(by_events(Carried{0.01, Method::kAuto}));
+  std::vector<BodyId> balls;
+  const auto at = [&](int row, int column) { return Vector3d(0.1 * column, 0.1 * row, 0.0); };
+  const auto join = [&](BodyId a, BodyId b) {
+    DistanceJoint rope;
+    rope.max_length = 0.102;
+    const std::string name = "rope_" + std::to_string(world.joint_ids().size());
+    world.add_joint(make_joint(name, a, Vector3d::Zero(), b, Vector3d::Zero(), rope));
+  };
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      const std::string name = "ball_" + std::to_string(balls.size());
+      Body ball = small_ball(name, 0.01, at(row, column));
+      ball.no_collision = true;
+      balls.push_back(world.add_body(ball));
+      if (column > 0) join(balls[balls.size() - 2], balls.back());
+      if (is_net && row > 0) join(balls[balls.size() - 1 - to_index(columns)], balls.back());
+    }
+  for (const int column : {0, columns - 1})
+    world.add_joint(make_joint("pin_" + std::to_string(column), kWorldBody, at(0, column),
+                               balls[to_index(column)], Vector3d::Zero(), JointKind::kBall));
+  return world;
+}
+
+// The ropes of a chain stay taut, so that events follow any number of them, within rounding. Those
+// of a net become taut and slack by turns: too many are left to impulses, with the reason.
+TEST(ManyLaws, OfRopesAreFollowedInAChainAndLeftInANet) {
+  World chain = balls_on_ropes(1, 60, false);
+  for (int i = 0; i < 30; ++i) {
+    const StepReport& report = chain.step();
+    ASSERT_EQ(chain.islands().front().method, Method::kEventDriven);
+    ASSERT_LT(report.joints.max_error, 1e-13);
+  }
+  World net = balls_on_ropes(6, 6, true);
+  net.step();
+  EXPECT_EQ(net.islands().front().why, MethodReason::kManyRows);
+  World small = balls_on_ropes(4, 4, true);
+  small.step();
+  EXPECT_EQ(small.islands().front().method, Method::kEventDriven);
+}
+
 // Friction on 60 hinges is followed by events: time steps of 1/50 and 1/200 s give the same motion
 // within the tolerance of both, 1e-10 m/s, while impulses of first order differ by millimetres.
 TEST(ManyLaws, WithFrictionAreFollowedByEvents) {

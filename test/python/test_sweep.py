@@ -979,7 +979,7 @@ def test_a_diagram_of_the_report_is_a_study(tmp_path, capsys):
     found = study.load(path, peers.found_in(report_programs()))
     assert found.bodies == ['body_10'] and found.duration == 5.0 and list(found.reference) == ['csv']
     assert command.main([str(path), '--check', '--peers', str(report_programs())]) == 0
-    assert capsys.readouterr().out.startswith(f'{found.count()} cases in 1 groups, 5 rounds, program ')
+    assert capsys.readouterr().out.startswith(f'{found.count()} cases in 1 groups, 4 rounds, program ')
     with pytest.raises(subprocess.CalledProcessError):
         exported('grid', 'none', tmp_path)
 

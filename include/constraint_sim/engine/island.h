@@ -23,7 +23,9 @@ enum class MethodReason {
   /// A spring or servo with a force limit that is too stiff for event-driven integration, or that
   /// has limits of its length too.
   kLimitedSpring,
-  kManyRows,  ///< too many coordinates with friction or a force limit for event-driven integration
+  /// Too many coordinates with friction or a force limit, or too many ropes in loops, for
+  /// event-driven integration.
+  kManyRows,
   /// Few contacts, or few bodies close enough to touch within the step; event-driven.
   kFewContacts,
   kContactsGivenUp,  ///< event-driven contacts found no solution, or too many events

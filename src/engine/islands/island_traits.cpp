@@ -91,6 +91,11 @@ int lasting_laws(const Joint& joint) {
   return count;
 }
 
+// Ropes and loops beyond which a net has too many events: its ropes become taut and slack by turns.
+// A net of 8 × 8 masses takes 100 times as long by events as by time_stepping, one of 4 × 4 as
+// long. A chain of ropes has no loops, and few events.
+constexpr int kMostRopesInLoops = 32, kMostLoops = 16;
+
 }  // namespace
 
 FastestSprings::FastestSprings(const Model& model, const List<JointData>& joint_states,
@@ -102,12 +107,14 @@ IslandTraits traits_of(const Model& model, const IslandMembers& members,
                        const FastestSprings& fastest) {
   IslandTraits traits;
   traits.has_joints = !members.joints.empty();
-  int lasting = 0;
+  int lasting = 0, ropes = 0, loops = -static_cast<int>(members.bodies.size());
   bool is_switchable = true, breaks = false;
   for (const int j : members.joints) {
     const Joint& joint = model.joints[j];
     const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
     lasting += lasting_laws(joint);
+    ropes += has_limits(joint) && if_distance(joint) != nullptr ? 1 : 0;
+    loops += info(joint.kind).couples_joints ? 0 : 1;
     is_switchable = is_switchable && engine::is_switchable(joint);
     breaks = breaks || joint.break_force > 0.0 || joint.break_torque > 0.0;
     if (traits.jumps != MethodReason::kSmooth) continue;
@@ -120,7 +127,8 @@ IslandTraits traits_of(const Model& model, const IslandMembers& members,
   }
   if (!is_switchable)
     traits.jumps = MethodReason::kLimitedSpring;
-  else if (lasting > static_cast<int>(EventDriven::kMostRows))
+  else if (lasting > static_cast<int>(EventDriven::kMostRows) ||
+           (ropes > kMostRopesInLoops && loops > kMostLoops))
     traits.jumps = MethodReason::kManyRows;
   else if (breaks && traits.jumps == MethodReason::kSmooth)
     traits.jumps = MethodReason::kBreaks;

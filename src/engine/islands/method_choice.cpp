@@ -71,7 +71,7 @@ const char* to_string(MethodReason why) {
     case MethodReason::kLimitedSpring:
       return "has a spring with a force limit that events do not follow";
     case MethodReason::kManyRows:
-      return "has too much friction, or too many motors, for events";
+      return "has too much friction, too many motors, or a net of too many ropes, for events";
     case MethodReason::kFewContacts:
       return "near few others";
     case MethodReason::kContactsGivenUp:

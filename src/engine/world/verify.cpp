@@ -173,11 +173,13 @@ class Verification {
     report_.method = world.options().method;
     report_.other_method = method_to_compare_with(base_.world);
     WorldOptions changed = world.options();
+    const double tolerance = changed.tolerance;
+    changed.tolerance = finer(tolerance);
     halve_step(changed, &half_);
     changed.method = report_.other_method;
-    other_.world.set_options(changed);
-    changed.tolerance = finer(changed.tolerance);
     halve_step(changed, &other_half_);
+    changed.tolerance = tolerance;
+    other_.world.set_options(changed);
     perturb();
     list_bodies();
   }
@@ -213,7 +215,7 @@ class Verification {
   };
 
   // Returns a tolerance that halves the substeps of a method of order 4. With equal tolerances the
-  // runs of energy_momentum at h and h/2 may have the same substeps, and no difference to tell.
+  // runs at h and h/2 may have the same substeps, and no difference to tell.
   static double finer(double tolerance) {
     constexpr double kFinest = 1e-13;  // [m/s] finer is beyond rounding
     return std::min(tolerance, std::max(tolerance / 16.0, kFinest));

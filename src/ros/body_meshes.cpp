@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -12,6 +13,7 @@
 
 #include "ros/body_messages.h"
 #include "ros/conversions.h"
+#include "ros/edits.h"
 #include "ros/marker_style.h"
 #include "ros/mesh_files.h"
 #include "sim/errors.h"
@@ -40,7 +42,7 @@ std::size_t most_parts_of(const Shape& shape) {
   return shape.type == Shape::HULL ? 1 : kMostMeshParts;
 }
 
-/// Returns the triangles that a message has itself.
+/// Returns the triangles that a message has itself, with the vertices of these triangles.
 TriangleMesh mesh_in(const Shape& shape) {
   const Vector3d scale = from_msg(shape.mesh_scale);
   if (scale != Vector3d::Zero())
@@ -53,26 +55,30 @@ TriangleMesh mesh_in(const Shape& shape) {
     refuse("triangles", "a mesh without mesh_resource has 1 to " +
                             std::to_string(kMostTrianglesInMessage) +
                             ", each of three numbers, got " + std::to_string(numbers) + " numbers");
+  for (std::size_t i = 0; i < shape.vertices.size(); ++i)
+    if (const Vector3d point = from_msg(shape.vertices[i]); !point.allFinite())
+      refuse("vertices[" + std::to_string(i) + "]", "must be finite numbers, got " + shown(point));
   TriangleMesh mesh;
-  for (const geometry_msgs::Point& vertex : shape.vertices) {
-    const Vector3d point = from_msg(vertex);
-    if (!point.allFinite())
-      refuse("vertices[" + std::to_string(mesh.points.size()) + "]",
-             "must be finite numbers, got " + shown(point));
-    mesh.points.push_back(point);
-  }
+  std::vector<int> number(shape.vertices.size(), -1);  // in the mesh
   for (std::size_t i = 0; i < numbers; i += 3) {
     TriangleMesh::Triangle& triangle = mesh.triangles.emplace_back();
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t vertex = shape.triangles[i + k];
-      if (vertex >= mesh.points.size())
+      if (vertex >= number.size())
         refuse("triangles[" + std::to_string(i + k) + "]",
-               "must be the number of a vertex, below " + std::to_string(mesh.points.size()) +
-                   ", got " + std::to_string(vertex));
-      triangle[k] = static_cast<int>(vertex);
+               "must be the number of a vertex, below " + std::to_string(number.size()) + ", got " +
+                   std::to_string(vertex));
+      if (number[vertex] < 0) {
+        number[vertex] = static_cast<int>(mesh.points.size());
+        mesh.points.push_back(from_msg(shape.vertices[vertex]));
+      }
+      triangle[k] = number[vertex];
     }
   }
   unite_equal_points(&mesh);
+  if (mesh.triangles.empty())
+    refuse("triangles",
+           "must have three different points, and none of " + std::to_string(numbers / 3) + " has");
   return mesh;
 }
 
@@ -85,8 +91,15 @@ Vector3d scale_of(const Shape& shape) {
   return scale;
 }
 
+/// Files of the meshes of a request, and how they collide.
+struct FilesOfRequest {
+  MeshFiles files;
+  std::map<std::string, MeshShape> known;  ///< by URI, scale and number of parts
+};
+
 /// Returns how the mesh in a file collides. `uri`: name of the file for other programs.
-MeshShape collision_of_file(const Shape& shape, const std::string& uri, MeshFiles* files) {
+const MeshShape& collision_of_file(const Shape& shape, const std::string& uri,
+                                   FilesOfRequest* files) {
   if (!shape.vertices.empty())
     refuse("vertices",
            "a mesh_resource has its own, got " + std::to_string(shape.vertices.size()) + " points");
@@ -94,13 +107,19 @@ MeshShape collision_of_file(const Shape& shape, const std::string& uri, MeshFile
     refuse("triangles", "a mesh_resource has its own, got " +
                             std::to_string(shape.triangles.size()) + " numbers");
   const Vector3d scale = scale_of(shape);
-  const std::string path = files->path(uri),
+  std::array<char, 128> key{};
+  std::snprintf(key.data(), key.size(), " %.17g %.17g %.17g %zu", scale.x(), scale.y(), scale.z(),
+                most_parts_of(shape));
+  const auto known = files->known.find(uri + key.data());
+  if (known != files->known.end()) return known->second;
+  const std::string path = files->files.path(uri),
                     quoted = "'" + shortened(shape.mesh_resource, 200) + "'";
   if (path.empty())
     refuse("mesh_resource", "there is no file " + quoted +
                                 "; give package://PACKAGE/PATH, file:///PATH or an absolute path");
   try {
-    return collision_of(read_scaled_mesh(path, scale), most_parts_of(shape));
+    return files->known[uri + key.data()] =
+               collision_of(read_scaled_mesh(path, scale), most_parts_of(shape));
   } catch (const std::invalid_argument& error) {
     refuse("mesh_resource", quoted + ": " + error.what());
   }
@@ -133,7 +152,7 @@ Isometry3d pose_in_body(const Shape& shape) {
 /// Divides the meshes of one body.
 class Division {
  public:
-  Division(const Body& body, MeshFiles* files, DividedMeshes* found)
+  Division(const Body& body, FilesOfRequest* files, DividedMeshes* found)
       : body_(body), files_(files), found_(found) {}
 
   std::vector<Shape> shapes() {
@@ -144,6 +163,10 @@ class Division {
       } catch (const std::invalid_argument& error) {
         throw std::invalid_argument(where + "." + error.what());
       }
+      if (shapes_.size() > engine::kMostParts)
+        refuse("shapes", "must be at most " + std::to_string(engine::kMostParts) +
+                             " with the parts of meshes, and the first " + std::to_string(i + 1) +
+                             " are " + std::to_string(shapes_.size()));
     }
     return std::move(shapes_);
   }
@@ -158,21 +181,23 @@ class Division {
   }
 
   const Body& body_;
-  MeshFiles* files_;
+  FilesOfRequest* files_;
   DividedMeshes* found_;
   std::vector<Shape> shapes_;
 };
 
 void Division::add(const Shape& shape, const std::string& where) {
+  // A later error would count the hulls of meshes before the shape.
+  check_surface(shape);
+  const Isometry3d pose = pose_in_body(shape);
   if (!is_mesh(shape)) {
-    from_msg(shape);  // a later error would count the hulls of meshes before the shape
+    engine::validate(from_msg(shape));
     shapes_.push_back(shape);
     return;
   }
   if (!shape.dimensions.empty())
     refuse("dimensions", "a hull or a mesh has none, got " +
                              std::to_string(shape.dimensions.size()) + " numbers");
-  const Isometry3d pose = pose_in_body(shape);
   if (is_centred() && !pose.isApprox(Isometry3d::Identity(), 0.0))
     refuse("pose",
            "a dynamic body needs an inertia where its only shape is beside the centre of mass");
@@ -202,7 +227,7 @@ void Division::add_hull(const Shape& mesh, const MeshHull& hull, const Isometry3
     shape.vertices.push_back(to_point(vertex));
 }
 
-void divide(Body* body, MeshFiles* files, DividedMeshes* found) {
+void divide(Body* body, FilesOfRequest* files, DividedMeshes* found) {
   if (std::any_of(body->shapes.begin(), body->shapes.end(), is_mesh))
     body->shapes = Division(*body, files, found).shapes();
 }
@@ -210,14 +235,15 @@ void divide(Body* body, MeshFiles* files, DividedMeshes* found) {
 }  // namespace
 
 DividedMeshes divide_meshes(AddBodyRequest* request) {
-  MeshFiles files;
+  FilesOfRequest files;
   DividedMeshes found;
   divide(&request->body, &files, &found);
   return found;
 }
 
 DividedMeshes divide_meshes(ApplyEditsRequest* request) {
-  MeshFiles files;
+  check_size(*request);
+  FilesOfRequest files;
   DividedMeshes found;
   for (std::size_t i = 0; i < request->bodies.size(); ++i) {
     try {
@@ -229,11 +255,16 @@ DividedMeshes divide_meshes(ApplyEditsRequest* request) {
   return found;
 }
 
-RobotVisual visual_of(const ShownMesh& mesh, const engine::World& world) {
-  const engine::BodyId id = world.find_body(mesh.body);
-  const engine::Body& body = world.body(id);
-  const engine::ShapePose part = pose_of_part(body, mesh.part);
-  return {id, isometry(part.position, part.orientation) * mesh.in_part, mesh.geometry, body.color};
+std::vector<RobotVisual> visuals_of(const DividedMeshes& meshes, const engine::World& world) {
+  std::vector<RobotVisual> visuals;
+  for (const ShownMesh& mesh : meshes.shown) {
+    const engine::BodyId id = world.find_body(mesh.body);
+    const engine::Body& body = world.body(id);
+    const engine::ShapePose part = pose_of_part(body, mesh.part);
+    visuals.push_back(
+        {id, isometry(part.position, part.orientation) * mesh.in_part, mesh.geometry, body.color});
+  }
+  return visuals;
 }
 
 }  // namespace constraint_sim

@@ -32,8 +32,8 @@ struct DividedMeshes {
 };
 
 /// Replaces each MESH, and each HULL with a `mesh_resource`, by hulls with vertices, so that the
-/// edit and its replay read no files. HACD may take seconds: call outside of the stepping thread.
-/// Throws std::invalid_argument that names field and value.
+/// edit and its replay read no files. A file is divided once for each scale. HACD may take seconds:
+/// call outside of the stepping thread. Throws std::invalid_argument that names field and value.
 DividedMeshes divide_meshes(AddBodyRequest* request);
 DividedMeshes divide_meshes(ApplyEditsRequest* request);
 template <class Request>
@@ -41,7 +41,7 @@ DividedMeshes divide_meshes(Request*) {
   return {};
 }
 
-/// Returns the visual of a mesh whose body is in `world`.
-RobotVisual visual_of(const ShownMesh& mesh, const engine::World& world);
+/// Returns the visuals of meshes whose bodies are in `world`.
+std::vector<RobotVisual> visuals_of(const DividedMeshes& meshes, const engine::World& world);
 
 }  // namespace constraint_sim

@@ -61,12 +61,10 @@ std::optional<engine::ShapePose> shape_pose_of(const Shape& shape) {
 }
 
 void read_surface(const Shape& shape, engine::ShapePart* part) {
-  if (shape.has_surface) {
-    part->friction = shape.friction;
-    part->restitution = shape.restitution;
-  } else if (shape.friction != 0.0 || shape.restitution != 0.0) {
-    refuse("has_surface", "must be true for a friction or restitution of the shape's own");
-  }
+  check_surface(shape);
+  if (!shape.has_surface) return;
+  part->friction = shape.friction;
+  part->restitution = shape.restitution;
 }
 
 void read_shapes(const Body& msg, engine::Body* body) {
@@ -149,6 +147,11 @@ engine::Shape from_msg(const Shape& shape) {
              "got " +
                  std::to_string(shape.type));
   }
+}
+
+void check_surface(const Shape& shape) {
+  if (!shape.has_surface && (shape.friction != 0.0 || shape.restitution != 0.0))
+    refuse("has_surface", "must be true for a friction or restitution of the shape's own");
 }
 
 engine::Body from_msg(const Body& msg) {

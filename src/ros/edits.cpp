@@ -153,6 +153,13 @@ std::size_t size(const ApplyEditsRequest& request) {
          request.remove_constraints.size() + request.states.size() + request.motors.size();
 }
 
+void check_size(const ApplyEditsRequest& request) {
+  if (size(request) > kMostEdits)
+    throw std::invalid_argument("at most " + std::to_string(kMostEdits) +
+                                " edits may be in one request, got " +
+                                std::to_string(size(request)));
+}
+
 void change(World& world, const AddBodyRequest& request, AddBodyResponse*) {
   world.add_body(from_msg(request.body));
 }
@@ -206,10 +213,7 @@ void change(World& world, const SetBodyStateRequest& request, SetBodyStateRespon
 // Edits a copy, which replaces the world at the end: the request takes effect as a whole or not at
 // all.
 void change(World& world, const ApplyEditsRequest& request, ApplyEditsResponse* response) {
-  if (size(request) > kMostEdits)
-    throw std::invalid_argument("at most " + std::to_string(kMostEdits) +
-                                " edits may be in one request, got " +
-                                std::to_string(size(request)));
+  check_size(request);
   World changed = world;
   std::vector<engine::JointId> joints;
   std::vector<engine::BodyId> bodies;

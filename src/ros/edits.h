@@ -76,6 +76,8 @@ SetMotorBiasRequest request_of(const MotorBias& message);
 
 /// Returns the number of edits in one request.
 std::size_t size(const ApplyEditsRequest& request);
+/// Rejects a request of too many edits.
+void check_size(const ApplyEditsRequest& request);
 
 void reset_world(World& world);
 void reset_simulation(World& world);

@@ -114,13 +114,16 @@ void Robots::add(const Robot& robot, const UrdfText& urdf, const std::string& pr
   forget_oldest(world);
 }
 
-void Robots::add(const RobotVisual& visual, const engine::World& world) {
+void Robots::add(const std::vector<RobotVisual>& visuals, const engine::World& world) {
+  if (visuals.empty()) return;
   const std::lock_guard<std::mutex> lock(mutex_);
   has_any_ = true;
-  BodyLinks& links = bodies_[visual.body.value];
-  links.body = world.body(visual.body).name;
-  links.is_of_robot = false;
-  links.visuals.push_back(make_visual(visual));
+  for (const RobotVisual& visual : visuals) {
+    BodyLinks& links = bodies_[visual.body.value];
+    links.body = world.body(visual.body).name;
+    links.is_of_robot = false;
+    links.visuals.push_back(make_visual(visual));
+  }
   forget_oldest(world);
 }
 

@@ -35,10 +35,9 @@ struct UrdfText {
 };
 
 /// Robots added from URDFs: frames of links, visuals, and bounds of joints; and the meshes of other
-/// bodies. Bodies and joints are
-/// identified by id and name, since a snapshot of another process may reuse ids. A removed robot is
-/// hidden until a snapshot restores it; the oldest removed ones are forgotten beyond kMostBytes.
-/// Any thread.
+/// bodies. Bodies and joints are identified by id and name, since a snapshot of another process may
+/// reuse ids. A removed robot is hidden until a snapshot restores it; the oldest removed ones are
+/// forgotten beyond kMostBytes. Any thread.
 class Robots {
  public:
   /// Size of the data of all bodies and joints, some hundred robots, beyond which removed robots
@@ -50,8 +49,8 @@ class Robots {
   /// Adds a robot that has just been added to `world` from this URDF with this prefix.
   void add(const Robot& robot, const UrdfText& urdf, const std::string& prefix,
            const engine::World& world);
-  /// Adds the visual of a body that belongs to no robot.
-  void add(const RobotVisual& visual, const engine::World& world);
+  /// Adds visuals of bodies that belong to no robot.
+  void add(const std::vector<RobotVisual>& visuals, const engine::World& world);
   /// Returns the robots in `world`, each name once.
   std::vector<RobotDescription> descriptions(const engine::World& world) const;
   /// Returns whether the body belongs to a robot.

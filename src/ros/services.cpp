@@ -66,7 +66,7 @@ bool Services::edit(const char* service, Request& request, Response& response) {
     const DividedMeshes meshes = divide_meshes(&request);
     const auto apply = [&](World& world) {
       change(world, request, &response);
-      for (const ShownMesh& mesh : meshes.shown) robots_.add(visual_of(mesh, world), world);
+      robots_.add(visuals_of(meshes, world), world);
       follow(request);
       edit_log_.record(stepper_, service, request, world);
     };

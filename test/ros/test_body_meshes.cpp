@@ -5,6 +5,7 @@
 #include <constraint_sim/ApplyEdits.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <functional>
@@ -82,9 +83,7 @@ std::vector<RobotVisual> add(AddBodyRequest request, World* world) {
   const DividedMeshes meshes = divide_meshes(&request);
   AddBodyResponse response;
   change(*world, request, &response);
-  std::vector<RobotVisual> visuals;
-  for (const ShownMesh& mesh : meshes.shown) visuals.push_back(visual_of(mesh, *world));
-  return visuals;
+  return visuals_of(meshes, *world);
 }
 
 engine::Body added(const AddBodyRequest& request) {
@@ -118,6 +117,13 @@ TEST(BodyMeshes, OfAMessageCollideAsTheirParts) {
     sum += hull.pose.position.x;
   }
   EXPECT_NEAR(sum, 8.0, 1e-12);
+}
+
+// Vertices without a triangle are not of the surface.
+TEST(BodyMeshes, AreTheirTriangles) {
+  Shape shape = one_box();
+  shape.vertices.emplace_back().z = 100.0;
+  EXPECT_NEAR(engine::volume(added(request_of(shape)).shape), 8.0, 1e-12);
 }
 
 // The boxes stay where the vertices and the pose say, with the surface of the shape.
@@ -186,6 +192,9 @@ TEST(BodyMeshes, AreRejectedByFieldAndValue) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   expect([](Shape* s) { s->triangles.clear(); }, "triangles: a mesh without mesh_resource has 1");
   expect([](Shape* s) { s->triangles.pop_back(); }, "triangles: a mesh without mesh_resource");
+  expect([](Shape* s) { std::fill(s->triangles.begin(), s->triangles.end(), 0); },
+         "triangles: must have three different points, and none of 24 has");
+  expect([](Shape* s) { s->friction = 0.5; }, "has_surface: must be true");
   expect([](Shape* s) { s->triangles[4] = 16; },
          "triangles[4]: must be the number of a vertex, below 16, got 16");
   expect([=](Shape* s) { s->vertices[2].y = nan; },
@@ -234,15 +243,25 @@ TEST(BodyMeshes, OfManyEditsAreNamedByTheirBody) {
   EXPECT_EQ(divide_meshes(&request).sentences,
             "b: shapes[0] collides as its convex hull with 8 vertices; "
             "c: shapes[0] collides as 2 convex parts with 16 vertices (1 times its volume)");
-  request.bodies[0].shapes = {one_box(), Shape()};
-  request.bodies[0].shapes[1].type = 9;
-  try {
-    divide_meshes(&request);
-    FAIL();
-  } catch (const std::invalid_argument& error) {
-    EXPECT_EQ(std::string(error.what()).rfind("bodies[0]: shapes[1].type: ", 0), 0u)
-        << error.what();
-  }
+  const auto expect = [&](const Shape& second, const std::string& begin) {
+    request.bodies[0].shapes = {two_boxes(), second};
+    try {
+      divide_meshes(&request);
+      ADD_FAILURE() << begin;
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(std::string(error.what()).rfind("bodies[0]: shapes[1]." + begin, 0), 0u)
+          << error.what();
+    }
+  };
+  Shape second;
+  second.type = 9;
+  expect(second, "type: ");
+  second.type = Shape::SPHERE;
+  second.dimensions = {-1.0};
+  expect(second, "shape.radius: ");
+  second.dimensions = {1.0};
+  second.friction = 0.5;
+  expect(second, "has_surface: ");
 }
 
 }  // namespace

@@ -63,6 +63,7 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers, 
 template <class Request, class Response>
 bool Services::edit(const char* service, Request& request, Response& response) {
   return answer(response, [&] {
+    if (stepper_.is_stopping()) throw Cancelled();  // meshes of waiting calls would take minutes
     const DividedMeshes meshes = divide_meshes(&request);
     const auto apply = [&](World& world) {
       change(world, request, &response);

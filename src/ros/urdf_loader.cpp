@@ -189,6 +189,7 @@ UrdfLoader::UrdfLoader(Stepper& stepper, const Parameters& parameters, Robots& r
 
 bool UrdfLoader::load(LoadUrdfRequest& request, LoadUrdfResponse& response) {
   return answer(response, [&] {
+    if (stepper_.is_stopping()) throw Cancelled();  // meshes of waiting calls would take minutes
     if (request.path.empty() == request.text.empty())
       throw std::invalid_argument("path, text: exactly one of the two is needed");
     Description description{request.text, "", "", ""};

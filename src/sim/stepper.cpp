@@ -443,6 +443,11 @@ void Stepper::stop() {
   wake_up_.notify_one();
 }
 
+bool Stepper::is_stopping() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return stopping_;
+}
+
 bool Stepper::is_wanted() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return stopping_ || !tasks_.empty();

@@ -137,6 +137,8 @@ class Stepper {
   void wake();
   /// Abandons the present step, ends run(), and throws Cancelled to all waiting callers. Final.
   void stop();
+  /// Whether stop() was called.
+  bool is_stopping() const;
 
   bool is_paused() const { return paused_; }
   bool has_failed() const { return failed_; }

@@ -356,8 +356,8 @@ std::string description(const Problem& problem) {
   char text[160];
   std::snprintf(
       text, sizeof text,
-      "%zu bodies, %zu joints, length %.1g m, masses 1:%.0e, stiffness %.0e, step %.1g s, "
-      "spin %.0e",
+      "%zu bodies, %zu joints, length %.1g m, masses 1:%.1g, stiffness %.1g N/m, step %.1g s, "
+      "spin %.1g rad/s",
       problem.bodies.size(), problem.joints.size(), problem.length, most / least, stiffness,
       problem.sample, spin);
   return text;

@@ -266,8 +266,11 @@ def first_page(stored, has):
                        Picture(f'{kind.name}.svg', f'error against run time: {kind.title}'),
                        Folded('all problems of this kind', [Text(names)])]
     blocks += [Heading('Stability'),
-               Text('Runs of extreme scenes at time steps from 0.5 s to 1 ms, by how they end. Exploded: not finite, or '
-                    'more than ten times the size of the scene away.'),
+               Text('Runs of extreme scenes at time steps from 0.5 s to 1 ms, by how they end. Exact: position error at '
+                    'most 1e-6 of the size of the scene. Drifting: energy wrong by more than 1 %. Stretched: joints off '
+                    'by more than 1 % of the size. Exploded: not finite, more than ten times the size away, or energy '
+                    'above ten times its scale. Stable: none of these. Too slow: beyond the time limit. Not possible '
+                    '(n/a): the engine or its adapter cannot express the scene.'),
                *picture('stability', 'share of runs that are exact, stable, or explode'),
                Folded('numbers of runs', [Table(*count_lines(counts))])] if counts else []
     if sizes:
@@ -311,9 +314,9 @@ def many_lines(rows):
 MANY_ERRORS = ('position', 'orientation', 'constraint', 'energy')
 MANY_HEADER = ['problem', 'contestant', 'outcome', 'run time per second [s/s]',
                *(figures.MEASURES[name] for name in MANY_ERRORS)]
-MANY_TEXT = ('One tick of 1/240 s after the other with the tolerances that each engine has by itself. '
-             'What is too slow was stopped at the budget: its figures are of the part until then. '
-             'net_32 is the net of 1984 rods and two that hold its corners.')
+MANY_TEXT = ('Steps of 1/240 s, with the default tolerances of each engine. '
+             'A run that is too slow was stopped at the time limit; its figures are those until then. '
+             'net_32 is a net of 1984 rods, and two rods that hold its corners.')
 
 
 def slope_lines(sizes):
@@ -337,9 +340,9 @@ def slope_lines(sizes):
 
 SLOPE_HEADER = ['kind', 'contestant', 'over', 'slope of time', 'µs for one, at most', 'of instructions',
                 'of memory', 'bytes for one, at most']
-SLOPE_TEXT = ('Run time of a tick of 1 ms and memory from 10 links, bodies or contacts on, each '
-              'contestant as far as the budget goes; the slope is the exponent of the growth, and what '
-              'one costs is taken where there are most.')
+SLOPE_TEXT = ('Run time of a step of 1 ms, and memory, from 10 links, bodies or contacts on, for each '
+              'contestant as far as the time limit allows. A slope is the exponent of the growth. The cost of one link, '
+              'body or contact is taken at the largest number.')
 
 
 HONESTY = [

@@ -145,11 +145,32 @@ def chosen(options):
     return all_variants[0].program, found
 
 
+def worst_of(result):
+    """Returns the worst quantity of a run; of a run without states, such as one that timed out, its message."""
+    if not result.criterion:
+        return result.words or 'not judged'
+    return f'{result.criterion} {result.amount} at {result.time} s: {result.words}'
+
+
+def held_line(count, scenes):
+    """Returns a sentence on the scenes that the default method and the best other contestant hold."""
+    ours = [name for name in count if name == 'constraint_sim auto']
+    peers = [name for name in count if not name.startswith('constraint_sim ')]
+    def silent(name):
+        return count[name]['wrong, silent'] + count[name]['blew up, silent']
+    parts = [f'{name} holds {count[name]["held"]} of {scenes} scenes and is wrong without a word in {silent(name)}'
+             for name in ours]
+    if peers:
+        best = max(peers, key=lambda name: count[name]['held'])
+        parts.append(f'{best}, which holds most of the others, holds {count[best]["held"]}, is wrong without a word in '
+                     f'{silent(best)} and cannot express {count[best]["cannot"]}')
+    return '; '.join(parts) + '.'
+
+
 def lines_of_ours(results, scenes):
     """Returns a line for each scene that this engine did not hold, the silent ones first."""
     lines = [(not result.outcome.endswith('silent'), number,
-              f'| {number} | {scenes[number][0]} | {scenes[number][1]} | {result.outcome} | '
-              f'{result.criterion} {result.amount} at {result.time} s: {result.words} |')
+              f'| {number} | {scenes[number][0]} | {scenes[number][1]} | {result.outcome} | {worst_of(result)} |')
              for (number, name), result in results.items()
              if name == 'constraint_sim auto' and result.outcome != 'held']
     return [line for _, _, line in sorted(lines)]
@@ -162,20 +183,20 @@ def page(options, variants, results, scenes, referenced):
     last = options.seed + options.scenes - 1
     versions = dict.fromkeys(f'{variant.engine} {variant.version}' for variant in variants)
     text = [
-        '# Random stiff and extreme scenes',
+        '# Random stiff and extreme scenes', held_line(count, options.scenes),
         f'Scenes {options.seed} to {last}, commit {options.commit}, {options.budget:g} s of processor time a scene. '
         f'Engines: {", ".join(versions)}.',
         f'Command: `./scripts/report --random --seed {options.seed} --scenes {options.scenes} --budget '
-        f'{options.budget:g}`. `--help` has the distribution of the scenes and the limits of the outcomes; '
-        '`--only SEED` runs a scene again.',
-        f'The reference, this engine in finer steps, reaches over at least half of the run in {referenced} of '
+        f'{options.budget:g}`. `./scripts/report --random --help` has the distribution of the scenes and the '
+        'limits of the outcomes; `--random --only SEED` runs a scene again.',
+        f'The reference, this engine in finer steps, covers more than half of the run in {referenced} of '
         f'{options.scenes} scenes. Steps, tolerances and numbers of sweeps are defaults of the engines; none is set '
         'for a scene. A time-out near the budget depends on the machine; all other outcomes repeat.',
         'Held: joints, limits, overlaps, energy, momentum and the reference are within 1 % of their scales. Wrong: one '
-        'is beyond. Blew up: one but the reference is beyond its whole scale, or a state is not finite. Said: the '
-        'engine warned, or reported an error of this order. Grown: its estimate of the error explains the error only '
-        'with the growth of disturbances that the motion itself has. Silent: neither. Cannot: the engine, or its adapter in '
-        '`bench/report/peers`, cannot express the scene.',
+        'of these is beyond. Blew up: one other than the reference is beyond its whole scale, or a state is not '
+        'finite. Said: the engine warned, or reported an error of this order. Grown: its estimate of the error '
+        'explains the error only with the growth of disturbances that the motion itself has. Silent: neither a warning '
+        'nor such an estimate. Cannot: the engine, or its adapter in `bench/report/peers`, cannot express the scene.',
         'Other engines are used as in the [report](summary.md). A message of theirs counts as said. The stiffness of '
         "Simbody's contacts is chosen for scenes of about a metre; its constraints and those of MuJoCo are what "
         'their settings for this report make them.',

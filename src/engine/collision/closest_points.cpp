@@ -195,7 +195,8 @@ FlatPair middle_of_overlap(const Flat& a, const Flat& b) {
   return nearest;
 }
 
-/// The farthest part of a shape along a normal, seen along the third of some axes.
+/// Part of a shape that is farthest along a normal, projected along the third column of `axes` on
+/// the plane of the first two.
 struct SeenPart {
   Flat flat;
   double height;  // along the third axis, of the farthest point [m]

@@ -270,7 +270,7 @@ IslandModel::Row IslandModel::new_row(const Link& link, std::size_t part) {
   return row;
 }
 
-// Adds coupled rows with their first parts, then all second parts.
+// Adds each coupled row with its first part, then the second parts of all coupled rows.
 void IslandModel::add_coupled_rows(const List<Joint>& all_joints,
                                    const List<CoupledTerms>& couplings) {
   const auto link_of = [&](std::size_t joint) {

@@ -76,7 +76,8 @@ bool ImpulseSharing::list_loaded(const ConeProblem& problem, const List<double>&
   return slips;
 }
 
-// Fills G, the rates of loaded rows by impulses. Both are scaled to a diagonal of A of ones.
+// Fills G, the rates of loaded rows by unit impulses. Rates and impulses are scaled so that the
+// diagonal of A has ones.
 void ImpulseSharing::set_matrix(const ConeProblem& problem) {
   const std::size_t count = unknowns_.size();
   matrix_.resize(count * count);

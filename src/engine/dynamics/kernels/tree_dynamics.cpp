@@ -204,8 +204,8 @@ void TreeDynamics::find_own(const JointTree& tree, std::size_t i, const Vector3d
   }
 }
 
-// H = Lᵀ D L along branches. Rows of a motion and of one before it begin with the same motions.
-// Forces are eliminated on the way.
+// H = Lᵀ D L along branches. Row k and the row of any motion before motion k have their first
+// entries for common motions. Forces are eliminated on the way.
 [[gnu::flatten]] void TreeDynamics::factor(const JointTree& tree, double* forces) {
   const auto before = [&](std::size_t k) { return tree.motions[k].before; };
   for (const std::size_t k : tree.independent) diagonal_[k] = row(k)[tree.motions[k].depth];
@@ -343,8 +343,8 @@ void TreeDynamics::add_along_branches(const JointTree& tree, const double* rates
   }
 }
 
-// A joint transmits the forces that move its subtree as the parent moves, and those for each motion
-// in the subtree.
+// Finds the force that each joint transmits: the force that accelerates its subtree with the
+// parent, plus a force for each motion in the subtree.
 [[gnu::flatten]] void TreeDynamics::find_transmitted(const JointTree& tree) {
   add_accelerations(tree);
   for (std::size_t i = 0; i < tree.bodies.size(); ++i)

@@ -19,15 +19,18 @@ void TickStatistics::add(const engine::World& world, double seconds) {
   for (std::size_t i = 0; i < stage_sums.size(); ++i) stage_sums[i] += report.costs.stage_times[i];
   if (!std::isnan(local_error) && !(report.local_error <= local_error))
     local_error = report.local_error;  // a NaN stays until clear()
+  if (world.step_count() != last_step_ + 1) accumulated_local_error = 0.0;
   accumulated_local_error += report.local_error;
+  last_step_ = world.step_count();
   events += report.costs.events;
   substeps += report.costs.substeps;
 }
 
 void TickStatistics::clear() {
-  const double accumulated = accumulated_local_error;
-  *this = TickStatistics{};
-  accumulated_local_error = accumulated;
+  TickStatistics next;
+  next.accumulated_local_error = accumulated_local_error;
+  next.last_step_ = last_step_;
+  *this = next;
 }
 
 }  // namespace constraint_sim

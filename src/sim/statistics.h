@@ -13,7 +13,7 @@ class TickStatistics {
  public:
   /// Adds a tick of `world`, which took `seconds` of run time [s].
   void add(const engine::World& world, double seconds);
-  /// Starts the next interval; figures since the start stay.
+  /// Starts the next interval; the sum since the motion began stays.
   void clear();
 
   std::uint32_t ticks = 0;
@@ -23,9 +23,14 @@ class TickStatistics {
   double wall_sum = 0.0;                                 ///< [s]
   double wall_max = 0.0;                                 ///< [s]
   std::array<double, engine::kStageCount> stage_sums{};  ///< [s]
-  double accumulated_local_error = 0.0;    ///< since the start [m]; NaN where a tick had none
+  /// Sum since the motion began, with the start, a reset or a loaded scene [m]; NaN where a tick
+  /// had none.
+  double accumulated_local_error = 0.0;
   double local_error = 0.0;                ///< largest in one tick [m]; NaN where a tick had none
   std::uint64_t events = 0, substeps = 0;  ///< sums over the ticks
+
+ private:
+  std::uint64_t last_step_ = 0;  // step count of the world after the last tick
 };
 
 }  // namespace constraint_sim

@@ -13,7 +13,7 @@ class TickStatistics {
  public:
   /// Adds a tick of `world`, which took `seconds` of run time [s].
   void add(const engine::World& world, double seconds);
-  /// Starts the next interval; the sum since the motion began stays.
+  /// Starts the next interval; the sum of local errors stays.
   void clear();
 
   std::uint32_t ticks = 0;
@@ -23,8 +23,7 @@ class TickStatistics {
   double wall_sum = 0.0;                                 ///< [s]
   double wall_max = 0.0;                                 ///< [s]
   std::array<double, engine::kStageCount> stage_sums{};  ///< [s]
-  /// Sum since the motion began, with the start, a reset or a loaded scene [m]; NaN where a tick
-  /// had none.
+  /// Sum since time 0 or a loaded scene [m]; NaN where a tick had none.
   double accumulated_local_error = 0.0;
   double local_error = 0.0;                ///< largest in one tick [m]; NaN where a tick had none
   std::uint64_t events = 0, substeps = 0;  ///< sums over the ticks

@@ -42,7 +42,7 @@ struct GroupSize {
 /// Which bodies may meet within a step, where contacts are event-driven. A body that is hit gets up
 /// to twice as fast as the body that hits it, so a body may get to twice its own displacement; near
 /// other bodies, to the displacement of the fastest of these. Groups grow from pair to pair until
-/// nobody else is there.
+/// no other body is within reach.
 class ContactReach {
  public:
   /// Distance within which a body may touch others in this step [m].

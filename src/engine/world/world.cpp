@@ -25,19 +25,19 @@ using Eigen::Vector3d;
 // velocities, sweeps, positions. Impl inherits Model, State, IslandLists and StepOutput, so one
 // `world` is passed as each of them. A step in which a stage throws StepFailed or CustomFailure
 // ends with the bodies where they began, and a report; other exceptions, as std::bad_alloc, leave
-// step().
+// step(). Where has_missed_any returns true, the stages from the broad phase on are repeated.
 //
 // stage                    | reads                            | writes
-// begin_step               | edits, wakings                   | topology, rollback, the tick
+// begin_step               | edits, wakings                   | topology, awake sets, rollback
 // run_broadphase           | poses, velocities, assumed paths | pairs of `pipeline` and `reach`
-// run_narrowphase          | pairs, poses                     | touching, hits of fast bodies,
-// groups take_out_corrections     | corrections of the last step     | velocities choose_methods |
-// islands, groups, touching        | methods, partition, pairs of `unseen` integrate | partition,
-// groups                | states; results in methods and groups advance_by_impulses      |
-// partition, touching, wrenches    | states, joint_states, touching has_missed_any           |
-// paths of bodies                  | assumed paths; the state before advance_kinematic_bodies |
-// velocities                       | states finish_step              | results in methods and
-// groups    | joint_states, contacts, events, report
+// run_narrowphase          | pairs, poses                     | touching, hits, groups, awake sets
+// take_out_corrections     | corrections of the last step     | velocities
+// choose_methods           | islands, groups, touching        | methods, partition, `unseen`
+// integrate                | partition, groups, wrenches      | states, motions, groups, touching
+// advance_by_impulses      | partition, touching, wrenches    | states, joint_states, touching
+// has_missed_any           | paths of bodies                  | assumed paths; the state before
+// advance_kinematic_bodies | velocities                       | states
+// finish_step              | results in motions and groups    | joint_states, contacts, report
 const StepReport& World::step() {
   Impl& world = *impl_;
   try {

@@ -7,9 +7,12 @@
 namespace {
 
 std::atomic<std::size_t> count{0};  // threads allocate too
+std::atomic<std::ptrdiff_t> left_to_failure{-1};
 
 void* allocate(std::size_t size) noexcept {
   count.fetch_add(1, std::memory_order_relaxed);
+  if (left_to_failure.load(std::memory_order_relaxed) >= 0 && left_to_failure.fetch_sub(1) == 0)
+    return nullptr;
   return std::malloc(size == 0 ? 1 : size);
 }
 
@@ -18,6 +21,8 @@ void* allocate(std::size_t size) noexcept {
 namespace constraint_sim::engine {
 
 std::size_t counted_allocations() { return count; }
+
+std::ptrdiff_t let_fail_after(std::ptrdiff_t left) { return left_to_failure.exchange(left); }
 
 }  // namespace constraint_sim::engine
 

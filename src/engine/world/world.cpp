@@ -40,6 +40,7 @@ using Eigen::Vector3d;
 // finish_step              | results in motions and groups    | joint_states, contacts, report
 const StepReport& World::step() {
   Impl& world = *impl_;
+  const std::uint64_t step_count = world.step_count;
   try {
     const StepContext step = world.begin_step();
     bool is_due = world.sleep.needs_stages();
@@ -65,6 +66,7 @@ const StepReport& World::step() {
   } catch (const CustomFailure& failed) {
     world.fail_by(failed);
   } catch (...) {
+    world.step_count = step_count;
     world.abandon_step();
     throw;
   }
@@ -92,6 +94,7 @@ void World::Impl::fail_by(const CustomFailure& failed) {
 void World::Impl::abandon_step() {
   if (rollback.is_saved()) restore_state();
   forget_contacts();
+  groups = ContactGroups{};
   edits.note_topology();
   edits.note_all();
   report = StepReport{};

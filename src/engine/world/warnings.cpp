@@ -31,10 +31,11 @@ constexpr std::array<WarningInfo, kWarningKindCount> kWarningInfos = {{
      [](const StepReport& report) { return report.contacts.handed_over_body.has_value(); }},
 }};
 
-/// Returns ", and of N more THINGS"; empty where the value counts one thing.
-std::string and_others(double value, const char* things) {
+/// Returns ", and of N more THINGS", of which `thing` is one; empty where the value counts one.
+std::string and_others(double value, const std::string& thing, const std::string& things) {
   if (value < 2.0) return {};
-  return ", and of " + std::to_string(std::lround(value) - 1) + " more " + things;
+  const long others = std::lround(value) - 1;
+  return ", and of " + std::to_string(others) + " more " + (others == 1 ? thing : things);
 }
 
 }  // namespace
@@ -72,10 +73,10 @@ std::string to_string(const StepWarning& warning) {
              value + " m/s";
     case Kind::kUnresolved:
       return body + "the time step is too long to show the motion of it" +
-             and_others(warning.value, "bodies");
+             and_others(warning.value, "body", "bodies");
     case Kind::kHandedOver:
       return body + "contacts of it and what it touches go from event_driven to time_stepping" +
-             and_others(warning.value, "islands");
+             and_others(warning.value, "island", "islands");
   }
   return {};
 }

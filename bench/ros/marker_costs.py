@@ -7,7 +7,7 @@ visualization_msgs/MarkerArray with these markers. Counts do not depend on other
 
     marker_costs.py PATH/TO/constraint_sim_marker_costs [SCENE.yaml ...]           all shipped scenes where none is named
     marker_costs.py --check PATH/TO/constraint_sim_marker_costs [SCENE.yaml ...]   fails where the node takes more
-                                                                                   than 2.2 times the serialisation
+                                                                                   than 2.5 times the serialisation
 """
 import argparse
 import os
@@ -20,7 +20,7 @@ import tempfile
 SCENES = pathlib.Path(__file__).resolve().parents[2] / 'config/scenes'
 ROUNDS = 100
 FUNCTIONS = ('find_markers', 'serialise_markers', 'serialise_array')
-MOST = 2.2
+MOST = 2.5  # arrows of friction: each is the sum of several contacts, and has ten points in the message
 
 
 def measured(program, scene):
@@ -45,7 +45,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('program')
     parser.add_argument('scenes', nargs='*', default=sorted(map(str, SCENES.glob('*.yaml'))))
-    parser.add_argument('--check', action='store_true', help='fail where all of it takes more than 2.2 times the serialisation')
+    parser.add_argument('--check', action='store_true', help='fail where all of it takes more than 2.5 times the serialisation')
     arguments = parser.parse_args()
     too_many = []
     print('| scene | markers a round | instructions to find them | to find and serialise them '

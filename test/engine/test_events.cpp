@@ -7,6 +7,7 @@
 #include "bouncing.h"
 #include "by_events.h"
 #include "constraint_sim/engine/plan.h"
+#include "engine/math/list.h"
 #include "pendulum.h"
 #include "problems.h"
 #include "rotation_between.h"
@@ -411,8 +412,8 @@ TEST(ManyLaws, CountOnlyWhereTheyLast) {
   EXPECT_EQ(rough.islands().front().why, MethodReason::kManyRows);
 }
 
-/// Returns balls on a square grid, with a rope between neighbours of a row and, where `is_net`,
-/// of a column; the corners of the first row are held.
+/// Returns balls on a square grid. Ropes join neighbours in each row and, in a net, in each column.
+/// Both corners of the first row are held.
 World balls_on_ropes(int rows, int columns, bool is_net) {
   World world(by_events(Carried{0.01, Method::kAuto}));
   std::vector<BodyId> balls;
@@ -438,8 +439,8 @@ World balls_on_ropes(int rows, int columns, bool is_net) {
   return world;
 }
 
-// The ropes of a chain stay taut, so that events follow any number of them, within rounding. Those
-// of a net become taut and slack by turns: too many are left to impulses, with the reason.
+// The ropes of a chain stay taut, so that events follow any number of them, within rounding. In a
+// net ropes become taut and slack by turns: too many are left to impulses, with the reason.
 TEST(ManyLaws, OfRopesAreFollowedInAChainAndLeftInANet) {
   World chain = balls_on_ropes(1, 60, false);
   for (int i = 0; i < 30; ++i) {
@@ -456,7 +457,7 @@ TEST(ManyLaws, OfRopesAreFollowedInAChainAndLeftInANet) {
 }
 
 // Friction on 60 hinges is followed by events: time steps of 1/50 and 1/200 s give the same motion
-// within the tolerance of both, 1e-10 m/s, while impulses of first order differ by millimetres.
+// within the tolerance of both, 1e-10 m/s.
 TEST(ManyLaws, WithFrictionAreFollowedByEvents) {
   const std::vector<double> masses(60, 1.0);
   std::vector<World> worlds;

@@ -66,23 +66,36 @@ inline double driven_power(const Scene& scene) {
   return power;
 }
 
-/// Returns the largest work of position-controlled motors in a step [J]: full force along the
-/// motion.
-inline double work_to_positions(const World& world, const std::vector<double>& before,
-                                std::vector<double>* now) {
-  double work = 0.0;
-  now->clear();
+/// A coordinate with a position motor after a step.
+struct PositionMotor {
+  double position, speed, max_force;  ///< [m or rad], [m/s or rad/s], [N or N m]
+};
+
+inline std::vector<PositionMotor> position_motors(const World& world) {
+  std::vector<PositionMotor> motors;
   for (const JointId id : world.joint_ids())
     for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
       const CoordinateLaw& law = world.joint(id).coordinates[i];
       if (!law.motor || !law.motor->position || law.motor->is_servo()) continue;
-      const double speed = std::abs(world.joint_state(id).coordinates[i].velocity);
-      const double fastest = std::max(speed, before.empty() ? 0.0 : before[now->size()]);
-      // Within the step the speed may exceed that at both ends, as when the motion reverses or in
-      // an impact.
-      work += 2.0 * law.motor->max_force * (fastest + 0.1) * world.options().time_step;
-      now->push_back(speed);
+      const CoordinateState& state = world.joint_state(id).coordinates[i];
+      motors.push_back({state.position, std::abs(state.velocity), law.motor->max_force});
     }
+  return motors;
+}
+
+/// Returns the largest work of these motors in a step [J]: full force along the motion. Impacts
+/// may leave a coordinate slow at both ends of a step in which it moves far, so the motion is at
+/// least the change of position; and the speed may exceed that at both ends, as when the motion
+/// reverses.
+inline double largest_work(std::vector<PositionMotor> before, const std::vector<PositionMotor>& now,
+                           double time_step) {
+  if (before.size() != now.size()) before = now;  // in the first step, or a joint broke
+  double work = 0.0;
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const double fastest = std::max(before[i].speed, now[i].speed);
+    work += now[i].max_force *
+            (std::abs(now[i].position - before[i].position) + 2.0 * (fastest + 0.1) * time_step);
+  }
   return work;
 }
 
@@ -105,7 +118,7 @@ inline void follow(const Scene& scene, Verdict* verdict) {
   const double allowed = 1e-7 * scene.largest;
   const double power = driven_power(scene);
   double least = world.energy(), latest = 0.0, booked = 0.0;
-  std::vector<double> speeds, speeds_before;
+  std::vector<PositionMotor> motors, motors_before;
   bool was_by_impulses = false;
   while (world.time() < 2.0 && verdict->findings.empty()) {
     const double before = world.time();
@@ -113,8 +126,9 @@ inline void follow(const Scene& scene, Verdict* verdict) {
     const double now = world.time();
     if (report.outcome.failed) verdict->find("failed", now, report.joints.max_error);
     booked += report.energy.correction_work + report.energy.driven_work;
-    const double work = work_to_positions(world, speeds_before, &speeds);
-    std::swap(speeds, speeds_before);
+    std::swap(motors, motors_before);
+    motors = position_motors(world);
+    const double work = largest_work(motors_before, motors, world.options().time_step);
     least += power * (now - before) + work;
     const double energy = world.energy() - booked;
     // Joints that impulses left open are reported, and closing them does work.

@@ -66,7 +66,7 @@ inline double driven_power(const Scene& scene) {
   return power;
 }
 
-/// A coordinate with a position motor after a step.
+/// Coordinate with a position motor, at the end of a step.
 struct PositionMotor {
   double position, speed, max_force;  ///< [m or rad], [m/s or rad/s], [N or N m]
 };
@@ -83,10 +83,9 @@ inline std::vector<PositionMotor> position_motors(const World& world) {
   return motors;
 }
 
-/// Returns the largest work of these motors in a step [J]: full force along the motion. Impacts
-/// may leave a coordinate slow at both ends of a step in which it moves far, so the motion is at
-/// least the change of position; and the speed may exceed that at both ends, as when the motion
-/// reverses.
+/// Returns the largest work that position motors can do in a step [J]: full force along the way of
+/// their coordinates. The way is the change of position, which impacts may leave large between slow
+/// ends, and an allowance by the larger speed of both ends, for motions that reverse in the step.
 inline double largest_work(std::vector<PositionMotor> before, const std::vector<PositionMotor>& now,
                            double time_step) {
   if (before.size() != now.size()) before = now;  // in the first step, or a joint broke

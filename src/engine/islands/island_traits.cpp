@@ -91,9 +91,8 @@ int lasting_laws(const Joint& joint) {
   return count;
 }
 
-// Ropes and loops beyond which a net has too many events, since ropes become taut and slack by
-// turns: a net of 8 x 8 masses takes 100 times as long by events as by time_stepping. A chain of
-// ropes has no loops, and few events.
+// Ropes and loops beyond which a net is left to time_stepping: its ropes become taut and slack by
+// turns, each time with an event. A chain of ropes has no loops, and few events.
 constexpr int kMostRopesInLoops = 32, kMostLoops = 16;
 
 }  // namespace

@@ -47,9 +47,8 @@ class EventDriven {
   using Ends = EventJoints::Ends;
 
   /// Largest number of coordinates with friction or a motor with a force limit; islands with more
-  /// use another method. A chain of 120 hinges with friction takes 1.2 times as long as by
-  /// time_stepping.
-  /// Limits do not count, since few are reached at a time.
+  /// use another method, since the dense problem of an event takes the cube of their number. Limits
+  /// do not count, since few are reached at a time.
   static constexpr std::size_t kMostRows = 128;
 
   /// `members`: indices of the joints of the island. `couplings`, `open`: as in EquationsOfMotion.

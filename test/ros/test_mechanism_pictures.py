@@ -150,34 +150,42 @@ class Mechanisms(InRviz):
         self.show_configuration(from_the_front(names="true"))
         self.show(JOINTS)
 
-    def show(self, scenes):
-        for scene, (middle, distance, seconds, turn) in scenes.items():
-            path = os.path.join(PACKAGE, "docs/images", scene) if "." in scene else scene
-            with self.subTest(scene):
-                name = scene.partition(".")[0] + ".png"
-                support.empty_world()  # no body reacts to the wheel
-                support.wait_until(lambda: self.extent(read_view(self.screenshot(name))) == [0, 0],
-                                   "an empty view", START)
-                self.look(middle, distance, turn)
-                answer = self.load(scene, path)
-                self.assertTrue(answer.success, answer.status_message)
-                tick = support.properties().time_step
-                self.assertTrue(call("step", steps=round(seconds / tick)).success)
-                texts = self.labels.present(what="texts")  # texts are sent less often than moving markers
-                views = []
+    def play(self, scene, picture):
+        """Brings a scene into the empty view, at the time of its picture; returns its texts."""
+        middle, distance, seconds, turn = picture
+        support.empty_world()  # no body reacts to the wheel
+        support.wait_until(lambda: self.extent(read_view(self.screenshot("empty.png"))) == [0, 0], "an empty view",
+                           START)
+        self.look(middle, distance, turn)
+        answer = self.load(scene, os.path.join(PACKAGE, "docs/images", scene) if "." in scene else scene)
+        self.assertTrue(answer.success, "%s: %s" % (scene, answer.status_message))
+        tick = support.properties().time_step
+        self.assertTrue(call("step", steps=round(seconds / tick)).success, scene)
+        return self.labels.present(what="texts")  # texts are sent less often than moving markers
 
-                def is_still():
-                    views.append(read_view(self.screenshot(name)))
-                    # three equal views
-                    return (len(views) > 2 and max(self.extent(views[-1])) > 0.3 and
-                            all((views[-1] == view).all() for view in views[-3:-1]))
-                support.wait_until(is_still, "a picture", START)
+    def show(self, scenes):
+        for scene, picture in scenes.items():
+            name = scene.partition(".")[0] + ".png"
+            texts = self.play(scene, picture)
+            views = []
+
+            def is_still():
+                """Returns whether three views are equal and free of drawn elements at their borders: while rviz has
+                not yet drawn the turns of the wheel, views are equal, too."""
+                if self.has_restarted():
+                    self.distance = DISTANCE
+                    views.clear()
+                    self.play(scene, picture)
+                views.append(read_view(self.screenshot(name)))
                 is_seen = self.is_drawn(views[-1])
-                for border in (is_seen[0], is_seen[-1], is_seen[:, 0], is_seen[:, -1]):
-                    self.assertFalse(border.any())
-                if turn != 0:
-                    self.write_legend(name, texts)
-                self.shrink(name, WIDTHS.get(scene, 720))
+                borders = (is_seen[0], is_seen[-1], is_seen[:, 0], is_seen[:, -1])
+                return (len(views) > 2 and max(self.extent(views[-1])) > 0.3 and
+                        not any(border.any() for border in borders) and
+                        all((views[-1] == view).all() for view in views[-3:-1]))
+            support.wait_until(is_still, "a whole picture of " + scene, START)
+            if picture[-1] != 0:
+                self.write_legend(name, texts)
+            self.shrink(name, WIDTHS.get(scene, 720))
 
 
 if __name__ == "__main__":

@@ -82,9 +82,8 @@ class Pictures(InRviz):
 
     def test_scenes_with_events(self):
         for scene, (steps, signs) in EVENTS.items():
-            with self.subTest(scene):
-                self.show(scene + ".png", scene, signs, steps=steps, filled=0.02)
-                self.shrink(scene + ".png", 720, 1.15 if scene == "ball_on_incline" else 1)
+            self.show(scene + ".png", scene, signs, steps=steps, filled=0.02)
+            self.shrink(scene + ".png", 720, 1.15 if scene == "ball_on_incline" else 1)
 
     def test_contact_forces(self):
         self.show("contact_forces.png", "slope.yaml", [CONTACT, FRICTION], steps=60)

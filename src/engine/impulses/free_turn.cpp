@@ -1,19 +1,50 @@
 #include "engine/impulses/free_turn.h"
 
-#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 
 #include "engine/math/elementary.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// Square of the last correction of Newton's method, as a share of the square of the angular
-// momentum: the correction is at its rounding, 1e-15.
-constexpr double kMomentumFound = 1e-30;
+// Share of the angular momentum that is its rounding.
+constexpr double kRounding = 1e-17;
+// Relative change of the angular momentum in the body frame in half a step, below which two steps
+// of fixed-point iteration start Newton's method better than L₀.
+constexpr double kSlowTurn = 0.1;
+
+// Equations of the mean angular momentum x in the body frame: x − s x × (I⁻¹ x) = L₀.
+struct MeanMomentum {
+  // s times differences of the inverse moments, so that s x × (I⁻¹ x) has the components kx x_y
+  // x_z, ky x_z x_x and kz x_x x_y.
+  double kx, ky, kz;
+  Vector3d L_0;
+
+  double largest_coefficient() const {
+    return std::max(std::abs(kx), std::max(std::abs(ky), std::abs(kz)));
+  }
+
+  // x by the equations, from an approximation of x.
+  Vector3d next(const Vector3d& x) const {
+    return L_0 + Vector3d(kx * x.y() * x.z(), ky * x.z() * x.x(), kz * x.x() * x.y());
+  }
+
+  // Newton's correction of x, by the adjugate of the derivative [1 p q; r 1 t; u v 1].
+  Vector3d correction(const Vector3d& x) const {
+    const double p = -kx * x.z(), q = -kx * x.y(), r = -ky * x.z();
+    const double t = -ky * x.x(), u = -kz * x.y(), v = -kz * x.x();
+    const Vector3d e = x - next(x);
+    const Vector3d adjugate_e((1.0 - t * v) * e.x() + (q * v - p) * e.y() + (p * t - q) * e.z(),
+                              (t * u - r) * e.x() + (1.0 - q * u) * e.y() + (q * r - t) * e.z(),
+                              (r * v - u) * e.x() + (p * u - v) * e.y() + (1.0 - p * r) * e.z());
+    const double determinant = 1.0 - t * v + p * (t * u - r) + q * (r * v - u);
+    return adjugate_e / determinant;
+  }
+};
 
 // Rotates a body for h without torque. With L' = L_B × ω in the body frame, a rotation about I⁻¹
 // (L₀ + L₁) from L₀ to L₁ conserves the energy and L in the world exactly; the angle is that of a
@@ -32,21 +63,16 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
     const auto [sine, cosine] = math::sin_cos(half_angle);
     const double scale = half_angle > 1e-4 ? sine / (cosine * speed)
                                            : 0.5 * h * (1.0 + half_angle * half_angle / 3.0);
-    const auto cross = [](const Vector3d& x) {
-      Matrix3d m;
-      m << 0.0, -x.z(), x.y(), x.z(), 0.0, -x.x(), -x.y(), x.x(), 0.0;
-      return m;
-    };
+    const Vector3d& j = mass.inverse_inertia;
+    const MeanMomentum equations{scale * (j.z() - j.y()), scale * (j.x() - j.z()),
+                                 scale * (j.y() - j.x()), L_0};
+    const double L = L_0.norm(), k = equations.largest_coefficient();
     Vector3d mean = L_0;  // ½ (L₀ + L₁)
+    if (k * L < kSlowTurn) mean = equations.next(equations.next(L_0));
     for (int step = 0; step < 8 && !is_found; ++step) {
-      const Vector3d w_mean = mass.inverse_inertia.cwiseProduct(mean);
-      const Vector3d error = mean - L_0 - scale * mean.cross(w_mean);
-      const Matrix3d derivative =
-          Matrix3d::Identity() +
-          scale * (cross(w_mean) - cross(mean) * mass.inverse_inertia.asDiagonal());
-      const Vector3d change = derivative.inverse() * error;
+      const Vector3d change = equations.correction(mean);
       mean -= change;
-      is_found = change.squaredNorm() <= kMomentumFound * L_0.squaredNorm();
+      is_found = k * change.squaredNorm() <= kRounding * L;  // the error that is left
     }
     half_turn = scale * mass.inverse_inertia.cwiseProduct(mean);
   }

@@ -118,11 +118,6 @@ void IslandIntegration::begin() {
   interval_ends_.clear();
 }
 
-void IslandIntegration::set_bodies(std::size_t bodies, bool forgets) {
-  if (forgets) rotations_.clear();
-  rotations_.resize(bodies);
-}
-
 // Islands that impulses advance have no courses where impulses always advanced them.
 void IslandIntegration::continue_from(const Model& model, const Topology& topology,
                                       const AwakeSets& awake, const State& state,
@@ -208,8 +203,15 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
 
 // Clears the memory of an island's method, so that a loaded scene continues with the same bits.
 void IslandIntegration::restart(const IslandParts& parts, List<IslandMotion>* motions) {
-  for (const int body : parts.turning_freely) rotations_[body] = FreeRotation{};
+  for (const int body : parts.turning_freely)
+    if (to_index(body) < rotations_.size()) rotations_[body] = FreeRotation{};
   if (parts.motion >= 0) (*motions)[parts.motion].restart();
+}
+
+// Islands are integrated in parallel, and must find their places.
+void IslandIntegration::make_room_for_rotations(const IslandParts& parts) {
+  for (const int body : parts.turning_freely)
+    rotations_.resize(std::max(rotations_.size(), to_index(body) + 1));
 }
 
 void IslandIntegration::list_by_method(const Model& model, const Topology& topology,
@@ -222,6 +224,7 @@ void IslandIntegration::list_by_method(const Model& model, const Topology& topol
     ++partition_.islands[static_cast<std::size_t>(lists.islands[i].method)];
     if (uses_impulses(lists.islands[i].method)) continue;
     partition_.smooth.push_back(i);
+    make_room_for_rotations(lists.island_parts[i]);
   }
   partition_.impulse_bodies.clear();
   partition_.impulse_joints.clear();
@@ -347,6 +350,7 @@ void IslandIntegration::compile_if_opened(const Model& model, const Topology& to
   const List<int> open_points = open_points_of(model, joint_states, parts->members);
   if (open_points == parts->open_points) return;
   compile_island(model, topology, open_points, parts, motions);
+  make_room_for_rotations(*parts);
   restart(*parts, motions);
 }
 

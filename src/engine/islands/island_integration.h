@@ -41,7 +41,7 @@ class IslandIntegration {
   const List<PrescribedMotion>& courses() const { return courses_; }
   /// Joints whose prescribed motion is not constant.
   const List<int>& time_varying_joints() const { return time_varying_joints_; }
-  /// Free rotations, by body.
+  /// Free rotations, by body, of the bodies up to the last one that was in an integrated island.
   const List<FreeRotation>& rotations() const { return rotations_; }
   /// Wrenches in the last interval.
   const List<AppliedWrench>& loads() const { return loads_; }
@@ -50,8 +50,8 @@ class IslandIntegration {
 
   /// Begins anew after an edit.
   void begin();
-  /// Makes room for the bodies after an edit of the topology; `forgets`: free rotations begin anew.
-  void set_bodies(std::size_t bodies, bool forgets);
+  /// Lets free rotations begin anew.
+  void forget_rotations() { rotations_.clear(); }
   void forget_loads() { loads_.clear(); }
   /// Goes on from a snapshot that was read.
   void continue_from(const Model& model, const Topology& topology, const AwakeSets& awake,
@@ -92,6 +92,7 @@ class IslandIntegration {
   void list_by_method(const Model& model, const Topology& topology, const AwakeSets& awake,
                       const State& state, const IslandLists& lists);
   void restart(const IslandParts& parts, List<IslandMotion>* motions);
+  void make_room_for_rotations(const IslandParts& parts);
   void begin_entering(const IntegrationStep& in);
   void compile_if_opened(const Model& model, const Topology& topology,
                          const List<JointData>& joint_states, IslandParts* parts,

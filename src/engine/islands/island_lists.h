@@ -89,6 +89,8 @@ void IslandLists::regroup(const Model& model, List<IslandMembers> groups, OldIsl
   IslandLists before;
   std::swap(before, *this);
   std::swap(before.loaded_memory, loaded_memory);
+  islands.reserve(groups.size());
+  island_parts.reserve(groups.size());
   for (IslandMembers& members : groups) {
     const int old = old_island(to_index(members.bodies.front()));
     if (old >= 0 && before.island_parts[old].members == members) {

@@ -268,8 +268,10 @@ void add_methods(Fnv1a& hash, const Impl& world) {
       if (restarts_methods(world, i)) hash.add(std::uint64_t{i});
       continue;
     }
+    const List<FreeRotation>& rotations = world.integration.rotations();
     for (const int body : parts.turning_freely) {
-      const FreeRotation& rotation = world.integration.rotations()[static_cast<std::size_t>(body)];
+      if (static_cast<std::size_t>(body) >= rotations.size()) continue;
+      const FreeRotation& rotation = rotations[static_cast<std::size_t>(body)];
       if (!rotation.has_memory()) continue;
       add(body);
       FreeRotation::visit_memory(rotation, add);

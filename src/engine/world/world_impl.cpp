@@ -44,7 +44,7 @@ void World::Impl::rebuild_topology() {
     for (IslandParts& parts : island_parts) static_cast<IslandMemory&>(parts) = parts.after_edit();
   if (edits.any_topology()) {
     edits.end_topology();
-    integration.set_bodies(bodies.size(), edits.all());
+    if (edits.all()) integration.forget_rotations();
     regroup(*this, group_bodies(*this, joint_states, topology.joint_ends()), [&](std::size_t body) {
       return !edits.all() && topology.knows(body) ? topology.island_of(body) : -1;
     });

@@ -71,7 +71,7 @@ TEST(Allocations, AreNoneInTheShippedScenes) {
     run(world, 1500);
     const std::map<std::string, std::size_t> exceptions{{"ball_on_incline.yaml", 400},
                                                         {"bridge.yaml", 15000},
-                                                        {"falling_balls.yaml", 60000},
+                                                        {"falling_balls.yaml", 80000},
                                                         {"grasp.yaml", 10000},
                                                         {"marble_run.yaml", 10000}};
     const auto exception = exceptions.find(name.string());

@@ -104,5 +104,33 @@ TEST(ImpulseReports, SayNothingOfWhatRests) {
   }
 }
 
+// A ball rolls while it spins about the vertical: its point of contact moves on by v h in a step,
+// where the spin has a velocity across the path, which is no slip.
+TEST(ImpulseReports, ABallThatRollsAndSpinsDoesNotCreep) {
+  for (const Method method : {Method::kTimeStepping, Method::kSequentialImpulses})
+    for (const double h : {1.0 / 100.0, 1.0 / 1000.0}) {
+      constexpr double kRadius = 0.05, kSpeed = 1.0, kSpin = 40.0;  // [m], [m/s], [rad/s]
+      WorldOptions options;
+      options.method = method;
+      options.time_step = h;
+      World world(options);
+      Body floor = make_body("floor", Plane{}, 1.0, Vector3d::Zero());
+      floor.type = BodyType::kStatic;
+      floor.friction = 0.8;
+      world.add_body(floor);
+      Body ball = make_body("ball", Sphere{kRadius}, 1.0, Vector3d(0.0, 0.0, kRadius));
+      ball.friction = 0.8;
+      ball.state.linear_velocity = Vector3d(kSpeed, 0.0, 0.0);
+      ball.state.angular_velocity = Vector3d(0.0, kSpeed / kRadius, kSpin);
+      const BodyId id = world.add_body(ball);
+      for (int i = 0; i < static_cast<int>(std::lround(2.0 / h)); ++i) {
+        ASSERT_FALSE(world.step().outcome.failed);
+        ASSERT_FALSE(world.report().contacts.creep_body) << "1/" << 1.0 / h << " step " << i;
+      }
+      EXPECT_NEAR(world.state(id).position.x(), 2.0 * kSpeed, 1e-3);
+      EXPECT_NEAR(world.state(id).angular_velocity.z(), kSpin, 1e-3);
+    }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

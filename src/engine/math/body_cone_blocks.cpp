@@ -118,18 +118,24 @@ double BodyConeBlocks::residual(const List<double>& p, List<Twist>* v) const {
 double BodyConeBlocks::residual(const Block& block, const List<double>& p,
                                 const List<Twist>& v) const {
   if (block.d == 0.0) return 0.0;
+  Vector3d impulse = Vector3d::Zero(), rates = Vector3d::Zero();
+  for (std::size_t i = 0; i < block.size; ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    impulse[k] = p[block.first + i];
+    rates[k] = row(block.first + i).rate + rate(block.first + i, v);
+  }
+  return residual(block, impulse, rates);
+}
+
+double BodyConeBlocks::residual(const Block& block, const Vector3d& p, Vector3d rates) const {
   const BodyConeProblem::Row& first = row(block.first);
   const double step = 1.0 / block.diagonal;
-  const double u = first.rate + rate(block.first, v) + first.softness * p[block.first];
   if (!is_contact(block)) {
-    const double next = std::clamp(p[block.first] - step * u, first.least, first.most);
-    return std::abs(p[block.first] - next) * block.diagonal;
+    const double u = rates[0] + first.softness * p[0];
+    return std::abs(p[0] - std::clamp(p[0] - step * u, first.least, first.most)) * block.diagonal;
   }
-  Vector3d rates(u, row(block.first + 1).rate + rate(block.first + 1, v),
-                 row(block.first + 2).rate + rate(block.first + 2, v));
   rates[0] += first.friction * tangent_norm(rates.data());
-  const Vector3d now = block_of(p, block.first);
-  return (now - nearest_in_cone(now - step * rates, first.friction)).norm() * block.diagonal;
+  return (p - nearest_in_cone(p - step * rates, first.friction)).norm() * block.diagonal;
 }
 
 }  // namespace constraint_sim::engine

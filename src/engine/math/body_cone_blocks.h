@@ -2,10 +2,12 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 #include "engine/math/body_cone_problem.h"
 #include "engine/math/list.h"
+#include "engine/math/proximal_equations.h"
 
 namespace constraint_sim::engine {
 
@@ -40,6 +42,13 @@ class BodyConeBlocks {
     return row(block.first).least > -kInfinity || row(block.first).most < kInfinity;
   }
 
+  /// Returns the law of a block in rows scaled by its d.
+  ProximalBlock scaled(const Block& block, std::optional<double> shift) const {
+    const BodyConeProblem::Row& first = row(block.first);
+    return {is_contact(block),     first.friction,      shift, block.d * block.d * first.softness,
+            first.least / block.d, first.most / block.d};
+  }
+
   /// Sets v = M⁻¹ Jᵀ p.
   void set_velocities(const List<double>& p, List<Twist>* v) const;
   /// Returns J v of a row.
@@ -48,6 +57,8 @@ class BodyConeBlocks {
   /// residual of the natural map, ‖p − P_K(p − (u + μ ‖u_t‖ n)/a)‖ a, with a the mean diagonal
   /// entry in its block of A.
   double residual(const List<double>& p, List<Twist>* v) const;
+  /// Returns the residual of a block that can move, with impulses p and rates b + J v.
+  double residual(const Block& block, const Eigen::Vector3d& p, Eigen::Vector3d rates) const;
 
   /// Calls add(body, other, edge, 6×6 matrix) for the terms of Jᵀ C J of a block with C of 3×3, for
   /// each pair of its bodies with body ≤ other or, where `is_whole`, in both orders. `edge` is the

@@ -31,6 +31,9 @@ constexpr double kEta = 1e-9;
 // Least weight ρ of the alternations, where rows are scaled to a diagonal of 1.
 constexpr double kLeastRho = 1e-10;
 constexpr int kMostAlternations = 50;
+// Most steps of Newton's method without the rows without bounds, and first σ without and with them.
+constexpr int kMostCondensed = 100;
+constexpr double kCondensedSigma = 1e3, kBodiesSigma = 1.0;
 // Most entries of factors visited by the alternations and by Newton's method, some 0.1 s of work
 // each, the entries that a step of Newton's method counts for, and the least number of its steps.
 constexpr double kMostEntries = 3e7, kEntriesPerStep = 10.0;
@@ -63,18 +66,29 @@ BodyConeSolver::Outcome BodyConeSolver::solve(const BodyConeProblem& problem, co
     if (outcome.residual <= outcome.enough || is_set(stop)) return outcome;
   }
   analyze();
-  alternate(is_loose ? outcome.enough : aim, std::min(goal.most_iterations, kMostAlternations),
-            stop, &outcome, p);
+  const bool is_condensed = condensed_.set(blocks_);
+  if (is_condensed)
+    solve_by_newton({aim, std::min(goal.most_iterations, kMostCondensed), kCondensedSigma}, stop,
+                    &condensed_, &outcome, p);
+  if ((!is_condensed || outcome.residual > outcome.enough) && !is_set(stop))
+    alternate(is_loose ? outcome.enough : aim, std::min(goal.most_iterations, kMostAlternations),
+              stop, &outcome, p);
   if (outcome.residual > outcome.enough && !is_set(stop)) {
     const double entries = 1.0 + static_cast<double>(factors_.values().size());
     const int affordable = kLeastSteps + static_cast<int>(kMostEntries / entries);
-    outcome.residual =
-        newton_.solve(blocks_, {outcome.enough, std::min(goal.most_iterations, affordable)},
-                      outcome.residual, stop, p);
-    outcome.iterations += newton_.steps();
+    all_rows_.set(blocks_);
+    solve_by_newton({outcome.enough, std::min(goal.most_iterations, affordable), kBodiesSigma},
+                    stop, &all_rows_, &outcome, p);
   }
   if (!is_set(stop)) share(aim, &outcome, p);
   return outcome;
+}
+
+void BodyConeSolver::solve_by_newton(const ProximalNewton::Goal& goal, StopFlag stop,
+                                     ProximalEquations* equations, Outcome* outcome,
+                                     List<double>* p) {
+  outcome->residual = newton_.solve(goal, outcome->residual, stop, equations, p);
+  outcome->iterations += newton_.steps();
 }
 
 bool BodyConeSolver::has_free_rows() const {
@@ -393,6 +407,7 @@ double BodyConeSolver::way_to_bound(std::size_t b, const List<double>& p) const 
 // Takes the part of x = D⁻¹ p out that leaves the bodies as they are. A block that meets a bound
 // loses a freedom, and the others go on.
 void BodyConeSolver::share(double aim, Outcome* outcome, List<double>* p) {
+  x_.resize(p->size());
   set_freedoms(*p, std::max(aim, outcome->residual));
   for (int round = 0; round < kSharingRounds; ++round) {
     if (!set_free_weights(*p)) return;

@@ -8,6 +8,8 @@
 #include "engine/math/body_cone_blocks.h"
 #include "engine/math/body_cone_problem.h"
 #include "engine/math/body_cone_sweeps.h"
+#include "engine/math/body_equations.h"
+#include "engine/math/condensed_cones.h"
 #include "engine/math/list.h"
 #include "engine/math/proximal_newton.h"
 #include "engine/math/sparse_ldlt.h"
@@ -24,7 +26,8 @@ namespace constraint_sim::engine {
 /// matrix over bodies, sparse in the graph of contacts: with K = M + Jᵀ D W⁻¹ D J and K g = Jᵀ D
 /// W⁻¹ r it is x = W⁻¹ (r − D J g). Redundant rows do no harm: K is positive definite.
 ///
-/// Where 50 iterations are not enough, ProximalNewton takes over. Impulses of redundant rows get
+/// ProximalNewton takes over where 50 iterations are not enough, and comes before them where
+/// CondensedCones fit the problem. Impulses of redundant rows get
 /// the least norm of x that gives the bodies the same motion, with each contact remaining open,
 /// sticking or slipping in its direction, so that equal corners of a box carry equal loads. Where
 /// a looser solution is good enough, BodyConeSweeps come first; their impulses are not the least.
@@ -68,6 +71,8 @@ class BodyConeSolver {
   enum class Freedom : char { kAll, kAlong, kNone };
 
   bool has_free_rows() const;
+  void solve_by_newton(const ProximalNewton::Goal& goal, StopFlag stop,
+                       ProximalEquations* equations, Outcome* outcome, List<double>* p);
   void analyze();
   void factor();
   void add_to_matrix(const Block& block, const Eigen::Matrix3d& inverse_weight);
@@ -97,6 +102,8 @@ class BodyConeSolver {
   List<Matrix6> on_bodies_, on_edges_;
   List<SparseLdlt::Slot> slots_;
   SparseLdlt factors_;
+  CondensedCones condensed_;
+  BodyEquations all_rows_;
   ProximalNewton newton_;
   BodyConeSweeps sweeps_;
   List<Twist> v_;  // M⁻¹ Jᵀ p

@@ -46,8 +46,10 @@ double gain_of(double before, double gain, double allowed) {
   return std::isfinite(gain) ? std::max(0.0, before + gain - allowed) : before;
 }
 
-/// Tangential velocity of A relative to B at the mean of their sticking points, world [m/s].
-Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& b) {
+/// Tangential velocity of A relative to B at the mean of their sticking points, world [m/s]. The
+/// points are those from which the step began, with the bodies at `center_a` and `center_b` [m].
+Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& b,
+                 const Vector3d& center_a, const Vector3d& center_b) {
   Vector3d middle = Vector3d::Zero();
   int sticking = 0;
   for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
@@ -56,8 +58,8 @@ Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& 
     ++sticking;
   }
   middle /= sticking;
-  const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - a.position) -
-                     b.linear_velocity - b.angular_velocity.cross(middle - b.position);
+  const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - center_a) -
+                     b.linear_velocity - b.angular_velocity.cross(middle - center_b);
   return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
 }
 
@@ -370,7 +372,9 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
     }
     if (sticks) {
       if (is_known) now.slid = before->slid;
-      now.slid += h * slip_of(pair, state.states[pair.a], state.states[pair.b]);
+      const List<BodyState>& begin = in.rollback.states();
+      now.slid += h * slip_of(pair, state.states[pair.a], state.states[pair.b],
+                              begin[pair.a].position, begin[pair.b].position);
       const double slid = now.slid.norm();
       const bool has_moved = has_moved_[pair.a] != 0 || has_moved_[pair.b] != 0;
       const double most =

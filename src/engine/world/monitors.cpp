@@ -46,10 +46,8 @@ double gain_of(double before, double gain, double allowed) {
   return std::isfinite(gain) ? std::max(0.0, before + gain - allowed) : before;
 }
 
-/// Tangential velocity of A relative to B at the mean of their sticking points, world [m/s]. The
-/// points are those from which the step began, with the bodies at `center_a` and `center_b` [m].
-Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& b,
-                 const Vector3d& center_a, const Vector3d& center_b) {
+/// Mean of the sticking points of a pair, at the start of the step, world [m].
+Vector3d middle_of(const TouchingPair& pair) {
   Vector3d middle = Vector3d::Zero();
   int sticking = 0;
   for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
@@ -57,10 +55,24 @@ Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& 
     middle += pair.manifold.points[k].position;
     ++sticking;
   }
-  middle /= sticking;
-  const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - center_a) -
-                     b.linear_velocity - b.angular_velocity.cross(middle - center_b);
-  return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
+  return middle / sticking;
+}
+
+/// Tangential velocity of A relative to B at the mean of their sticking points, world [m/s]: the
+/// slower one of those with the bodies where the step began, as a ball sees it that rolls, and
+/// where it ended. A body whose moments of inertia differ turns its velocity in between.
+Vector3d slip_of(const TouchingPair& pair, const List<BodyState>& before,
+                 const List<BodyState>& after) {
+  const Vector3d middle = middle_of(pair);
+  const BodyState &a = after[pair.a], &b = after[pair.b];
+  const auto slip = [&](const Vector3d& center_a, const Vector3d& center_b) -> Vector3d {
+    const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - center_a) -
+                       b.linear_velocity - b.angular_velocity.cross(middle - center_b);
+    return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
+  };
+  const Vector3d at_start = slip(before[pair.a].position, before[pair.b].position);
+  const Vector3d at_end = slip(a.position, b.position);
+  return at_start.squaredNorm() < at_end.squaredNorm() ? at_start : at_end;
 }
 
 /// Error above which a joint is reported as unclosed [m]: less where a shape is small.
@@ -372,9 +384,7 @@ void Monitors::watch_contacts(const MonitorInput& in, StepReport* report) {
     }
     if (sticks) {
       if (is_known) now.slid = before->slid;
-      const List<BodyState>& begin = in.rollback.states();
-      now.slid += h * slip_of(pair, state.states[pair.a], state.states[pair.b],
-                              begin[pair.a].position, begin[pair.b].position);
+      now.slid += h * slip_of(pair, in.rollback.states(), state.states);
       const double slid = now.slid.norm();
       const bool has_moved = has_moved_[pair.a] != 0 || has_moved_[pair.b] != 0;
       const double most =

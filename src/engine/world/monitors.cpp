@@ -46,8 +46,11 @@ double gain_of(double before, double gain, double allowed) {
   return std::isfinite(gain) ? std::max(0.0, before + gain - allowed) : before;
 }
 
-/// Mean of the sticking points of a pair, at the start of the step, world [m].
-Vector3d middle_of(const TouchingPair& pair) {
+/// Tangential velocity of A relative to B at the mean of their sticking points, world [m/s]: the
+/// slower one of those with the bodies where the step began, as a ball sees it that rolls, and
+/// where it ended. A body whose moments of inertia differ turns its velocity in between.
+Vector3d slip_of(const TouchingPair& pair, const List<BodyState>& before,
+                 const List<BodyState>& after) {
   Vector3d middle = Vector3d::Zero();
   int sticking = 0;
   for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
@@ -55,23 +58,15 @@ Vector3d middle_of(const TouchingPair& pair) {
     middle += pair.manifold.points[k].position;
     ++sticking;
   }
-  return middle / sticking;
-}
-
-/// Tangential velocity of A relative to B at the mean of their sticking points, world [m/s]: the
-/// slower one of those with the bodies where the step began, as a ball sees it that rolls, and
-/// where it ended. A body whose moments of inertia differ turns its velocity in between.
-Vector3d slip_of(const TouchingPair& pair, const List<BodyState>& before,
-                 const List<BodyState>& after) {
-  const Vector3d middle = middle_of(pair);
-  const BodyState &a = after[pair.a], &b = after[pair.b];
-  const auto slip = [&](const Vector3d& center_a, const Vector3d& center_b) -> Vector3d {
-    const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - center_a) -
-                       b.linear_velocity - b.angular_velocity.cross(middle - center_b);
+  middle /= sticking;
+  const auto slip = [&](const List<BodyState>& where) -> Vector3d {
+    const BodyState &a = after[pair.a], &b = after[pair.b];
+    const Vector3d v =
+        a.linear_velocity + a.angular_velocity.cross(middle - where[pair.a].position) -
+        b.linear_velocity - b.angular_velocity.cross(middle - where[pair.b].position);
     return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
   };
-  const Vector3d at_start = slip(before[pair.a].position, before[pair.b].position);
-  const Vector3d at_end = slip(a.position, b.position);
+  const Vector3d at_start = slip(before), at_end = slip(after);
   return at_start.squaredNorm() < at_end.squaredNorm() ? at_start : at_end;
 }
 

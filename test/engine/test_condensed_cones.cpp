@@ -9,6 +9,7 @@
 
 #include "draw.h"
 #include "engine/math/body_cone_blocks.h"
+#include "engine/math/body_cone_solver.h"
 #include "engine/math/body_equations.h"
 #include "engine/math/condensed_cones.h"
 #include "engine/math/list.h"
@@ -224,6 +225,29 @@ TEST(CondensedCones, LeavesOutWhatRowsWithoutBoundsHold) {
   EXPECT_LE(solve(&equations, &of, &p), 1e-10);
   EXPECT_EQ(p.back(), 0.0);
   EXPECT_LE(of.residual(p), 1e-9);
+}
+
+// Rows without bounds that contradict each other cannot all hold: the elimination leaves one out,
+// and the solver tells the residual of all.
+TEST(CondensedCones, TellTheResidualOfContradictingRows) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Walker walker(seed, 6, 10.0);
+    BodyConeProblem& problem = walker.problem;
+    BodyConeProblem::Row again = problem.rows[0];
+    const BodyConeProblem::Part first = problem.parts[0], second = problem.parts[1];
+    problem.parts.push_back(first);
+    problem.parts.push_back(second);
+    again.rate += 0.1;
+    again.parts_end = problem.parts.size();
+    problem.rows.push_back(again);
+    Blocks of(problem);
+    ASSERT_TRUE(CondensedCones().set(of.blocks));
+    List<double> p(problem.rows.size(), 0.0);
+    const BodyConeSolver::Outcome outcome =
+        BodyConeSolver().solve(problem, {1e-9, 0.0, 400}, nullptr, &p);
+    EXPECT_EQ(outcome.residual, of.residual(p)) << seed;
+    EXPECT_GT(outcome.residual, 0.04) << seed;  // half of the contradiction, or more
+  }
 }
 
 }  // namespace

@@ -87,8 +87,13 @@ BodyConeSolver::Outcome BodyConeSolver::solve(const BodyConeProblem& problem, co
 void BodyConeSolver::solve_by_newton(const ProximalNewton::Goal& goal, StopFlag stop,
                                      ProximalEquations* equations, Outcome* outcome,
                                      List<double>* p) {
-  outcome->residual = newton_.solve(goal, outcome->residual, stop, equations, p);
+  tried_ = *p;
+  newton_.solve(goal, outcome->residual, stop, equations, &tried_);
   outcome->iterations += newton_.steps();
+  const double now = blocks_.residual(tried_, &v_);  // also of rows that the equations left out
+  if (!(now < outcome->residual)) return;
+  outcome->residual = now;
+  p->swap(tried_);
 }
 
 bool BodyConeSolver::has_free_rows() const {

@@ -63,7 +63,7 @@ void add_net(int rows, int columns, World* world) {
 
 struct Run {
   double time_of_a_step;  ///< [ms]
-  Method method;          ///< of the first island, after the last step
+  Method method;          ///< method of the first island, after the last step
   std::vector<Vector3d> positions;
 };
 

@@ -70,7 +70,7 @@ def environment_on(display, folder):
 def virtual_display():
     reading, writing = os.pipe()
     with support.running(["Xvfb", "-displayfd", str(writing), "-screen", "0",
-                          "%dx%dx24" % (WIDTH, HEIGHT), "-nolisten", "tcp"],
+                          "%dx%dx24" % (WIDTH, HEIGHT), "-nolisten", "tcp", "-noreset"],
                          pass_fds=[writing], stderr=subprocess.DEVNULL):
         os.close(writing)
         with os.fdopen(reading) as number:

@@ -84,6 +84,7 @@ class Mouse(InRviz):
         patience = Patience(0.1)
 
         def pressed():
+            self.has_restarted()
             self.mouse("mouseup", "1")
             self.point(x, y)
             patience.wait()

@@ -91,18 +91,27 @@ double solve(ProximalEquations* equations, Blocks* of, List<double>* p) {
   return ProximalNewton().solve({1e-10, 400, 1.0}, of->residual(*p), nullptr, equations, p);
 }
 
+/// Equations of a walker, begun at random impulses.
+struct Begun {
+  Walker walker;
+  Blocks of{walker.problem};
+  CondensedCones equations;
+
+  Begun(unsigned seed, bool is_held) : walker(seed, 7, 100.0) {
+    EXPECT_TRUE(equations.set(of.blocks));
+    equations.hold_shifts(is_held);
+    equations.begin(walker.impulses());
+  }
+};
+
 // The gradient along the change, against a central difference of the potential. Second derivatives
 // jump where a contact opens or begins to slip, which a difference of 1e-6 of the change seldom
 // meets, and then by a share of 1e-6.
 TEST(CondensedCones, ThePotentialHasTheGradient) {
   int compared = 0;
   for (unsigned seed = 1; seed <= 40; ++seed) {
-    Walker walker(seed, 7, 100.0);
-    Blocks of(walker.problem);
-    CondensedCones equations;
-    ASSERT_TRUE(equations.set(of.blocks));
-    equations.hold_shifts(true);
-    equations.begin(walker.impulses());
+    Begun begun(seed, true);
+    CondensedCones& equations = begun.equations;
     for (const double sigma : {0.1, 1.0, 10.0}) {
       equations.evaluate(sigma, 0.0);
       ASSERT_TRUE(equations.find_change(sigma));
@@ -123,12 +132,8 @@ TEST(CondensedCones, NewtonsMethodTakesTheGradientAway) {
   int off = 0, compared = 0;
   for (unsigned seed = 1; seed <= 40; ++seed)
     for (const bool is_held : {false, true}) {
-      Walker walker(seed, 7, 100.0);
-      Blocks of(walker.problem);
-      CondensedCones equations;
-      ASSERT_TRUE(equations.set(of.blocks));
-      equations.hold_shifts(is_held);
-      equations.begin(walker.impulses());
+      Begun begun(seed, is_held);
+      CondensedCones& equations = begun.equations;
       for (const double sigma : {0.1, 1.0, 10.0}) {
         const double square = equations.evaluate(sigma, 0.0).square, share = 1e-5;
         ASSERT_TRUE(equations.find_change(sigma));
@@ -141,8 +146,8 @@ TEST(CondensedCones, NewtonsMethodTakesTheGradientAway) {
   EXPECT_LE(off, compared / 20);
 }
 
-// Impulses of the condensed equations solve the whole problem: the residual of all rows is the one
-// of the rows with bounds, up to the rounding of the elimination.
+// Impulses of the condensed equations solve the whole problem: rows with bounds have the residual
+// of all rows, up to the rounding of the elimination.
 TEST(CondensedCones, SolvesAllRows) {
   int unsolved = 0, compared = 0;
   for (const double masses : {1.0, 1e3, 1e6})

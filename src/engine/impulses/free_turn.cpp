@@ -13,8 +13,8 @@ using Eigen::Vector3d;
 
 // Share of the angular momentum that is its rounding.
 constexpr double kRounding = 1e-17;
-// Relative change of the angular momentum in the body frame in half a step, below which two steps
-// of fixed-point iteration start Newton's method better than L₀.
+// Newton's method starts from two fixed-point iterations, not from L₀, up to this relative change
+// of the angular momentum in the body frame in half a step.
 constexpr double kSlowTurn = 0.1;
 
 // Equations of the mean angular momentum x in the body frame: x − s x × (I⁻¹ x) = L₀.

@@ -237,6 +237,18 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
                     vectors);
 }
 
+void joint_values(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+                  const JointData& state, const Row* rows, int count, double* values) {
+  if (has_length(joint.kind)) {
+    std::fill(values, values + count, AnchorPair(joint, a, b).d.norm());
+    return;
+  }
+  const JointForms& kind = forms(joint.kind);
+  const JointVectors vectors(joint, a, b, frame_in(joint, step, state, true));
+  for (int k = 0; k < count; ++k)
+    values[k] = rows[k].coordinate < 0 ? value(kind.row[rows[k].component], vectors) : 0.0;
+}
+
 void prepare_coupling(const Joint& joint, const JointStep& step, const JointData& state,
                       const std::array<Jacobian, 2>& J, List<Row>* rows) {
   Row row;

@@ -20,6 +20,12 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
                      const JointStep& step, const JointData& state, const Row* rows, int count,
                      Jacobian* J);
 
+/// Writes the values of the rows of the kind at other states of the bodies, with the frame at the
+/// end of the step [m or rad]: the length for each row of a distance joint, 0 for rows of
+/// coordinates.
+void joint_values(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+                  const JointData& state, const Row* rows, int count, double* values);
+
 /// Returns the present elongation of the spring of a row [m or rad].
 double spring_stretch(const Joint& joint, const JointState& state, const Row& row);
 

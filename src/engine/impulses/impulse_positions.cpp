@@ -46,6 +46,20 @@ Vector3d spin(const MassProperties& mass, const BodyState& body, const Vector3d&
 
 }  // namespace
 
+double ImpulsePositions::move(const MassProperties& mass, double h, const Twist& v, const Twist& w,
+                              BodyState* body) {
+  double gained = 0.0;
+  body->linear_velocity = v.head<3>();
+  body->angular_velocity = v.tail<3>();
+  if (!w.isZero(0.0)) {
+    body->position += h * w.head<3>();
+    if (mass.can_turn()) gained = turn_at_rest(mass, h * w.tail<3>(), body);
+  }
+  body->position += h * body->linear_velocity;
+  advance_orientation(mass, h, body);
+  return gained;
+}
+
 double ImpulsePositions::advance(const List<int>& moved, const Masses& masses,
                                  const Vector3d& gravity, RowSystem* system, Bodies* all_bodies) {
   Bodies& bodies = *all_bodies;
@@ -56,23 +70,15 @@ double ImpulsePositions::advance(const List<int>& moved, const Masses& masses,
   for (const int index : moved) {
     const std::size_t i = to_index(index);
     BodyState& body = bodies[i];
-    body.linear_velocity = velocities[i].head<3>();
-    body.angular_velocity = velocities[i].tail<3>();
-    // Without a correction a body moves as it does where no other body has one, to the last bit.
-    const bool is_corrected = system->any_corrections() && !corrections[i].isZero(0.0);
+    const bool is_corrected = !corrections[i].isZero(0.0);
     Vector3d L_correction = Vector3d::Zero();
     if (is_corrected) {
-      const Vector3d w = corrections[i].head<3>();
-      body.position += h * w;
-      work -= h * masses[i].weight_share * w.dot(gravity) / masses[i].inverse_mass;
-      if (masses[i].can_turn()) {
-        const Vector3d w_angular = corrections[i].tail<3>();
-        L_correction = apply_inertia(masses[i].inertia, body.orientation, w_angular);
-        work += turn_at_rest(masses[i], h * w_angular, &body);
-      }
+      work -= h * masses[i].weight_share * corrections[i].head<3>().dot(gravity) /
+              masses[i].inverse_mass;
+      if (masses[i].can_turn())
+        L_correction = apply_inertia(masses[i].inertia, body.orientation, corrections[i].tail<3>());
     }
-    body.position += h * body.linear_velocity;
-    advance_orientation(masses[i], h, &body);
+    work += move(masses[i], h, velocities[i], corrections[i], &body);
     velocities[i].tail<3>() = body.angular_velocity;
     if (!is_corrected) continue;
     if (masses[i].can_turn())

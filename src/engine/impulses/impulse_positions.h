@@ -19,8 +19,12 @@ class ImpulsePositions {
   using Bodies = RowSystem::Bodies;
   using Masses = RowSystem::Masses;
 
-  /// x += h (v + w), and q by the rotation h (ω + w). Conserves the angular momentum of every free
-  /// body. Sets velocities of bodies to v + w. Returns the work of the motion by w [J].
+  /// Moves a body by x += h (v + w), and q by the rotation h (ω + w), at constant angular momentum,
+  /// and sets its velocity to v after the motion. Returns the kinetic energy gained by w [J].
+  static double move(const MassProperties& mass, double h, const Twist& v, const Twist& w,
+                     BodyState* body);
+
+  /// Moves all bodies, and sets their velocities to v + w. Returns the work of the motion by w [J].
   double advance(const List<int>& moved, const Masses& masses, const Eigen::Vector3d& gravity,
                  RowSystem* system, Bodies* bodies);
   /// Takes the Jacobian and the value after the step of row i, a row of a joint.

@@ -85,6 +85,18 @@ class RowSolver {
   double rate_before(const Row& row, std::size_t i) const {
     return rate_of(row, system_.response(i), system_.before());
   }
+  /// Rate J (v + w) of row i, by which bodies move.
+  double moving_rate(const Row& row, std::size_t i) const {
+    return rate(row, i) + rate_of(row, system_.response(i), system_.corrections());
+  }
+  /// Returns where v + w take a body of a row from its state at the start of the step.
+  BodyState moved(std::size_t body, const MassProperties& mass, BodyState state) const {
+    ImpulsePositions::move(mass, system_.h(), system_.velocities()[body],
+                           system_.corrections()[body], &state);
+    return state;
+  }
+  /// Takes over corrections of the rows that were changed.
+  void find_corrections(const List<Row>& rows) { system_.find_corrections(rows); }
   /// Change of the lasting velocity of a body in the step.
   Twist velocity_change(std::size_t body) const { return system_.change(body); }
   /// Target of J w for a row with the rate J v [m/s]. A one-sided row demands no more than v leaves

@@ -101,9 +101,14 @@ void RowSystem::respond(const List<Row>& rows) {
     r.effective_mass = constraint_mass > 0.0 ? 1.0 / constraint_mass : 0.0;
     r.component = component_of(a.is_moved ? row.body_a : row.body_b);
     if (!a.is_moved || !b.is_moved) components_[r.component].is_attached = true;
-    if (row.correction == 0.0) continue;
-    components_[r.component].corrects = any_corrections_ = true;
   }
+  find_corrections(rows);
+}
+
+void RowSystem::find_corrections(const List<Row>& rows) {
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (rows[i].correction != 0.0)
+      components_[responses_[i].component].corrects = any_corrections_ = true;
   for (RowResponse& r : responses_)
     r.corrects = any_corrections_ && components_[r.component].corrects;
 }

@@ -60,6 +60,8 @@ class RowSystem {
   const List<RowResponse>& responses() const { return responses_; }
   /// Whether any row has a correction.
   bool any_corrections() const { return any_corrections_; }
+  /// Finds the components that have corrections, after these were changed.
+  void find_corrections(const List<Row>& rows);
 
   // ---- bodies
   bool is_moved(int body) const { return inertias_[body].is_moved; }

@@ -80,7 +80,7 @@ BodyConeSolver::Outcome BodyConeSolver::solve(const BodyConeProblem& problem, co
     solve_by_newton({outcome.enough, std::min(goal.most_iterations, affordable), kBodiesSigma},
                     stop, &all_rows_, &outcome, p);
   }
-  if (!is_set(stop)) share(aim, &outcome, p);
+  if (goal.is_shared && !is_set(stop)) share(aim, &outcome, p);
   return outcome;
 }
 

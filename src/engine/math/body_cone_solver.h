@@ -52,6 +52,7 @@ class BodyConeSolver {
     /// share of the residual of the given impulses, which is what a step changes; the smaller
     /// counts.
     double loose = 0.0, share = 0.0;
+    bool is_shared = true;  ///< whether impulses of redundant rows get the least norm
   };
 
   /// Solves from the impulses in `p` to the goal, or gives up; `p` is then the best of all

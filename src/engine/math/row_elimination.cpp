@@ -83,6 +83,7 @@ void RowElimination::analyze() {
   });
   if (entries_ == analyzed_) return;
   analyzed_ = entries_;
+  factored_.clear();
   eliminated_.analyze(static_cast<int>(free_.size()), entries_);
   slots_.clear();
   for (const auto& [i, j] : entries_) slots_.push_back(eliminated_.slot(i, j));
@@ -94,9 +95,10 @@ bool RowElimination::set(const BodyConeBlocks& blocks) {
   analyze();
   const std::size_t m = free_.size(), n = bounded_.size();
   A_.assign(n * n, 0.0);
+  couplings_.swap(known_couplings_);
   couplings_.assign(n * m, 0.0);
-  List<double>& values = eliminated_.values();
-  std::fill(values.begin(), values.end(), 0.0);
+  List<double>& values = matrix_;
+  values.assign(eliminated_.values().size(), 0.0);
   const auto place = [&](std::size_t f) {
     return to_index(eliminated_.place(static_cast<int>(f)));
   };
@@ -124,20 +126,51 @@ bool RowElimination::set(const BodyConeBlocks& blocks) {
           scale * scale * row.softness;
     free_rate_[place(f)] = scale * row.rate;
   }
-  eliminated_.factor(kDependentPivot);
+  factor();
   eliminated_.solve(free_rate_.data());
+  solve_couplings();
   eliminate();
   return true;
+}
+
+// Factors A_FF, unless it is the one that is factored.
+void RowElimination::factor() {
+  if (matrix_ == factored_) return;
+  factored_ = matrix_;
+  eliminated_.values() = matrix_;
+  eliminated_.factor(kDependentPivot);
+  known_couplings_.clear();
+}
+
+// Sets A_BF A_FF⁻¹. Rows that were solved with these factors are taken over: those of corrections
+// are among those of velocities, in their order.
+void RowElimination::solve_couplings() {
+  const std::size_t m = free_.size(), n = bounded_.size();
+  known_solved_.swap(solved_);
+  solved_ = couplings_;
+  std::size_t known = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double* const coupling = &couplings_[i * m];
+    const auto is_known = [&](std::size_t at) {
+      return std::equal(coupling, coupling + m, &known_couplings_[at]);
+    };
+    std::size_t at = known;
+    while (at < known_couplings_.size() && !is_known(at)) at += m;
+    if (at < known_couplings_.size()) {
+      std::copy_n(&known_solved_[at], m, &solved_[i * m]);
+      known = at + m;
+    } else {
+      eliminated_.solve(&solved_[i * m]);
+    }
+  }
 }
 
 // Sets Â and b̂.
 void RowElimination::eliminate() {
   const std::size_t m = free_.size(), n = bounded_.size();
-  solved_ = couplings_;
   b_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const double* const coupling = &couplings_[i * m];
-    eliminated_.solve(&solved_[i * m]);
     b_[i] = places_[bounded_[i]].scale * blocks_->row(bounded_[i]).rate;
     coupled_.clear();
     for (std::size_t f = 0; f < m; ++f)

@@ -15,7 +15,8 @@ namespace constraint_sim::engine {
 ///   Â = A_BB − A_BF A_FF⁻¹ A_FB,  b̂ = b_B − A_BF A_FF⁻¹ b_F
 /// is dense: this is for few bounded rows on bodies that many free rows join, as a robot on its
 /// feet. Free rows that depend on others get no impulse. Bounded rows that free rows hold have
-/// zeros in Â. Keeps its storage, and the order of elimination while the rows stay.
+/// zeros in Â. Keeps its storage, the order of elimination while the rows stay, and the factors
+/// while A_FF stays, as for the corrections of a step.
 class RowElimination {
  public:
   using Block = BodyConeBlocks::Block;
@@ -55,6 +56,8 @@ class RowElimination {
   template <class Visit>
   void visit_pairs(const Visit& visit) const;
   void analyze();
+  void factor();
+  void solve_couplings();
   void eliminate();
 
   const BodyConeBlocks* blocks_ = nullptr;
@@ -67,8 +70,11 @@ class RowElimination {
   List<std::pair<int, int>> entries_, analyzed_;
   List<SparseLdlt::Slot> slots_;
   SparseLdlt eliminated_;
+  List<double> matrix_, factored_;  // A_FF, and the one that has factors
   // A_BF and A_BF A_FF⁻¹, by rows, and A_FF⁻¹ D b, in the order of the elimination.
   List<double> couplings_, solved_, free_rate_;
+  List<double> known_couplings_,
+      known_solved_;  // last rows of both, for other rows with these factors
   List<std::size_t> coupled_;
   List<double> A_, b_;  // Â by rows, and b̂
 };

@@ -173,6 +173,11 @@ RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const Impu
     converged = solve();
   }
   converged_.allow_gains(step.bodies, rows_, rest, by_mean, &solver_);
+  const SteppedJoints joints{
+      step.joints,        model.joints, step.joint_ends,
+      joint_rows_,        state.states, model.masses,
+      state.joint_states, step.span,    step.kind == ImpulseStepKind::kWhole};
+  converged.add(curvature_.correct(joints, rest, step.stop, &converged_, &solver_, &rows_));
   report->iterations = static_cast<std::uint32_t>(converged.iterations);
   report->has_swept = converged.has_swept;
   RowSolver::Outcome outcome = solver_.finish_solve(step.bodies, rows_);

@@ -15,6 +15,7 @@
 #include "engine/math/list.h"
 #include "engine/methods/sequential_impulses/step_error.h"
 #include "engine/methods/time_stepping/converged_rows.h"
+#include "engine/methods/time_stepping/joint_curvature.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"
 #include "engine/support/stage_timer.h"
@@ -123,6 +124,7 @@ class SequentialImpulses {
   List<LoopRow> loop_rows_;         // rows of joints in loops; empty without warm starting
   RowSolver solver_;
   ConvergedRows converged_;
+  JointCurvature curvature_;
   StepError error_;
 };
 

@@ -29,7 +29,19 @@ bool is_tangent(const Row& row) { return row.normal_row >= 0; }
 double side_of(const Row& row) { return row.lower == 0.0 ? 1.0 : row.upper == 0.0 ? -1.0 : 0.0; }
 bool is_second_part(const Row& row) { return row.normal_row == Row::kCoupledPart; }
 
+BodyConeSolver::Goal goal_at(double rest_speed) {
+  return {kTolerance, kSufficient * rest_speed, kMostIterations, 0.0, kMoving};
+}
+
 }  // namespace
+
+void ConvergedRows::Outcome::add(const Outcome& other) {
+  residual = std::max(residual, other.residual);
+  iterations = std::max(iterations, other.iterations);
+  solved = std::max(solved, other.solved);
+  if (unsolved < 0) unsolved = other.unsolved;
+  has_swept = has_swept || other.has_swept;
+}
 
 // Sorts rows by components, each in the order of the rows.
 void ConvergedRows::list_by_component(const List<Row>& rows, const RowSolver& solver) {
@@ -168,7 +180,7 @@ bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
     added.least = row.lower == 0.0 ? 0.0 : std::min(row.lower - row.impulse, 0.0);
     added.most = row.upper == 0.0 ? 0.0 : std::max(row.upper - row.impulse, 0.0);
     problem_rows_.push_back(order_[k]);
-    impulses_.push_back(0.0);
+    impulses_.push_back(row.correction_impulse);
   }
   return true;
 }
@@ -187,11 +199,12 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
                                             const Accuracy& accuracy, StopFlag stop,
                                             List<Row>* rows, RowSolver* solver) {
   Outcome outcome;
-  BodyConeSolver::Goal goal{kTolerance, kSufficient * accuracy.rest_speed, kMostIterations, 0.0,
-                            kMoving};
+  BodyConeSolver::Goal goal = goal_at(accuracy.rest_speed);
   swept_.clear();
   local_of_.assign(bodies.size(), -1);
   list_by_component(*rows, *solver);
+  is_swept_.assign(bodies.size(), 0);
+  loose_.assign(begins_.size(), 0.0);
   for (std::size_t c = 0; c + 1 < begins_.size() && !is_set(stop); ++c) {
     forget_bodies();
     set_velocity_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver);
@@ -199,25 +212,40 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
       for (std::size_t k = begins_[c]; k < begins_[c + 1]; ++k) swept_.push_back(order_[k]);
       outcome.iterations = std::max(outcome.iterations, accuracy.sweeps);
       outcome.has_swept = true;
+      is_swept_[to_index(solver->component(order_[begins_[c]]))] = 1;
       continue;
     }
     const double fastest = largest_rate(begins_[c], begins_[c + 1], *rows, *solver);
-    goal.loose = accuracy.is_unique
-                     ? 0.0
-                     : kMoving * std::min(fastest, accuracy.rest_speed / kConvergedRest);
-    const BodyConeSolver::Outcome solved = solvers_[c].solve(problem_, goal, stop, &impulses_);
-    add(solved, &outcome);
-    for (std::size_t i = 0; i < problem_rows_.size(); ++i)
-      solver->set_impulse(problem_rows_[i], impulses_[i], rows);
-    forget_bodies();
-    if (!set_correction_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver))
-      continue;
+    if (!accuracy.is_unique)
+      goal.loose = kMoving * std::min(fastest, accuracy.rest_speed / kConvergedRest);
+    loose_[c] = goal.loose;
     add(solvers_[c].solve(problem_, goal, stop, &impulses_), &outcome);
     for (std::size_t i = 0; i < problem_rows_.size(); ++i)
-      solver->set_correction(problem_rows_[i], impulses_[i], rows);
+      solver->set_impulse(problem_rows_[i], impulses_[i], rows);
   }
   forget_bodies();
   solver->sweep(swept_, accuracy.sweeps, stop, *rows);
+  return outcome;
+}
+
+ConvergedRows::Outcome ConvergedRows::correct(const List<BodyState>& bodies,
+                                              const List<MassProperties>& masses, double rest_speed,
+                                              const Wanted& wanted, StopFlag stop, List<Row>* rows,
+                                              RowSolver* solver) {
+  Outcome outcome;
+  BodyConeSolver::Goal goal = goal_at(rest_speed);
+  for (std::size_t c = 0; c + 1 < begins_.size() && !is_set(stop); ++c) {
+    const int component = solver->component(order_[begins_[c]]);
+    if (is_swept(component) || wanted.components[to_index(component)] == 0 ||
+        !set_correction_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver))
+      continue;
+    goal.loose = loose_[c];
+    goal.is_shared = wanted.is_first;
+    add(solvers_[c].solve(problem_, goal, stop, &impulses_), &outcome);
+    for (std::size_t i = 0; i < problem_rows_.size(); ++i)
+      solver->set_correction(problem_rows_[i], impulses_[i], rows);
+    forget_bodies();
+  }
   return outcome;
 }
 

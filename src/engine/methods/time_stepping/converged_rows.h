@@ -22,6 +22,9 @@ class ConvergedRows {
     double solved = 0.0;     ///< largest residual with which a component counts as solved [m/s]
     int unsolved = -1;       ///< a body of the first component that was not solved; -1: all were
     bool has_swept = false;  ///< whether a component was too large to be solved
+
+    /// Adds the outcome of other components or rows.
+    void add(const Outcome& other);
   };
   struct Accuracy {
     double rest_speed;  ///< speed that counts as rest [m/s]
@@ -31,9 +34,23 @@ class ConvergedRows {
     bool is_unique;
   };
 
-  /// Solves `rows` and leaves the impulses in them and the velocities in `solver`.
+  /// Solves `rows` and leaves the impulses in them and the velocities in `solver`. Components that
+  /// are swept have their corrections too.
   Outcome solve(const List<BodyState>& bodies, const List<MassProperties>& masses,
                 const Accuracy& accuracy, StopFlag stop, List<Row>* rows, RowSolver* solver);
+  /// Corrections to solve for.
+  struct Wanted {
+    const List<char>& components;  ///< marks components, at the body of a component
+    /// First ones of the step; redundant rows share later ones in much the same way.
+    bool is_first;
+  };
+  /// Solves for the corrections of the rows that solve() has not swept, after solve().
+  Outcome correct(const List<BodyState>& bodies, const List<MassProperties>& masses,
+                  double rest_speed, const Wanted& wanted, StopFlag stop, List<Row>* rows,
+                  RowSolver* solver);
+
+  /// Whether solve() has swept the component that is stored at a body.
+  bool is_swept(int component) const { return is_swept_[to_index(component)] != 0; }
 
   /// Finds the share of ½ (v₀ + v₁) in the motion of each body; v₁ has the rest. ½ h (v₀ + v₁) is
   /// exact for constant forces. The energy of a component changes in proportion to the shares.
@@ -80,6 +97,8 @@ class ConvergedRows {
   List<std::size_t> order_;  // rows, by component
   List<std::size_t> begins_;
   List<std::size_t> swept_;         // rows of components that are too large
+  List<char> is_swept_;             // at the body of a component
+  List<double> loose_;              // BodyConeSolver::Goal::loose, per component of begins_
   List<std::size_t> problem_rows_;  // rows of the problem
   List<int> local_of_, bodies_;     // index in the problem of each body, and the reverse
   BodyConeProblem problem_;

@@ -1,0 +1,147 @@
+#include "engine/methods/time_stepping/joint_curvature.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "engine/constraints/anchor_pair.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/joint_rows.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+// Largest turn of a body in a step [rad], and share of the cosine of the turn of a length, up to
+// which the iteration converges; faster joints keep the errors of a straight motion.
+constexpr double kLargestTurn = 0.5, kLeastCosine = 0.9;
+// Multiple of the rounding of a value up to which a joint counts as straight, so that joints at
+// rest need no corrections.
+constexpr double kRounded = 16.0;
+
+// Most repetitions of corrections, which end where these change by less than this share of the
+// speed that counts as rest.
+constexpr int kMostCorrections = 5;
+constexpr double kClosed = 0.1;
+
+// Whether the row holds a value of the joint that turns of the bodies change.
+bool is_curved(const Row& row) {
+  return row.coordinate < 0 && row.normal_row == -1 && row.stiffness == 0.0;
+}
+
+bool turns_too_far(const BodyState& body, double h) {
+  return !(h * body.angular_velocity.norm() <= kLargestTurn);
+}
+
+bool swings_too_far(const AnchorPair& start, const AnchorPair& end) {
+  return !(start.d.dot(end.d) >= kLeastCosine * start.d.norm() * end.d.norm());
+}
+
+// Size of the numbers that the values of a joint are differences of [m]; 1 for those of angles.
+double size_of(const Joint& joint, const BodyState& a, const BodyState& b) {
+  return 1.0 + a.position.norm() + b.position.norm() + joint.anchor_a.norm() +
+         joint.anchor_b.norm();
+}
+
+}  // namespace
+
+ConvergedRows::Outcome JointCurvature::correct(const SteppedJoints& step, double rest_speed,
+                                               StopFlag stop, ConvergedRows* converged,
+                                               RowSolver* solver, List<Row>* rows) {
+  const bool is_curved = step.move_by_end_velocity && !step.acting.empty();
+  has_changed_.assign(step.states.size(), 1);
+  if (is_curved) {
+    begin(step, *converged, *solver, rows);
+    solver->find_corrections(*rows);
+  }
+  const auto solve = [&](bool is_first) {
+    return converged->correct(step.states, step.masses, rest_speed, {has_changed_, is_first}, stop,
+                              rows, solver);
+  };
+  ConvergedRows::Outcome outcome = solve(true);
+  for (int round = 1; is_curved && round < kMostCorrections && !is_set(stop) &&
+                      repeat(step, kClosed * rest_speed, *solver, rows);
+       ++round)
+    outcome.add(solve(false));
+  return outcome;
+}
+
+// Lists the joints, and adds −d/h of the present velocities to the corrections of their rows.
+void JointCurvature::begin(const SteppedJoints& step, const ConvergedRows& converged,
+                           const RowSolver& solver, List<Row>* rows) {
+  by_errors_.resize(step.first_rows.back());
+  at_start_.resize(by_errors_.size());
+  for (std::size_t r = 0; r < by_errors_.size(); ++r) by_errors_[r] = (*rows)[r].correction;
+  solved_.clear();
+  for (std::size_t k = 0; k < step.acting.size(); ++k) {
+    const std::size_t first = step.first_rows[k], end = step.first_rows[k + 1];
+    if (first == end || converged.is_swept(solver.component(first))) continue;
+    solved_.push_back(k);
+    const std::size_t j = to_index(step.acting[k]);
+    const auto [a, b] = step.ends[j];
+    joint_values(step.joints[j], step.states[a], step.states[b], step.span, step.joint_states[j],
+                 rows->data() + first, static_cast<int>(end - first), at_start_.data() + first);
+  }
+  find_ends(step, solver);
+  find_corrections(step, solver, *rows);
+  set_corrections(solver, rows);
+}
+
+// Finds the states of bodies with joints at the end of the step.
+void JointCurvature::find_ends(const SteppedJoints& step, const RowSolver& solver) {
+  ends_.resize(step.states.size());
+  for (const std::size_t k : solved_) {
+    const auto [a, b] = step.ends[to_index(step.acting[k])];
+    for (const std::size_t body : {a, b})
+      ends_[body] = solver.moved(body, step.masses[body], step.states[body]);
+  }
+}
+
+// Finds the corrections by the errors at the start and by the curvature of the present motion.
+void JointCurvature::find_corrections(const SteppedJoints& step, const RowSolver& solver,
+                                      const List<Row>& rows) {
+  const double h = step.span.h;
+  by_both_ = by_errors_;
+  for (const std::size_t k : solved_) {
+    const std::size_t j = to_index(step.acting[k]), first = step.first_rows[k];
+    const auto [a, b] = step.ends[j];
+    const Joint& joint = step.joints[j];
+    if (turns_too_far(ends_[a], h) || turns_too_far(ends_[b], h)) continue;
+    if (has_length(joint.kind) && swings_too_far(AnchorPair(joint, step.states[a], step.states[b]),
+                                                 AnchorPair(joint, ends_[a], ends_[b])))
+      continue;
+    const int count = static_cast<int>(step.first_rows[k + 1] - first);
+    std::array<double, kMostRowsOfJoint> at_end;
+    joint_values(joint, ends_[a], ends_[b], step.span, step.joint_states[j], rows.data() + first,
+                 count, at_end.data());
+    const double least = kRounded * kEpsilon * size_of(joint, ends_[a], ends_[b]);
+    for (std::size_t r = first; r < step.first_rows[k + 1]; ++r) {
+      if (!is_curved(rows[r])) continue;
+      const double opens = at_end[r - first] - at_start_[r] - h * solver.moving_rate(rows[r], r);
+      if (std::abs(opens) > least) by_both_[r] -= opens / h;
+    }
+  }
+}
+
+void JointCurvature::set_corrections(const RowSolver& solver, List<Row>* rows) const {
+  for (std::size_t r = 0; r < by_both_.size(); ++r)
+    if (has_changed_[to_index(solver.component(r))] != 0) (*rows)[r].correction = by_both_[r];
+}
+
+// Repeats begin() for velocities and corrections in each component where a correction changes by
+// more than `least` [m/s]. Returns whether there is any.
+bool JointCurvature::repeat(const SteppedJoints& step, double least, const RowSolver& solver,
+                            List<Row>* rows) {
+  find_ends(step, solver);
+  find_corrections(step, solver, *rows);
+  std::fill(has_changed_.begin(), has_changed_.end(), 0);
+  bool any = false;
+  for (std::size_t r = 0; r < by_both_.size(); ++r) {
+    if (!(std::abs(by_both_[r] - (*rows)[r].correction) > least)) continue;
+    has_changed_[to_index(solver.component(r))] = 1;
+    any = true;
+  }
+  if (any) set_corrections(solver, rows);
+  return any;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,148 @@
+// Joints of turning bodies in contact by time_stepping: closed at the end of each step, and motions
+// of second order.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/world.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kSpeed = 2.0, kLength = 1.0;  // [m/s], [m]
+
+enum class Tether { kRod, kRope, kHinge };
+
+/// A body on a floor without friction that a joint keeps on a circle about `centre`.
+World circling(Tether tether, double time_step, const Vector3d& centre = Vector3d::Zero()) {
+  WorldOptions options;
+  options.method = Method::kTimeStepping;
+  options.time_step = time_step;
+  World world(options);
+  world.add_body(make_floor(0.0));
+  Body body = make_body("body", Sphere{0.1}, 1.0, centre + Vector3d(kLength, 0.0, 0.1));
+  if (tether == Tether::kHinge) body.shape = Box{{0.3, 0.2, 0.2}};
+  body.friction = 0.0;
+  body.state.linear_velocity = {0.0, kSpeed, 0.0};
+  body.state.angular_velocity = {0.0, 0.0, kSpeed / kLength};
+  const BodyId id = world.add_body(body);
+  Joint joint;
+  joint.name = "joint";
+  joint.body_b = id;
+  joint.anchor_a = centre + Vector3d(0.0, 0.0, 0.1);
+  if (tether == Tether::kHinge) {
+    joint.kind = JointKind::kHinge;
+    joint.anchor_b = {-kLength, 0.0, 0.0};
+    joint.axis_b = Vector3d::UnitZ();
+  } else {
+    joint.kind = JointKind::kDistance;
+    if (tether == Tether::kRope)
+      joint.distance.max_length = kLength;
+    else
+      joint.distance.length = kLength;
+  }
+  world.add_joint(joint);
+  return world;
+}
+
+struct Errors {
+  double angle, length, speed;  ///< [rad], [m], share
+};
+
+Errors errors_after(World world, double duration, const Vector3d& centre = Vector3d::Zero()) {
+  Errors errors{0.0, 0.0, 0.0};
+  const int steps = static_cast<int>(std::round(duration / world.options().time_step));
+  for (int i = 0; i < steps; ++i) {
+    const StepReport& report = world.step();
+    errors.length = std::max(errors.length, report.joints.max_error);
+    EXPECT_GT(report.costs.islands[static_cast<std::size_t>(Method::kTimeStepping)], 0u);
+  }
+  const BodyState& state = world.state(world.find_body("body"));
+  const Vector3d r = state.position - centre;
+  errors.angle = std::abs(
+      std::remainder(std::atan2(r.y(), r.x()) - kSpeed / kLength * world.time(), 2.0 * M_PI));
+  errors.speed = std::abs(state.linear_velocity.norm() / kSpeed - 1.0);
+  return errors;
+}
+
+class JointCurvature : public testing::TestWithParam<Tether> {};
+
+INSTANTIATE_TEST_SUITE_P(Tethers, JointCurvature,
+                         testing::Values(Tether::kRod, Tether::kRope, Tether::kHinge));
+
+TEST_P(JointCurvature, ClosesJointsAtTheEndOfEachStep) {
+  // The solver ends at residuals of 5e-6 g h, which last for h; at 1 km rounding adds 1e-10 m.
+  for (const double h : {0.1, 0.05, 0.02, 0.01, 0.001})
+    for (const double distance : {0.0, 1000.0}) {
+      const Vector3d centre(distance, 0.0, 0.0);
+      EXPECT_LT(errors_after(circling(GetParam(), h, centre), 2.0, centre).length,
+                5e-6 * 9.81 * h * h + 1e-10)
+          << h << ' ' << distance;
+    }
+}
+
+TEST_P(JointCurvature, MakesMotionsOfSecondOrder) {
+  // The first step begins with a velocity along the circle and ends with one along its chord: both
+  // angle and speed are off by a share of (ω h)² / 3 and of 3/8 (ω h)².
+  const double h = 0.02, turn = kSpeed / kLength * h;
+  const Errors coarse = errors_after(circling(GetParam(), h), 2.0);
+  const Errors fine = errors_after(circling(GetParam(), 0.5 * h), 2.0);
+  EXPECT_LT(coarse.angle, 0.4 * turn * turn * kSpeed / kLength * 2.0);
+  EXPECT_LT(coarse.speed, 0.4 * turn * turn);
+  EXPECT_NEAR(coarse.angle / fine.angle, 4.0, 0.3);
+  EXPECT_NEAR(coarse.speed / fine.speed, 4.0, 0.3);
+}
+
+TEST(JointCurvature, MovesACartWithPolesAsByEvents) {
+  // A double pendulum on a cart that slides without friction, against event-driven contacts.
+  const auto world_by = [](Method method, double time_step) {
+    WorldOptions options;
+    options.method = method;
+    options.time_step = time_step;
+    World world(options);
+    world.add_body(make_floor(0.0));
+    Body cart = make_body("cart", Box{{0.6, 0.6, 0.2}}, 3.0, {0.0, 0.0, 0.1});
+    cart.friction = 0.0;
+    BodyId below = world.add_body(cart);
+    double half = 0.1, height = 0.2;
+    for (const char* name : {"pole", "tip"}) {
+      Body bar = make_body(name, Box{{0.05, 0.05, 1.0}}, 1.0, {0.0, 0.0, height + 0.5});
+      bar.no_collision = true;
+      bar.state.angular_velocity = {0.0, 1.5, 0.0};
+      bar.state.linear_velocity = {1.5 * (height + 0.5 - 0.2), 0.0, 0.0};
+      const BodyId id = world.add_body(bar);
+      Joint joint;
+      joint.name = name;
+      joint.kind = JointKind::kBall;
+      joint.body_a = below;
+      joint.body_b = id;
+      joint.anchor_a = {0.0, 0.0, half};
+      joint.anchor_b = {0.0, 0.0, -0.5};
+      world.add_joint(joint);
+      below = id;
+      half = 0.5;
+      height += 1.0;
+    }
+    return world;
+  };
+  const auto tip_after = [](World world, double duration) {
+    run(world, static_cast<int>(std::round(duration / world.options().time_step)));
+    EXPECT_LT(world.report().joints.max_error, 1e-6);
+    return world.state(world.find_body("tip")).position;
+  };
+  const Vector3d exact = tip_after(world_by(Method::kEventDriven, 0.01), 0.6);
+  const double coarse = (tip_after(world_by(Method::kTimeStepping, 0.01), 0.6) - exact).norm();
+  const double fine = (tip_after(world_by(Method::kTimeStepping, 0.005), 0.6) - exact).norm();
+  EXPECT_LT(coarse, 1e-2);
+  EXPECT_LT(fine, 0.3 * coarse);  // second order, with a smaller term of the first
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -246,7 +246,7 @@ void joint_values(const Joint& joint, const BodyState& a, const BodyState& b, co
   const JointForms& kind = forms(joint.kind);
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, true));
   for (int k = 0; k < count; ++k)
-    values[k] = rows[k].coordinate < 0 ? value(kind.row[rows[k].component], vectors) : 0.0;
+    values[k] = rows[k].coordinate == -1 ? value(kind.row[rows[k].component], vectors) : 0.0;
 }
 
 void prepare_coupling(const Joint& joint, const JointStep& step, const JointData& state,

@@ -22,7 +22,7 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
 
 /// Writes the values of the rows of the kind at other states of the bodies, with the frame at the
 /// end of the step [m or rad]: the length for each row of a distance joint, 0 for rows of
-/// coordinates.
+/// coordinates and couplings.
 void joint_values(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                   const JointData& state, const Row* rows, int count, double* values);
 

@@ -25,7 +25,7 @@ constexpr double kClosed = 0.1;
 
 // Whether the row holds a value of the joint that turns of the bodies change.
 bool is_curved(const Row& row) {
-  return row.coordinate < 0 && row.normal_row == -1 && row.stiffness == 0.0;
+  return row.coordinate == -1 && row.normal_row == -1 && row.stiffness == 0.0;
 }
 
 bool turns_too_far(const BodyState& body, double h) {

@@ -80,16 +80,11 @@ TEST(TimeStepping, TowersStand) {
 
 TEST(TimeStepping, TowersStandWithAHeavyTop) {
   for (const double h : kTimeStepsOfTowers)
-    for (const int n : {10, 20}) {
-      World world = tower(n, 1e4, h);
-      EXPECT_LT(largest_motion(&world, kDuration), 1e-5) << n << " " << h;
-    }
-  // Longer time steps leave 1e-4 m: measured 2.4e-4 m at 1/30 s.
-  for (const double h : {1.0 / 240.0, 0.001}) {
-    if (h < 1.0 / 240.0 && !kIsLongRun) break;
-    World world = tower(20, 1e6, h);
-    EXPECT_LT(largest_motion(&world, kDuration), 1e-5) << h;
-  }
+    for (const double top : {1e4, 1e6})
+      for (const int n : {10, 20}) {
+        World world = tower(n, top, h);
+        EXPECT_LT(largest_motion(&world, kDuration), 1e-5) << n << " " << top << " " << h;
+      }
 }
 
 TEST(TimeStepping, APyramidStands) {

@@ -38,6 +38,10 @@ constexpr double kCondensedSigma = 1e3, kBodiesSigma = 1.0;
 // each, the entries that a step of Newton's method counts for, and the least number of its steps.
 constexpr double kMostEntries = 3e7, kEntriesPerStep = 10.0;
 constexpr int kLeastSteps = 5;
+// Ratio of masses from which Newton's method goes on below a residual that is good enough, and the
+// most steps for that.
+constexpr double kHeavy = 1e3;
+constexpr int kMostBeyondEnough = 10;
 // Residual that is negligible, as a share of the sufficient one.
 constexpr double kNegligible = 1e-4;
 // Added to divisors that are zero where nothing acts; below the rounding of any other divisor.
@@ -73,12 +77,16 @@ BodyConeSolver::Outcome BodyConeSolver::solve(const BodyConeProblem& problem, co
   if ((!is_condensed || outcome.residual > outcome.enough) && !is_set(stop))
     alternate(is_loose ? outcome.enough : aim, std::min(goal.most_iterations, kMostAlternations),
               stop, &outcome, p);
-  if (outcome.residual > outcome.enough && !is_set(stop)) {
+  // Heavy bodies on light ones would sink by a residual that is good enough for others.
+  const bool is_refined = !is_loose && has_heavy_bodies();
+  const double newton_aim = is_refined ? aim : outcome.enough;
+  if (outcome.residual > newton_aim && !is_set(stop)) {
     const double entries = 1.0 + static_cast<double>(factors_.values().size());
     const int affordable = kLeastSteps + static_cast<int>(kMostEntries / entries);
+    const int most = outcome.residual > outcome.enough ? goal.most_iterations : kMostBeyondEnough;
     all_rows_.set(blocks_);
-    solve_by_newton({outcome.enough, std::min(goal.most_iterations, affordable), kBodiesSigma},
-                    stop, &all_rows_, &outcome, p);
+    solve_by_newton({newton_aim, std::min(most, affordable), kBodiesSigma}, stop, &all_rows_,
+                    &outcome, p);
   }
   if (goal.is_shared && !is_set(stop)) share(aim, &outcome, p);
   return outcome;
@@ -94,6 +102,13 @@ void BodyConeSolver::solve_by_newton(const ProximalNewton::Goal& goal, StopFlag 
   if (!(now < outcome->residual)) return;
   outcome->residual = now;
   p->swap(tried_);
+}
+
+bool BodyConeSolver::has_heavy_bodies() const {
+  const auto [lightest, heaviest] =
+      std::minmax_element(problem().bodies.begin(), problem().bodies.end(),
+                          [](const auto& a, const auto& b) { return a.mass < b.mass; });
+  return heaviest->mass > kHeavy * lightest->mass;
 }
 
 bool BodyConeSolver::has_free_rows() const {

@@ -72,6 +72,7 @@ class BodyConeSolver {
   enum class Freedom : char { kAll, kAlong, kNone };
 
   bool has_free_rows() const;
+  bool has_heavy_bodies() const;
   void solve_by_newton(const ProximalNewton::Goal& goal, StopFlag stop,
                        ProximalEquations* equations, Outcome* outcome, List<double>* p);
   void analyze();

@@ -77,8 +77,8 @@ class LoneIsland {
       const auto j = static_cast<std::size_t>(equations_->joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(t + h) : 0.0;
       finish_span(joints[j], step, joint_states[j]);
-      read_smooth_joint(joints[j], states[ends_[j].first], states[ends_[j].second], step,
-                        equations_->forces().impulse(*equations_, l), zeta, joint_states[j]);
+      read_integrated_joint(joints[j], states[ends_[j].first], states[ends_[j].second], step,
+                            equations_->forces().impulse(*equations_, l), zeta, joint_states[j]);
     }
     t += h;
     compile_as_closed();

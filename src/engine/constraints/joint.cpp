@@ -386,9 +386,9 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   return square <= kFits * kFits;
 }
 
-void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
-                       const JointStep& step, const RowVector& impulse, double zeta,
-                       JointData& state) {
+void read_integrated_joint(const Joint& joint, const BodyState& a, const BodyState& b,
+                           const JointStep& step, const RowVector& impulse, double zeta,
+                           JointData& state) {
   state.impulse = impulse;
   if (has_length(joint.kind)) {
     state.force = impulse[0] / step.h;

@@ -78,9 +78,9 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
 
 /// Takes forces and state of a step, with the bodies after it. `impulse`: per row and coordinate,
 /// along d for a distance joint [N s]; `zeta`: the present bias [m/s].
-void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
-                       const JointStep& step, const RowVector& impulse, double zeta,
-                       JointData& state);
+void read_integrated_joint(const Joint& joint, const BodyState& a, const BodyState& b,
+                           const JointStep& step, const RowVector& impulse, double zeta,
+                           JointData& state);
 
 /// Returns the coordinate for the value of its form, with whole turns nearest to `reference` for an
 /// angle.

@@ -54,7 +54,7 @@ class JointForces {
   void restore() { impulses_ = kept_impulses_; }
   void restore_first_stage();
 
-  /// Impulse of joints()[l], laid out as read_smooth_joint() expects.
+  /// Impulse of joints()[l], laid out as read_integrated_joint() expects.
   RowVector impulse(const IslandModel& island, std::size_t l) const {
     return by_joint(island, l, impulses_.data());
   }

@@ -88,7 +88,7 @@ ImpulseReport DividedStep::advance(const StepContext& step, const List<ActingWre
                                    double done, double duration, const ContactStep& contacts,
                                    ImpulseStepKind kind, SequentialImpulses* method, State* state) {
   const Model& model = step.model;
-  if (state->any_corrections) state->take_out_corrections(group_.bodies);
+  if (state->any_corrections) state->remove_correction_velocities(group_.bodies);
   const double share = duration / model.options.time_step;
   List<ActingWrench> wrenches_now;
   for (ActingWrench wrench : wrenches) {

@@ -78,9 +78,9 @@ MethodChoice choose_method(const IntegrationStep& in, std::size_t i, bool in_con
 }
 
 /// Clears the results of the step before.
-void begin_islands(const List<int>& smooth, const List<JointData>& joint_states,
+void begin_islands(const List<int>& integrated, const List<JointData>& joint_states,
                    IslandLists* lists) {
-  for (const int i : smooth) {
+  for (const int i : integrated) {
     Island& island = lists->islands[i];
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
@@ -218,12 +218,12 @@ void IslandIntegration::list_by_method(const Model& model, const Topology& topol
                                        const AwakeSets& awake, const State& state,
                                        const IslandLists& lists) {
   is_partition_new_ = true;
-  partition_.smooth.clear();
+  partition_.integrated.clear();
   partition_.islands = {};
   for (const int i : awake.islands) {
     ++partition_.islands[static_cast<std::size_t>(lists.islands[i].method)];
     if (uses_impulses(lists.islands[i].method)) continue;
-    partition_.smooth.push_back(i);
+    partition_.integrated.push_back(i);
     make_room_for_rotations(lists.island_parts[i]);
   }
   partition_.impulse_bodies.clear();
@@ -247,16 +247,16 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
   State* const state = in.state;
   IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
-  const List<int>& smooth = partition_.smooth;
+  const List<int>& integrated = partition_.integrated;
   IntegrationWork work;
   const StageTimer timer(in.step.clock, Stage::kIntegration, &report.costs.stage_times);
   if (!entering_.empty()) begin_entering(in);
   if (is_partition_new_) list_time_varying_joints(model, *state, *lists);
-  begin_islands(smooth, state->joint_states, lists);
+  begin_islands(integrated, state->joint_states, lists);
   // a thread takes tens of microseconds to wake up, which some hundreds of bodies are worth
   constexpr std::size_t kBodiesWorthIt = 500;
   const int threads =
-      smooth.size() > 1 && in.awake.bodies.size() >= kBodiesWorthIt ? model.options.threads : 1;
+      integrated.size() > 1 && in.awake.bodies.size() >= kBodiesWorthIt ? model.options.threads : 1;
   split_step(in);
   for (std::size_t k = 0; k + 1 < interval_ends_.size(); ++k) {
     const double t = interval_ends_[k];
@@ -271,8 +271,8 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
     const Interval continued{t,      span.h,       model.options.gravity,
                              loads_, courses_,     is_disturbed,
                              k > 0,  in.step.stop, since};
-    workers_.run(threads, smooth.size(), [&](std::size_t s) {
-      const std::size_t i = to_index(smooth[s]);
+    workers_.run(threads, integrated.size(), [&](std::size_t s) {
+      const std::size_t i = to_index(integrated[s]);
       IslandParts& parts = lists->island_parts[i];
       if (parts.has_failed || groups->contains(i)) return;
       if (parts.is_fresh)
@@ -280,7 +280,7 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
       else
         parts.has_failed = !integrate_island(in, i, continued);
     });
-    for (const int i : smooth)
+    for (const int i : integrated)
       if (lists->island_parts[i].has_failed && !uses_impulses(lists->islands[i].method))
         reject(in, to_index(i), MethodReason::kRefused);
     if (!groups->is_empty()) advance_groups(in, continued, groups);
@@ -359,7 +359,7 @@ void IslandIntegration::list_time_varying_joints(const Model& model, const State
                                                  const IslandLists& lists) {
   is_partition_new_ = false;
   time_varying_joints_.clear();
-  for (const int i : partition_.smooth) {
+  for (const int i : partition_.integrated) {
     for (const int index : lists.island_parts[i].members.joints) {
       if (state.joint_states[index].closing || has_moving_motor(model.joints[index]))
         time_varying_joints_.push_back(index);
@@ -464,7 +464,7 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
   StepReport& report = in.output->report;
   bool any_changed = false;
   report.costs.rows = 0;
-  for (const int index : partition_.smooth) {
+  for (const int index : partition_.integrated) {
     Island& island = lists->islands[index];
     IslandParts& parts = lists->island_parts[index];
     report.energy.projected += parts.projected_energy;

@@ -11,9 +11,9 @@ namespace constraint_sim::engine {
 /// Which method advances which islands in a step. Awake islands alone, by index.
 struct MethodPartition {
   std::array<std::uint32_t, kMethodCount> islands{};  ///< how many islands each method advances
-  List<int> smooth;                                   ///< islands that are integrated
-  List<int> impulse_bodies;                           ///< dynamic bodies of all other islands
-  List<int> impulse_joints;                           ///< acting joints of all other islands
+  List<int> integrated;      ///< islands that other methods than impulses advance
+  List<int> impulse_bodies;  ///< dynamic bodies of all other islands
+  List<int> impulse_joints;  ///< acting joints of all other islands
 };
 
 }  // namespace constraint_sim::engine

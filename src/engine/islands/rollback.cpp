@@ -49,7 +49,7 @@ void Rollback::restore(const IslandMembers& members, State* state) const {
   for (const int j : members.joints) state->joint_states[j] = joint_states_[j];
   if (!had_corrections_) return;
   for (const int body : members.bodies) state->corrections[body] = corrections_[body];
-  state->take_out_corrections(members.bodies);
+  state->remove_correction_velocities(members.bodies);
 }
 
 }  // namespace constraint_sim::engine

@@ -71,8 +71,8 @@ struct State {
   std::uint64_t base_step = 0;
   std::uint64_t step_count = 0;
 
-  /// Takes the corrections out of the velocities again.
-  void take_out_corrections(const List<int>& bodies) {
+  /// Subtracts the corrections of the last step from the velocities, and clears them.
+  void remove_correction_velocities(const List<int>& bodies) {
     for (const int i : bodies) {
       states[i].linear_velocity -= corrections[i].head<3>();
       states[i].angular_velocity -= corrections[i].tail<3>();

@@ -184,7 +184,7 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
 void Monitors::watch_energy(const MonitorInput& in, IslandLists* lists, StepReport* report) {
   if (!in.partition.impulse_bodies.empty())
     booked_ += report->energy.correction_work + report->energy.driven_work;
-  if (!in.partition.smooth.empty()) {
+  if (!in.partition.integrated.empty()) {
     report->energy.correction_work += integrated_corrections_;
     report->energy.driven_work += integrated_drives_;
   }

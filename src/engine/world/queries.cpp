@@ -11,7 +11,9 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_load.h"
+#include "engine/islands/unresolved_bodies.h"
 #include "engine/math/list.h"
+#include "engine/model/impulse_method.h"
 #include "engine/model/validate.h"
 #include "engine/world/energy.h"
 #include "engine/world/next_islands.h"
@@ -26,6 +28,17 @@ auto find_named(const Map& map, std::string_view name, const char* field) {
   const auto found = map.find(std::string(name));
   if (found == map.end()) refuse(field, "there is none named " + in_quotes(std::string(name)));
   return found->second;
+}
+
+/// Adds the bodies of an island that joints move faster than the last step resolved. An island that
+/// was not compiled since its joints ceased to act has no motion, and no such bodies.
+void add_unresolved(const WorldImpl& world, std::size_t i, List<std::size_t>* found) {
+  const IslandParts& parts = world.island_parts[i];
+  if (uses_impulses(world.islands[i].method))
+    find_spinning(world, world, world.rollback, parts.members, found);
+  else if (parts.motion >= 0)
+    find_unresolved(world, world, world.rollback, parts.members,
+                    world.motions[to_index(parts.motion)], found);
 }
 
 }  // namespace
@@ -140,7 +153,7 @@ std::vector<BodyId> World::unresolved_bodies() const {
   if (impl_->edits.any()) return {};  // indices of islands and bodies may be stale
   List<std::size_t> indices;
   for (std::size_t i = 0; i < impl_->islands.size(); ++i)
-    if (impl_->islands[i].unresolved_bodies > 0) impl_->list_unresolved(i, &indices);
+    if (impl_->islands[i].unresolved_bodies > 0) add_unresolved(*impl_, i, &indices);
   std::sort(indices.begin(), indices.end());
   std::vector<BodyId> ids;
   ids.reserve(indices.size());

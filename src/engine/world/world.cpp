@@ -25,19 +25,19 @@ using Eigen::Vector3d;
 // velocities, sweeps, positions. Impl inherits Model, State, IslandLists and StepOutput, so one
 // `world` is passed as each of them. A step in which a stage throws StepFailed or CustomFailure
 // ends with the bodies where they began, and a report; other exceptions, as std::bad_alloc, leave
-// step(). Where has_missed_any returns true, the stages from the broad phase on are repeated.
+// step(). Where return_if_missed returns true, the stages from the broad phase on are repeated.
 //
-// stage                    | reads                            | writes
-// begin_step               | edits, wakings                   | topology, awake sets, rollback
-// run_broadphase           | poses, velocities, assumed paths | pairs of `pipeline` and `reach`
-// run_narrowphase          | pairs, poses                     | touching, hits, groups, awake sets
-// take_out_corrections     | corrections of the last step     | velocities
-// choose_methods           | islands, groups, touching        | methods, partition, `unseen`
-// integrate                | partition, groups, wrenches      | states, motions, groups, touching
-// advance_by_impulses      | partition, touching, wrenches    | states, joint_states, touching
-// has_missed_any           | paths of bodies                  | assumed paths; the state before
-// advance_kinematic_bodies | velocities                       | states
-// finish_step              | results in motions and groups    | joint_states, contacts, report
+// stage                        | reads                         | writes
+// begin_step                   | edits, wakings                | topology, awake sets, rollback
+// run_broadphase               | poses, velocities, paths      | pairs of `pipeline` and `reach`
+// run_narrowphase              | pairs, poses                  | touching, hits, groups, awake sets
+// remove_correction_velocities | corrections of the last step  | velocities
+// choose_methods               | islands, groups, touching     | methods, partition, `unseen`
+// integrate                    | partition, groups, wrenches   | states, motions, groups, touching
+// advance_by_impulses          | partition, touching, wrenches | states, joint_states, touching
+// return_if_missed             | paths of bodies               | assumed paths; the state before
+// advance_kinematic_bodies     | velocities                    | states
+// finish_step                  | results in motions and groups | joint_states, contacts, report
 const StepReport& World::step() {
   Impl& world = *impl_;
   const std::uint64_t step_count = world.step_count;
@@ -45,62 +45,40 @@ const StepReport& World::step() {
     const StepContext step = world.begin_step();
     bool is_due = world.sleep.needs_stages();
     while (is_due) {
+      // grow() is not called in every attempt, so pairs of an earlier attempt would stay.
       world.reach.forget_pairs();
       if (!world.pipeline.moving_shapes().empty())
         world.run_broadphase(step);  // 1. broadphase: fast and approximate
       if (world.has_near_bodies())
         world.run_narrowphase(step);  // 2. narrowphase: accurate but slow
       if (world.any_corrections)
-        world.State::take_out_corrections(
+        world.remove_correction_velocities(
             world.sleep.awake().bodies);  // velocities that closed errors in the last step
       world.choose_methods(step);
       world.integrate(step);  // islands of runge_kutta, energy_momentum, event_driven
       if (!world.integration.partition().impulse_bodies.empty())
         world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
-      is_due = world.assumed.is_any_driven(world) && world.has_missed_any(step);
+      // Returns to the start of the step, with longer assumed paths, where a body may have met a
+      // shape that no pair covers.
+      is_due = world.assumed.is_any_driven(world) && world.return_if_missed(step);
     }
     world.advance_kinematic_bodies();
     world.finish_step(step);
   } catch (const StepFailed& failed) {
-    world.restore_state_before(failed.why);
+    world.end_failed_step(failed.why);
   } catch (const CustomFailure& failed) {
     world.fail_by(failed);
   } catch (...) {
-    world.step_count = step_count;
+    world.step_count = step_count;  // finish_step() may have counted the step already
     world.abandon_step();
     throw;
   }
+  // After a failure or a stop this reports the errors and the energy of the restored state, and
+  // watches nothing.
   world.monitors.measure({world, world, world.topology, world.rollback, world.sleep.awake(),
                           world.groups, world.integration.partition()},
                          &world, &world.report);
   return world.report;
-}
-
-// Ends a step in which the code of a plugin threw, on any thread.
-void World::Impl::fail_by(const CustomFailure& failed) {
-  if (rollback.is_saved())
-    restore_state_before(Failure::kCustom);
-  else
-    abandon_step();
-  report.outcome.failure = Failure::kCustom;
-  failed_why = failed.what();
-  failed_joint.reset();
-  const auto found = joint_by_name.find(failed.joint_name);
-  if (found != joint_by_name.end()) failed_joint = found->second;
-}
-
-// Ends a step in which the system threw, as for lack of memory. Data of the step may be half
-// written, so contacts are forgotten and all islands are compiled anew.
-void World::Impl::abandon_step() {
-  if (rollback.is_saved()) restore_state();
-  forget_contacts();
-  groups = ContactGroups{};
-  edits.note_topology();
-  edits.note_all();
-  report = StepReport{};
-  report.outcome.failed = true;
-  report.step = step_count;
-  report.time = time();
 }
 
 StepContext World::Impl::begin_step() {
@@ -157,7 +135,7 @@ void World::Impl::note_pairs(const StepContext& step) {
 }
 
 void World::Impl::integrate(const StepContext& step) {
-  if (integration.partition().smooth.empty()) return;
+  if (integration.partition().integrated.empty()) return;
   const IntegrationWork work =
       integration.integrate({step, sleep.awake(), rollback, this, this, this}, continuous, &groups);
   monitors.set_work(work.corrections, work.drives);
@@ -243,7 +221,7 @@ void World::Impl::finish_impulses(const StepContext& step) {
 // where joints cannot all be met, and where hits were left out: these motions have no estimate.
 void World::Impl::set_estimates(const StepContext& step) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-  for (const int island : integration.partition().smooth)
+  for (const int island : integration.partition().integrated)
     if (islands[island].why == MethodReason::kInconsistent)
       islands[island].local_error = report.local_error = kUnknown;
   if (integration.partition().impulse_bodies.empty() && unseen.is_empty()) return;
@@ -284,10 +262,11 @@ void World::Impl::advance_kinematic_bodies() {
   advance_kinematic(sleep.awake().kinematic, options.time_step, states);
 }
 
+// Ends a step. A stop or an invalid motion ends the step before its results are read. The step may
+// be rolled back until commit(), which also changes the awake sets that set_estimates() reads.
 void World::Impl::finish_step(const StepContext& step) {
   if (is_set(stop)) {
-    restore_state_before(Failure::kNone);
-    report.outcome.failed = false;
+    restore_start();
     report.outcome.stopped = true;
     return;
   }
@@ -297,17 +276,35 @@ void World::Impl::finish_step(const StepContext& step) {
         failure_of_motion(*this, *this, awake.bodies, &report.outcome.failed_body);
     if (failure != Failure::kNone) throw StepFailed{failure};
   }
-  if (!integration.partition().impulse_bodies.empty()) finish_impulses(step);
-  if (!motions.empty() && !integration.partition().smooth.empty())
-    read_smooth_joints(joint_step(options, step.tick.start, options.time_step));
-  if (!groups.is_empty())
-    report_contact_groups(joint_step(options, step.tick.start, options.time_step));
-  if (!touching.empty() || contacts.size() > resting_contacts)
-    set_contacts(touching, options.time_step);
+  read_results(step);
   const bool is_anything_new = !awake.bodies.empty() || !awake.joints.empty();
   if (is_anything_new && !are_in_bounds(*this, *this, awake, *this))
     throw StepFailed{Failure::kNotFinite};
   set_estimates(step);
+  commit(step);
+}
+
+// Reads forces, contacts and events out of the methods. Joints may break here. finish_impulses()
+// comes before report_contact_groups(): rows of impulses refer to contacts by their place in
+// `touching`, and event-driven groups insert contacts there. set_contacts() comes last, with the
+// contacts of all methods.
+void World::Impl::read_results(const StepContext& step) {
+  const JointStep joint_times = joint_step(options, step.tick.start, options.time_step);
+  if (!integration.partition().impulse_bodies.empty()) finish_impulses(step);
+  if (!motions.empty() && !integration.partition().integrated.empty())
+    read_integrated_joints(joint_times);
+  if (!groups.is_empty()) report_contact_groups(joint_times);
+  if (!touching.empty() || contacts.size() > resting_contacts)
+    set_contacts(touching, options.time_step);
+}
+
+// Counts a valid step, and prepares the next one. The order matters:
+//  - Wrenches that ended are dropped before fall_asleep(), since wrenches keep islands awake.
+//  - Islands that fall asleep move contacts from `touching` to `resting`, so list_resting() and
+//    set_contacts() list both anew.
+//  - compile_where_closed() replaces prescribed motions that read_results() has read.
+//  - keep_self_stress() writes memory that no rollback restores.
+void World::Impl::commit(const StepContext& step) {
   if (events.size() > 1) sort_events();
   ++step_count;
   drop_spent_wrenches(step.tick.end);
@@ -326,18 +323,6 @@ void World::Impl::finish_step(const StepContext& step) {
     sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
   report.time = step.tick.end;
-}
-
-void World::Impl::restore_state_before(Failure why) {
-  restore_state();
-  for (IslandMotion& motion : motions) motion.forget();
-  restart_all();
-  contacts.resize(resting_contacts);
-  events.clear();
-  report.outcome.failed = true;
-  report.outcome.failure = why;
-  report.step = step_count;
-  report.time = time();
 }
 
 // Marks a joint that broke in this step, and the couplings on it, as broken: impulses are cleared,

@@ -4,8 +4,8 @@
 #include <array>
 #include <limits>
 
+#include "engine/constraints/custom.h"
 #include "engine/islands/contact_group_reports.h"
-#include "engine/islands/unresolved_bodies.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 
 namespace constraint_sim::engine {
@@ -16,6 +16,15 @@ void release(JointState* state) {
   state->force = state->bias = 0.0;
   state->saturated = false;
   for (CoordinateState& coordinate : state->coordinates) coordinate.effort = coordinate.bias = 0.0;
+}
+
+/// Adds the events of an island that joint events divided.
+void add_joint_events(const Model& model, const EventDriven& from, std::vector<Event>* events) {
+  for (const EventDriven::Told& told : from.told()) {
+    const std::size_t j = to_index(from.joints()[told.joint]);
+    events->push_back({told.kind, told.time, model.joints[j].body_a, model.joints[j].body_b,
+                       model.joint_ids[j], told.coordinate, told.impulse});
+  }
 }
 
 }  // namespace
@@ -99,7 +108,6 @@ void World::Impl::run_narrowphase(const StepContext& step) {
     pipeline.take_back(&touching);
     spread_waking();
     save_state();
-    reach.forget_pairs();
     run_broadphase(step);
     pipeline.collide(step, this, &report);
     find_hits(step);
@@ -123,10 +131,10 @@ bool World::Impl::wake_touched() {
   return sleep.is_stale();
 }
 
-// Returns whether the step has to be repeated, since a body may have met a shape that was not
-// looked at. If so, the world returns to the start of the step, with longer assumed paths. Sets
-// hits_left_body instead where paths have been made longer often enough.
-bool World::Impl::has_missed_any(const StepContext& step) {
+// Returns to the start of the step, with longer assumed paths, where a body may have met a shape
+// that no pair covers. Returns whether the step has to be repeated. Sets hits_left_body instead
+// where paths have been made longer often enough.
+bool World::Impl::return_if_missed(const StepContext& step) {
   if (is_set(stop)) return false;
   const MovedBodies moved{step,
                           *this,
@@ -149,7 +157,7 @@ bool World::Impl::has_missed_any(const StepContext& step) {
 
 // Returns to the start of the step, with nothing left of the attempt but the paths that it found.
 void World::Impl::return_to_start() {
-  for (const int i : integration.partition().smooth) {
+  for (const int i : integration.partition().integrated) {
     IslandParts& parts = island_parts[i];
     parts.energy.corrections -= parts.correction_work;
     if (groups.contains(to_index(i)))
@@ -167,16 +175,52 @@ void World::Impl::return_to_start() {
   report.costs.stage_times = times;
 }
 
-// Reads the coordinates of a joint that couples, and its force in the step.
-void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
-  JointData& joint = joint_states[j];
-  if (info(joints[j].kind).couples_joints)
-    read_coupling(terms_of(j), joint_states, &joint.coupling);
-  joint.coupling_impulse = impulse;
-  joint.coupling.effort = impulse / h;
+// Ends a step that failed, with the bodies where they began.
+void World::Impl::end_failed_step(Failure why) {
+  restore_start();
+  report.outcome.failed = true;
+  report.outcome.failure = why;
 }
 
-void World::Impl::read_smooth_joints(JointStep step) {
+// Restores the state before the step, and reports its time. Methods begin anew.
+void World::Impl::restore_start() {
+  restore_state();
+  for (IslandMotion& motion : motions) motion.forget();
+  restart_all();
+  contacts.resize(resting_contacts);
+  events.clear();
+  report.step = step_count;
+  report.time = time();
+}
+
+// Ends a step in which the code of a plugin threw, on any thread.
+void World::Impl::fail_by(const CustomFailure& failed) {
+  if (rollback.is_saved())
+    end_failed_step(Failure::kCustom);
+  else
+    abandon_step();
+  report.outcome.failure = Failure::kCustom;
+  failed_why = failed.what();
+  failed_joint.reset();
+  const auto found = joint_by_name.find(failed.joint_name);
+  if (found != joint_by_name.end()) failed_joint = found->second;
+}
+
+// Ends a step in which the system threw, as for lack of memory. Data of the step may be half
+// written, so contacts are forgotten and all islands are compiled anew.
+void World::Impl::abandon_step() {
+  if (rollback.is_saved()) restore_state();
+  forget_contacts();
+  groups = ContactGroups{};
+  edits.note_topology();
+  edits.note_all();
+  report = StepReport{};
+  report.outcome.failed = true;
+  report.step = step_count;
+  report.time = time();
+}
+
+void World::Impl::read_integrated_joints(JointStep step) {
   std::array<double, kMaxCoordinates> positions;
   const bool is_split = integration.interval_ends().size() > 2;
   for (std::size_t k = 0; is_split && k < integration.time_varying_joints().size(); ++k) {
@@ -184,16 +228,16 @@ void World::Impl::read_smooth_joints(JointStep step) {
     if (!uses_impulses(islands[topology.island_of_joint(*this, j)].method))
       joint_states[j].bias = (joint_states[j].travel - rollback.joint_states()[j].travel) / step.h;
   }
-  for (const int i : integration.partition().smooth) {
+  for (const int i : integration.partition().integrated) {
     if (island_parts[i].motion < 0 || groups.contains(to_index(i))) continue;
     IslandMotion& motion = motions[island_parts[i].motion];
     if (const EventDriven* by_events = motion.finish_events(states)) {
-      report_events(*by_events);
+      add_joint_events(*this, *by_events, &events);
       for (std::size_t l = 0; l < by_events->joints().size(); ++l) {
         by_events->write(l, &joint_states[by_events->joints()[l]], &positions);
         step.counted = positions.data();
-        read_smooth_joint(to_index(by_events->joints()[l]), step, by_events->impulse(l),
-                          by_events->coupled_impulse(l));
+        read_integrated_joint(to_index(by_events->joints()[l]), step, by_events->impulse(l),
+                              by_events->coupled_impulse(l));
       }
       step.counted = nullptr;
       continue;
@@ -209,7 +253,7 @@ void World::Impl::read_smooth_joints(JointStep step) {
       if (any_counted)
         step.counted =
             equations.coordinates().read(equations, l, &positions) ? positions.data() : nullptr;
-      read_smooth_joint(
+      read_integrated_joint(
           to_index(equations.joints()[l]), step,
           shared ? shared->impulse(equations, l) : equations.forces().impulse(equations, l),
           !any_coupling ? 0.0
@@ -239,7 +283,8 @@ void World::Impl::report_contact_groups(JointStep step) {
       positions.fill(std::numeric_limits<double>::quiet_NaN());
       joints.angles().read(j, &positions);
       step.counted = positions.data();
-      read_smooth_joint(to_index(joint.index), step, joint.impulse.rows, joint.impulse.coupling);
+      read_integrated_joint(to_index(joint.index), step, joint.impulse.rows,
+                            joint.impulse.coupling);
     }
   }
   for (std::size_t i = first; i < touching.size(); ++i) {
@@ -252,35 +297,24 @@ void World::Impl::report_contact_groups(JointStep step) {
   std::sort(touching.begin(), touching.end(), TouchingPair::in_order);
 }
 
-void World::Impl::report_events(const EventDriven& from) {
-  for (const EventDriven::Told& told : from.told()) {
-    const std::size_t j = to_index(from.joints()[told.joint]);
-    events.push_back({told.kind, told.time, joints[j].body_a, joints[j].body_b, joint_ids[j],
-                      told.coordinate, told.impulse});
-  }
-}
-
 // Reads the state and the force of a joint that was integrated.
-void World::Impl::read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
-                                    double coupled_impulse) {
+void World::Impl::read_integrated_joint(std::size_t j, const JointStep& step,
+                                        const RowVector& impulse, double coupled_impulse) {
   const PrescribedMotion& course = integration.courses()[j];
   const double zeta = course.is_driven() ? course.zeta(step.t + step.h) : 0.0;
   const bool has_coupling = info(joints[j].kind).couples;
-  if (has_coupling) note_coupling(j, step.h, coupled_impulse);
-  engine::read_smooth_joint(joints[j], topology.state_a(*this, j), topology.state_b(*this, j), step,
-                            impulse, zeta, joint_states[j]);
+  JointData& state = joint_states[j];
+  if (has_coupling) {
+    if (info(joints[j].kind).couples_joints)
+      read_coupling(terms_of(j), joint_states, &state.coupling);
+    state.coupling_impulse = coupled_impulse;
+    state.coupling.effort = coupled_impulse / step.h;
+  }
+  engine::read_integrated_joint(joints[j], topology.state_a(*this, j), topology.state_b(*this, j),
+                                step, impulse, zeta, state);
   if (has_coupling && info(joints[j].kind).couples_joints)
-    add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
-  if (joint_states[j].broken) mark_broken(j);
-}
-
-// An island that was not compiled since its joints ceased to act has no motion, and no list.
-void World::Impl::list_unresolved(std::size_t i, List<std::size_t>* found) const {
-  const IslandParts& parts = island_parts[i];
-  if (uses_impulses(islands[i].method))
-    find_spinning(*this, *this, rollback, parts.members, found);
-  else if (parts.motion >= 0)
-    find_unresolved(*this, *this, rollback, parts.members, motions[to_index(parts.motion)], found);
+    add_coupled_effort(terms_of(j), state.coupling.effort, &joint_states);
+  if (state.broken) mark_broken(j);
 }
 
 }  // namespace constraint_sim::engine

@@ -83,7 +83,8 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void spread_waking();
   void list_resting(const RestingSets& resting_sets);
 
-  // ---- stepping: step() in world.cpp calls these; stages 1 and 2 are in world_impl.cpp
+  // ---- stepping: step() in world.cpp calls these; stages 1 and 2, and failures, are in
+  // world_impl.cpp
   void abandon_step();
   void fail_by(const CustomFailure& failed);
   StepContext begin_step();
@@ -102,7 +103,7 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void note_pairs(const StepContext& step);
   void integrate(const StepContext& step);
   void advance_by_impulses(const StepContext& step);
-  bool has_missed_any(const StepContext& step);
+  bool return_if_missed(const StepContext& step);
   void return_to_start();
   void finish_impulses(const StepContext& step);
   void set_estimates(const StepContext& step);
@@ -114,17 +115,17 @@ struct World::Impl : Model, State, IslandLists, StepOutput {
   void report_contact_groups(JointStep step);
   void advance_kinematic_bodies();
   void finish_step(const StepContext& step);
-  void read_smooth_joints(JointStep step);
-  void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
-                         double coupled_impulse);
-  void report_events(const EventDriven& from);
+  void read_results(const StepContext& step);
+  void commit(const StepContext& step);
+  void read_integrated_joints(JointStep step);
+  void read_integrated_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
+                             double coupled_impulse);
   void mark_broken(std::size_t j);
-  void note_coupling(std::size_t j, double h, double impulse);
   void drop_spent_wrenches(double now);
-  void restore_state_before(Failure why);
+  void end_failed_step(Failure why);
+  void restore_start();
 
   // ---- queries
-  void list_unresolved(std::size_t island, List<std::size_t>* found) const;
   double time() const;
 };
 

@@ -192,8 +192,8 @@ double overlap_of_boxes(const Problem& problem, const States& states) {
   return deepest;
 }
 
-/// Returns the distance from the reference over length or path, or the angle [rad] if that is
-/// larger.
+/// Returns the largest error of a body: its distance from the reference over the larger of the
+/// problem's length and the body's path, or the angle [rad] if that is larger.
 double reference_error(const Problem& problem, const States& states, const States& exact,
                        const States& start) {
   double largest = 0.0;

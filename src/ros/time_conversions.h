@@ -19,7 +19,7 @@ inline ros::Time time_from_seconds(double seconds) {
   return time_from_nanoseconds(Stamps::nanoseconds(seconds));
 }
 
-/// Time of the wall that only grows [s].
+/// Monotonic wall clock [s].
 inline double steady_now() { return ros::SteadyTime::now().toSec(); }
 
 }  // namespace constraint_sim

@@ -70,7 +70,8 @@ double run(World* world, double time) {
 }
 
 // A ball that falls at a slant hits the floor, rolls at once, and has 5/7 of its speed then. The
-// tolerance of the test is ten times kClosedGap of the thinner shape, up to which hits are located.
+// tolerance of the test is ten times kLocatedGap of the thinner shape, up to which hits are
+// located.
 TEST(ContactControl, ABallThatLandsRollsAsTheClosedFormSays) {
   for (const double time_step : {1.0 / 30.0, 0.01, 1.0 / 240.0, 1e-3}) {
     World world = on_floor(controlled(time_step, 1e-4), {ball(0.5, {1.0, 0.0, 0.0})});

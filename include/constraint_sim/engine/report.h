@@ -135,9 +135,9 @@ struct StepReport {
     /// Hits at their times within the step, of fast bodies, and where errors of contacts are
     /// controlled.
     std::uint32_t hits = 0;
-    /// First fast body where hits were left out: after kMostHits hits or 1000 parts of the step,
-    /// against a body that was advanced already, or on a path that forces made longer than assumed
-    /// in each repeat of the step; hits left out come late or are missed.
+    /// First fast body some of whose hits were left out; they come late or are missed. Reasons:
+    /// kMostHits hits or 1000 parts in the step, a hit on a body that had taken its step, or a path
+    /// that was longer than assumed in every repeat of the step.
     std::optional<BodyId> hits_left_body;
     /// Deepest contact by impulses [m] that stays deeper than 4 g h² and kMostOverlapShare of the
     /// thinner shape, or is deeper than kDeepOverlapShare.

@@ -83,7 +83,7 @@ struct OneSidedLaw {
   bool has_servo() const { return servo_most > 0.0 || only_pulls; }
   /// Whether the law may hold the coordinate anywhere, as friction and motors do, not only at a
   /// limit.
-  bool lasts() const { return friction > 0.0 || drive > 0.0; }
+  bool may_hold_anywhere() const { return friction > 0.0 || drive > 0.0; }
   /// Whether the law is a rope: the upper limit of a length or of the lengths of a pulley.
   bool is_rope() const { return is_distance || is_coupling; }
 };
@@ -136,7 +136,7 @@ double servo_force_rate(const OneSidedLaw& law, const Reading& now, const Prescr
   return -law.servo.K * (now.rate - rest.rate) -
          law.servo.C * (now.acceleration - rest.acceleration);
 }
-/// Distance from R within which a length counts as R [m].
+/// Distance from the natural length, rest_of(), within which a length counts as natural [m].
 inline constexpr double kAtNaturalLength = 1e-10;
 /// Returns the force of a servo within its limit.
 template <class Reading>

@@ -187,7 +187,7 @@ void World::set_state(BodyId id, const BodyState& state) {
   impl_->states[i] = placed;
   impl_->corrections[i].setZero();
   if (!stays)
-    for (const std::size_t j : impl_->joints_on(i)) open_joint(*impl_, j, time(), impl_.get());
+    for (const std::size_t j : impl_->joints_on(i)) begin_closing(*impl_, j, time(), impl_.get());
   if (impl_->is_movable(i))
     impl_->edits.note_island_of(*impl_, id);
   else

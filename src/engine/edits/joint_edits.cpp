@@ -102,10 +102,10 @@ void JointEdits::replace(const Joint& joint, const LawChanges& changes) {
       measure_joint(joint, world_.states[world_.index(joint.body_a)],
                     world_.states[world_.index(joint.body_b)], now, state);
     else
-      open_joint(world_, j_, world_.time(), &world_);
+      begin_closing(world_, j_, world_.time(), &world_);
     motions.send(world_, is_sent, &world_);
   } else if (is_beyond_new_limits(joint, before, world_.joint_states[j_])) {
-    open_joint(world_, j_, world_.time(), &world_);
+    begin_closing(world_, j_, world_.time(), &world_);
   }
 }
 
@@ -172,7 +172,7 @@ void JointEdits::restart() {
   forget_impulses(&state);
   world_.self_stress[j_] = SelfStress{};
   world_.wake_ends(joint);
-  open_joint(world_, j_, world_.time(), &world_);
+  begin_closing(world_, j_, world_.time(), &world_);
   world_.edits.note_topology();
   world_.edits.note_islands_of(world_, joint);
 }
@@ -187,7 +187,7 @@ void JointEdits::hold_from_here() {
     state.coordinates[i].held = state.coordinates[i].position;
     is_held = true;
   }
-  if (is_held) open_joint(world_, j_, world_.time(), &world_);
+  if (is_held) begin_closing(world_, j_, world_.time(), &world_);
 }
 
 }  // namespace constraint_sim::engine

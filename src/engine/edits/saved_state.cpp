@@ -38,14 +38,14 @@ void continue_joint(std::size_t j, const JointData& saved, WorldImpl* world) {
   state.impulse = saved.impulse;
   state.coupling.constant = saved.coupling.constant;
   state.coupling_impulse = saved.coupling_impulse;
-  open_joint(*world, j, world->time(), world);  // measures the error with the saved travel
+  begin_closing(*world, j, world->time(), world);  // measures the error with the saved travel
   state.closing = saved.closing && is_rigid(joint) && acts(joint, state);
   if (state.closing) {
     state.to_close = saved.to_close;
     state.closing_share = saved.closing_share;
     state.initial_error = saved.initial_error;
   }
-  state.coordinates = saved.coordinates;  // open_joint() read them in another closing frame
+  state.coordinates = saved.coordinates;  // begin_closing() read them in another closing frame
   try {
     measure_joint(joint, world->states[world->index(joint.body_a)],
                   world->states[world->index(joint.body_b)],

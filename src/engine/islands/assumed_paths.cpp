@@ -56,7 +56,9 @@ double path_of(const MovedBodies& in, int body) {
   const double radius = reach_of(model.bodies[body]);
   if (radius == 0.0) return path;
   const double chord = 2.0 * (to.orientation * from.orientation.conjugate()).vec().norm();
-  const double most = is_centred(model.bodies[body]) ? 1.0 : 2.0;  // a centred shape stays around
+  // Rotation moves a centred shape within its bounding sphere, so it comes at most one radius
+  // nearer to others. Any other shape may swing by a diameter.
+  const double most = is_centred(model.bodies[body]) ? 1.0 : 2.0;
   return path + std::min(std::max(h * spin, chord), most) * radius;
 }
 

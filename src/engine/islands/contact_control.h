@@ -10,10 +10,11 @@
 namespace constraint_sim::engine {
 
 /// Advances all bodies in contact so that their errors stay within `contact_tolerance`. Bodies that
-/// may touch within the step, or that joints connect, are a group, with parts of its own.
+/// may touch within the step, or that joints connect, are a group of error control. Its time step
+/// is divided into parts of its own.
 class ContactControl {
  public:
-  /// Result of all groups: the error is the largest of a group.
+  /// Result of all groups of error control: the error is the largest of a group.
   struct Outcome : ControlledStep::Outcome {
     std::optional<int> left_body;  ///< first body of a group that left hits out
   };

@@ -11,11 +11,11 @@
 
 namespace constraint_sim::engine {
 
-/// Adds the events of a group in a step that ends at `end` [s].
+/// Adds the events of an event-driven group in a step that ends at `end` [s].
 void add_group_events(const Model& model, const ContactGroup& group, double end,
                       std::vector<Event>* events);
 
-/// Adds contacts of a group that hold, or had an impulse within the step.
+/// Adds contacts of an event-driven group that hold, or had an impulse within the step.
 void add_group_contacts(const Model& model, const List<BodyState>& states,
                         const ContactGroup& group, List<TouchingPair>* touching);
 

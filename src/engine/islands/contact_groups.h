@@ -22,7 +22,7 @@ class ContactEvents;
 class ElasticSpheres;
 class GroupBodies;
 
-/// Islands that may touch each other, or immovable bodies, within a step.
+/// An event-driven group: islands that may touch each other, or immovable bodies, within a step.
 struct ContactGroup {
   List<int> islands;
   List<Broadphase::Pair> pairs;
@@ -34,13 +34,13 @@ struct ContactGroup {
   bool is_elastic = false;                  ///< has only spheres that `spheres` can advance
 };
 
-/// Whether an island of this nature can be in a group, wherever its bodies are.
+/// Whether an island of this nature can be in an event-driven group, wherever its bodies are.
 bool suits_group(const Model& model, std::uint64_t step_count, const IslandMembers& members,
                  MethodReason nature, const IslandMemory& memory);
 
-/// Islands that may touch within a step and that are few enough to be advanced from event to event
-/// together. Only with `method: auto` and `event_driven`. A group has no memory: each step finds
-/// its groups anew, from where the bodies are, and reuses storage.
+/// The event-driven groups of a step: islands that may touch within the step, and few enough to be
+/// advanced from event to event together. Only with `method: auto` and `event_driven`. A group has
+/// no memory: each step finds its groups anew, from where the bodies are, and reuses storage.
 class ContactGroups {
  public:
   bool is_empty() const { return groups_.empty(); }

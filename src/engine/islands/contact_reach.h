@@ -30,7 +30,7 @@ bool keeps_energy(const Body& body);
 /// Whether a body is a sphere that keeps all energy, whose rotation nothing changes.
 bool is_elastic_sphere(const Model& model, std::size_t body);
 
-/// Size of a possible group: islands that watched pairs connect.
+/// Size of a possible event-driven group: islands that watched pairs connect.
 struct GroupSize {
   std::size_t bodies = 0, points = 0;
   double reach = 0.0;  ///< largest reach of its bodies [m]
@@ -41,8 +41,8 @@ struct GroupSize {
 
 /// Which bodies may meet within a step, where contacts are event-driven. A body that is hit gets up
 /// to twice as fast as the body that hits it, so a body may get to twice its own displacement; near
-/// other bodies, to the displacement of the fastest of these. Groups grow from pair to pair until
-/// no other body is within reach.
+/// other bodies, to the displacement of the fastest of these. Possible groups grow from pair to
+/// pair until no other body is within reach.
 class ContactReach {
  public:
   /// Distance within which a body may touch others in this step [m].

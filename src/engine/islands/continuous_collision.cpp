@@ -114,8 +114,8 @@ bool is_used_up(int leg, int advances, const List<Broadphase::Pair>& near) {
          to_index(advances) >= kMostAdvancesOfPair * std::max<std::size_t>(near.size(), 1);
 }
 
-/// Time for which a group without joints can go on until the next hit [s], but at least kInstant.
-/// Adds the poses tried to `advances`.
+/// Time for which a group without joints can go on until the next hit [s], but at least
+/// kInstantDuration. Adds the poses tried to `advances`.
 double time_without_hit(const StepContext& step, const State& state, const IslandLists& lists,
                         const List<int>& bodies, const List<Broadphase::Pair>& near, double left,
                         int* advances) {
@@ -128,7 +128,7 @@ double time_without_hit(const StepContext& step, const State& state, const Islan
     duration = std::min(duration, time_to_watch(step, state, lists, pair));
   for (const Broadphase::Pair& pair : near)
     if (is_fast(step, state, pair, duration) && find_contact(state.touching, pair) == nullptr)
-      duration = std::max(kInstant * model.options.time_step,
+      duration = std::max(kInstantDuration * model.options.time_step,
                           time_of_hit(step, state, pair, duration, advances).value_or(duration));
   return duration;
 }
@@ -402,10 +402,10 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
     } else if (is_on_joints) {
       report.hits += is_any_hit && !was_hit ? 1 : 0;  // velocities left by sweeps go on closing
       was_hit = is_any_hit;
-      duration = std::max(kInstant * h, time_on_joints(step, *state, near, left, &ways));
+      duration = std::max(kInstantDuration * h, time_on_joints(step, *state, near, left, &ways));
     } else if (is_any_hit) {
       ++report.hits;
-      duration = std::min(left, kInstant * h);
+      duration = std::min(left, kInstantDuration * h);
     } else {
       duration =
           time_without_hit(step, *state, lists, divided_.group().bodies, near, left, &advances);

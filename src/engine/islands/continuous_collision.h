@@ -26,9 +26,10 @@ struct HitReport {
 
 /// Bodies that move so far in a step that they could pass through another body, or through
 /// themselves into it: conservative advancement (Mirtich 1996) finds each hit. Bodies that may hit
-/// each other within the step, with everything that joints and contacts connect with them, are one
-/// group; the step of the group is divided at its hits, which happen in no time. Everything else
-/// takes one step as always. Where nothing is fast, a step costs one comparison a body.
+/// each other within the step, with everything that joints and contacts connect with them, are the
+/// group of fast bodies. The step of the group is divided into parts at its hits, which happen in
+/// no time. Everything else takes one step as always. Where nothing is fast, a step costs one
+/// comparison a body.
 ///
 /// Joints lead fast bodies along curves. An integrated island takes its step; where it would have
 /// passed through something, impulses take the step again. The step of a group with joints is

@@ -121,7 +121,7 @@ ControlledStep::Attempt ControlledStep::attempt(const GroupSurroundings& around,
 void ControlledStep::list_met(const Model& model, const List<TouchingPair>& touching) {
   met_.clear();
   for (const TouchingPair& pair : touching) {
-    const double open = -kClosedGap * thinner_of(model, pair.shapes());
+    const double open = -kLocatedGap * thinner_of(model, pair.shapes());
     for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
       if (pair.manifold.points[k].depth >= open || pair.impulses[k].isZero(0.0)) continue;
       met_.push_back(pair.shapes());
@@ -172,7 +172,7 @@ double ControlledStep::locate_impact(const GroupSurroundings& around, double don
     double off = kInfinity;  // time from here to the impact [s]
     bool is_located = false;
     for (const Broadphase::Pair& ends : met) {
-      const double near = kClosedGap * thinner_of(model, ends);
+      const double near = kLocatedGap * thinner_of(model, ends);
       const Manifold manifold =
           engine::collide(model, *state, ends, kMarginShare * thinner_of(model, ends));
       const TouchingPair* const closed = find_contact(parts_.start().touching, ends);
@@ -228,7 +228,7 @@ bool ControlledStep::turn_to_impact(const GroupSurroundings& around, double done
 void ControlledStep::meet(const GroupSurroundings& around, double done, double gap,
                           SequentialImpulses* method, State* state) {
   const WorldOptions& options = around.step.model.options;
-  const double instant = kInstant * options.time_step;
+  const double instant = kInstantDuration * options.time_step;
   parts_.collide(around, done, options.time_step, false, state);
   for (TouchingPair& pair : state->touching) {
     const double thinner = thinner_of(around.step.model, pair.shapes());

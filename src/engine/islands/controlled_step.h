@@ -13,11 +13,11 @@
 
 namespace constraint_sim::engine {
 
-/// A step of a group of bodies in contact, divided so that its error stays within
-/// `contact_tolerance`. A part is taken whole and in two halves, which are the result; PartError
-/// estimates its error. An impact that makes the error too large is located by parts without the
-/// contacts that are still open, and happens in no time. A part in which hardly anything moves is
-/// taken once. docs/methods/contact_error.md has the rules and measurements.
+/// A step of a group of error control (ContactControl), divided into parts so that its error stays
+/// within `contact_tolerance`. A part is taken whole and in two halves, which are the result;
+/// PartError estimates its error. An impact that makes the error too large is located by parts
+/// without the contacts that are still open, and happens in no time. A part in which hardly
+/// anything moves is taken once. docs/methods/contact_error.md has the rules and measurements.
 class ControlledStep {
  public:
   struct Outcome {

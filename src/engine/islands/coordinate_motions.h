@@ -18,8 +18,8 @@ class CoordinateMotions {
 
   /// Returns the coordinates that a position motor moves along a prescribed motion.
   Flags are_prescribed() const;
-  /// Sends coordinates to the positions of their motors at the present time. Before, open_joint()
-  /// or measure_joint() has measured the joint.
+  /// Sends coordinates to the positions of their motors at the present time. Before,
+  /// begin_closing() or measure_joint() has measured the joint.
   void send(const Model& model, const Flags& is_sent, State* state) const;
 
  private:

@@ -14,7 +14,7 @@
 namespace constraint_sim::engine {
 
 /// Duration of a hit, as a share of the time step.
-inline constexpr double kInstant = 1e-9;
+inline constexpr double kInstantDuration = 1e-9;
 
 /// Bodies that impulses advance together, and the joints on them, by index.
 struct ImpulseGroup {
@@ -60,7 +60,8 @@ TouchingPair new_contact(const Model& model, const ShapePair& shapes);
 /// Adds the contact impulses of a part of a step to `sums`, the impulses of the parts before.
 void add_contacts(const List<TouchingPair>& of_part, List<TouchingPair>* sums);
 
-/// A step of a group of bodies that impulses advance in parts.
+/// A time step of bodies that impulses advance in parts: of the group of fast bodies
+/// (ContinuousCollision), or of a group of error control (ContactControl).
 class DividedStep {
  public:
   void begin(const StepContext& step, const ImpulseGroup& group);

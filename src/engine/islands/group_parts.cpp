@@ -79,7 +79,7 @@ void GroupParts::collide(const GroupSurroundings& around, double done, double h,
     Manifold manifold =
         engine::collide(model, *state, ends, contact_margin(around.step, *state, ends, h));
     if (is_free) {
-      const double open = -kClosedGap * thinner_of(model, ends);
+      const double open = -kLocatedGap * thinner_of(model, ends);
       int kept = 0;
       for (int k = 0; k < manifold.count; ++k)
         if (manifold.points[to_index(k)].depth >= open)

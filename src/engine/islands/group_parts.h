@@ -13,10 +13,10 @@
 
 namespace constraint_sim::engine {
 
-/// Gap of a contact that counts as closed, as a share of the thinner shape.
-inline constexpr double kClosedGap = 1e-8;
+/// Gap to which a hit is located, as a share of the thinner shape; a contact within it is closed.
+inline constexpr double kLocatedGap = 1e-8;
 
-/// Everything around a group that stays the same in a step.
+/// Everything around a group of error control (ContactControl) that stays the same in a step.
 struct GroupSurroundings {
   const StepContext& step;
   const AwakeSets& awake;
@@ -25,8 +25,8 @@ struct GroupSurroundings {
   const List<BodyState>& at_start;  ///< all bodies at the start of the step
 };
 
-/// Parts of a step of a group that may be taken back: finds their contacts, starts their impulses
-/// from the forces of the part before, and takes them.
+/// Parts of the time step of a group of error control. A part may be taken back. Finds the contacts
+/// of a part, starts its impulses from the forces of the part before, and takes the part.
 class GroupParts {
  public:
   /// State of the group where a part begins.

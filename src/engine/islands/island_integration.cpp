@@ -97,13 +97,13 @@ void begin_islands(const List<int>& integrated, const List<JointData>& joint_sta
 void begin_misfit(const Model& model, std::size_t j, double t, State* state) {
   const CoordinateMotions motions(model, *state, j);
   const bool was_closing = state->joint_states[j].closing;
-  open_joint(model, j, t, state);
+  begin_closing(model, j, t, state);
   if (was_closing) motions.send(model, motions.are_prescribed(), state);
 }
 
 }  // namespace
 
-void open_joint(const Model& model, std::size_t j, double t, State* state) {
+void begin_closing(const Model& model, std::size_t j, double t, State* state) {
   const Joint& joint = model.joints[j];
   if (info(joint.kind).couples_joints)
     read_coupling(model.terms_of(j), state->joint_states, &state->joint_states[j].coupling);
@@ -136,7 +136,7 @@ void IslandIntegration::choose_methods(const IntegrationStep& in, bool may_chang
                                        const ContactReach& reach, Sleep* sleep,
                                        ContactGroups* groups) {
   entering_.clear();
-  if (may_change || !in.lists->fresh_islands.empty() || any_refused_ || any_stiff_ ||
+  if (may_change || !in.lists->fresh_islands.empty() || any_refused_ || any_needs_choice_ ||
       groups->had_groups() || !groups->is_empty())
     sort_islands(in, reach, sleep, groups);
   groups->end_choice();
@@ -158,7 +158,7 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
 
   bool changed = !lists->fresh_islands.empty() || sleep->has_changed();
   sleep->forget_change();
-  any_refused_ = any_stiff_ = false;
+  any_refused_ = any_needs_choice_ = false;
   for (const int index : in.awake.islands) {
     const std::size_t i = to_index(index);
     Island& island = lists->islands[i];
@@ -168,8 +168,9 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     const MethodChoice choice = choose_method(in, i, in_contact_[i], reach, *groups);
     any_refused_ = any_refused_ || choice.why == MethodReason::kRefused ||
                    state->step_count < parts.contacts_refused_until;
-    any_stiff_ = any_stiff_ || choice.why == MethodReason::kInconsistent ||
-                 (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
+    any_needs_choice_ =
+        any_needs_choice_ || choice.why == MethodReason::kInconsistent ||
+        (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.dependent_rows = 0;
     island.events = 0;
@@ -471,7 +472,7 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
     work->corrections += parts.correction_work;
     parts.energy.corrections += parts.correction_work;
     report.costs.method_changes += parts.changes;
-    any_stiff_ = any_stiff_ || parts.needs_method_choice;
+    any_needs_choice_ = any_needs_choice_ || parts.needs_method_choice;
     any_changed = any_changed || parts.changes > 0;
     if (uses_impulses(island.method)) continue;  // rejected within the step
     if (parts.motion >= 0) {

@@ -25,7 +25,7 @@ namespace constraint_sim::engine {
 
 /// Measures a joint whose bodies were moved, or that was edited. The joint closes its error from
 /// the time `t` [s] on.
-void open_joint(const Model& model, std::size_t j, double t, State* state);
+void begin_closing(const Model& model, std::size_t j, double t, State* state);
 
 /// Work on integrated islands in a step [J].
 struct IntegrationWork {
@@ -78,7 +78,7 @@ class IslandIntegration {
   template <class Self, class Visit>
   static void visit_choice(Self& self, Visit& visit) {
     visit(self.any_refused_);
-    visit(self.any_stiff_);
+    visit(self.any_needs_choice_);
   }
   template <class Self, class Visit>
   static void visit_courses(Self& self, Visit& visit) {
@@ -107,10 +107,10 @@ class IslandIntegration {
                       IntegrationWork* work);
 
   MethodPartition partition_;
-  bool any_refused_ = false;  // an island is left to impulses for a while
-  bool any_stiff_ = false;    // an island is stiff, or its method has to be chosen again
-  List<bool> in_contact_;     // by island
-  List<int> entering_;        // islands that begin to be integrated, or were edited
+  bool any_refused_ = false;       // an island is left to impulses for a while
+  bool any_needs_choice_ = false;  // the method of an island has to be chosen again
+  List<bool> in_contact_;          // by island
+  List<int> entering_;             // islands that begin to be integrated, or were edited
   List<PrescribedMotion> courses_;
   bool is_partition_new_ = true;  // whether the partition changed since time_varying_joints_
   List<int> time_varying_joints_;

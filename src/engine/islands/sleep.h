@@ -27,7 +27,8 @@ struct RestingSets {
   List<int> bodies, joints;
 };
 
-/// Wakes all bodies of a group as soon as one of them, or a body near one of them, is awake.
+/// Wakes all bodies of an island as soon as one of them, or a body near one of them, is awake.
+/// `groups`: bodies of each island.
 void spread_waking(const Model& model, const List<const List<int>*>& groups,
                    const List<std::pair<int, int>>& near, List<bool>* sleeps);
 

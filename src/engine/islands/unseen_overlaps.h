@@ -10,8 +10,9 @@
 
 namespace constraint_sim::engine {
 
-/// Overlaps that a step makes beside its contacts, which no estimate from velocities can see. A gap
-/// beyond the margin of contacts has no contact, and a body that turns may land on another corner.
+/// Overlaps that a step makes beside its contacts: by a pair whose gap was beyond the contact
+/// margin, or by a corner that turned into the other shape. Estimates from velocities cannot see
+/// them.
 class UnseenOverlaps {
  public:
   struct Overlap {

@@ -211,7 +211,7 @@ void BodyConeSolver::apply_inverse(const List<double>& r, List<double>* x) {
 
 // ---- iterations
 
-// Returns an estimate of the largest eigenvalue of D A D, by powers.
+// Returns an estimate of the largest eigenvalue of D A D, by power iteration.
 double BodyConeSolver::largest_eigenvalue() {
   List<double>& w = tried_;
   w.resize(problem().rows.size());

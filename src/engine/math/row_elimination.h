@@ -25,8 +25,9 @@ class RowElimination {
   /// ones, or many rows on a body, as on the hub of a wheel, which make A_FF dense.
   bool set(const BodyConeBlocks& blocks);
 
-  /// Number of bounded rows, and their blocks, whose rows come in this order.
+  /// Number of bounded rows.
   std::size_t size() const { return bounded_.size(); }
+  /// Blocks of the bounded rows; rows are numbered in the order of these blocks.
   const List<Block>& bounded() const { return bounds_; }
   const BodyConeBlocks& blocks() const { return *blocks_; }
   /// Â by rows, and b̂.

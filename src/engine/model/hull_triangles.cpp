@@ -52,7 +52,7 @@ class QhullRun {
   /// Throws std::invalid_argument if the points have no hull.
   QhullRun(const std::vector<Eigen::Vector3d>& points, std::string options)
       : coordinates_(scaled(points)) {
-    // Messages of Qhull go nowhere: its number of the error decides.
+    // Qhull's messages are discarded; its error number says enough.
     const std::unique_ptr<FILE, int (*)(FILE*)> nowhere(std::fopen("/dev/null", "w"), &std::fclose);
     const int error = qh_new_qhull(get(), 3, static_cast<int>(points.size()), coordinates_.data(),
                                    False, options.data(), nowhere.get(), nowhere.get());

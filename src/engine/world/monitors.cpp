@@ -46,9 +46,10 @@ double gain_of(double before, double gain, double allowed) {
   return std::isfinite(gain) ? std::max(0.0, before + gain - allowed) : before;
 }
 
-/// Tangential velocity of A relative to B at the mean of their sticking points, world [m/s]: the
-/// slower one of those with the bodies where the step began, as a ball sees it that rolls, and
-/// where it ended. A body whose moments of inertia differ turns its velocity in between.
+/// Returns the tangential velocity of A relative to B at the mean of their sticking points, in
+/// world [m/s]. Takes the final velocities with the positions at the start, in which a ball rolls
+/// without slip, and at the end, since the velocity of a body with unequal moments of inertia turns
+/// within the step. Returns the slower of both.
 Vector3d slip_of(const TouchingPair& pair, const List<BodyState>& before,
                  const List<BodyState>& after) {
   Vector3d middle = Vector3d::Zero();
@@ -161,7 +162,7 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
   largest_kinetic_energy_ = now.kinetic;
   reference_energy_ = now.kinetic + now.potential;
   steps_ = 0;
-  booked_ = gain_ = energy_rise_ = 0.0;
+  impulse_work_ = gain_ = energy_rise_ = 0.0;
   has_wrench_ended_ = awake_changed_ = false;
   has_moved_.assign(model.bodies.size(), 0);
   for (std::size_t i = 0; i < lists->islands.size(); ++i) {
@@ -183,7 +184,7 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
 
 void Monitors::watch_energy(const MonitorInput& in, IslandLists* lists, StepReport* report) {
   if (!in.partition.impulse_bodies.empty())
-    booked_ += report->energy.correction_work + report->energy.driven_work;
+    impulse_work_ += report->energy.correction_work + report->energy.driven_work;
   if (!in.partition.integrated.empty()) {
     report->energy.correction_work += integrated_corrections_;
     report->energy.driven_work += integrated_drives_;
@@ -231,8 +232,8 @@ double Monitors::compare_island(const Model& model, const State& state, const Is
 void Monitors::compare_energies(const MonitorInput& in, IslandLists* lists) {
   const Model& model = in.model;
   const State& state = in.state;
-  double gain = -booked_, most_kinetic = 0.0;
-  double allowed = steps_ * kRoundingOfSweeps * std::abs(booked_);
+  double gain = -impulse_work_, most_kinetic = 0.0;
+  double allowed = steps_ * kRoundingOfSweeps * std::abs(impulse_work_);
   bool is_known = true;  // whether the work on islands that impulses advance is known
   const IslandParts* most = nullptr;
   energy_rise_ = 0.0;
@@ -270,7 +271,7 @@ void Monitors::compare_energies(const MonitorInput& in, IslandLists* lists) {
     note_rise(model, *most, gain_, kRise * most_kinetic + allowed);
   }
   steps_ = 0;
-  booked_ = 0.0;
+  impulse_work_ = 0.0;
   has_wrench_ended_ = awake_changed_ = false;
 }
 
@@ -298,7 +299,7 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
     const double error = std::abs(joint_state.error);
     const bool is_off = error > unclosed_error(in, j) || joint_state.angle_error > kUnclosedAngle;
     if (!is_off || !acts(model.joints[j], joint_state) || !is_rigid(model.joints[j])) continue;
-    Open now{model.joint_ids[j], error, 0.0, 0.0};
+    UnclosedJoint now{model.joint_ids[j], error, 0.0, 0.0};
     if (joint_state.closing)
       visit_starts(joint_state.to_close,
                    [&](double since) { now.closing_since = std::max(now.closing_since, since); });

@@ -38,14 +38,15 @@ class Monitors {
   /// Steps between comparisons of energies.
   static constexpr int kWindow = 16;
 
-  /// Begins anew after an edit.
+  /// Restarts all measurements after an edit: reference energy, windows, and which bodies have
+  /// moved. Writes the energies of islands to `lists`.
   void begin(const Model& model, const State& state, const Topology& topology, IslandLists* lists);
-  /// Keeps the report of everything that rests.
+  /// Stores errors, penetration and energy of sleeping islands. measure() adds them to each report.
   void set_resting(const Model& model, const State& state, const RestingSets& resting,
                    const IslandLists& lists);
   void note_wrench_ended() { has_wrench_ended_ = true; }
   /// Takes over the work on integrated islands in a step: of corrections, and of kinematic bodies
-  /// on groups of contacts [J].
+  /// on event-driven groups [J].
   void set_work(double corrections, double drives) {
     integrated_corrections_ = corrections;
     integrated_drives_ = drives;
@@ -72,7 +73,7 @@ class Monitors {
     visit(self.held_before_);
     visit(self.has_moved_);
     visit(self.steps_);
-    visit(self.booked_);
+    visit(self.impulse_work_);
     visit(self.has_wrench_ended_);
     visit(self.awake_changed_);
     visit(self.integrated_corrections_);
@@ -83,10 +84,11 @@ class Monitors {
   }
 
   /// A joint that is off by more than kUnclosedError or kUnclosedAngle.
-  struct Open {
+  struct UnclosedJoint {
     JointId id;
-    double error = 0.0;  ///< from which the error has to fall [m]
-    double age = 0.0;    ///< time in which the error has not fallen [s]
+    double error = 0.0;  ///< error when the joint was first off, or had last fallen by a tenth [m]
+    double age = 0.0;    ///< time since `error` was set [s]
+    /// Time at which the joint began to close [s]; a later time restarts `age`.
     double closing_since = 0.0;
   };
   /// A pair of bodies whose contact impulses hold, in the order of their places.
@@ -106,16 +108,18 @@ class Monitors {
                         double* allowed, IslandParts* parts) const;
   void note_rise(const Model& model, const IslandParts& parts, double gain, double allowed);
 
-  List<Open> open_, open_before_;      // in the order of adding
-  List<HeldPair> held_, held_before_;  // in the order of places
+  List<UnclosedJoint> open_, open_before_;  // in the order of adding
+  // Pairs whose overlap or creep is watched, in the order of places.
+  List<HeldPair> held_, held_before_;
   // Bodies that moved faster than bodies at rest since the last edit; by index, or empty.
   List<char> has_moved_;
-  // Since the last comparison of energies: steps, work on islands that impulses advance [J], and
-  // whether a wrench ended or the awake sets changed.
+  // Since the last comparison of energies: steps, whether a wrench ended or the awake sets changed,
+  // and the work on islands that impulses advance [J].
   int steps_ = 0;
-  double booked_ = 0.0;
+  double impulse_work_ = 0.0;
   bool has_wrench_ended_ = false, awake_changed_ = false;
   double integrated_corrections_ = 0.0;  // work of corrections on integrated islands, this step [J]
+  // Work of kinematic bodies on event-driven groups, this step [J].
   double integrated_drives_ = 0.0;
   double gain_ = 0.0;         // rise of all islands that impulses advance, above its minimum [J]
   double energy_rise_ = 0.0;  // largest rise without a cause [J]

@@ -7,9 +7,9 @@
 #include "engine/math/list.h"
 #include "engine/world/world_impl.h"
 
-// The islands with which the next step will begin, while edits are not compiled yet. Queries,
-// saving and hashes ask for them: nothing is changed, and the functions that a step calls are
-// called.
+// Predicts the islands of the next step while edits are not compiled. Queries, saving and hashes
+// need them, and must not change the world. The prediction calls the functions by which a step
+// compiles edits, so both agree.
 
 namespace constraint_sim::engine {
 

@@ -25,7 +25,8 @@ using Eigen::Vector3d;
 // velocities, sweeps, positions. Impl inherits Model, State, IslandLists and StepOutput, so one
 // `world` is passed as each of them. A step in which a stage throws StepFailed or CustomFailure
 // ends with the bodies where they began, and a report; other exceptions, as std::bad_alloc, leave
-// step(). Where return_if_missed returns true, the stages from the broad phase on are repeated.
+// step(). Where return_if_missed returns true, the stages from the broad phase on are repeated. In
+// the table, `groups` are the event-driven groups.
 //
 // stage                        | reads                         | writes
 // begin_step                   | edits, wakings                | topology, awake sets, rollback

@@ -101,9 +101,12 @@ void LinkInStep::set_target(const ImplicitLink& link, const ImplicitMotion& moti
   }
 }
 
-// Sets target and compliance of a spring, whose law is divided by its factor of s₁:
+// Sets target and compliance of a spring from the law of its force σ, where σ > 0 pushes the
+// anchors apart. s = ‖d‖ and ℓ, the natural length, are taken at the start (₀), at the end (₁) and
+// one step earlier (₋) of a step h; k: stiffness, c: damping.
 //   midpoint: σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀))
 //   BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁
+// Solved for s₁ the law is s₁ + compliance σ = target. On entry target is ℓ₀, from place().
 void LinkInStep::set_spring(const ImplicitLink& link, const ImplicitTime& time,
                             const Prescribed& length) {
   const double k = link.stiffness;
@@ -121,9 +124,12 @@ void LinkInStep::set_spring(const ImplicitLink& link, const ImplicitTime& time,
   scale = 1.0 / std::sqrt(1.0 / (scale * scale) + std::abs(compliance) / time.s);
 }
 
-// Computes the laws of soft rows, divided by their factor of q₁ and the scale by inertia:
+// Computes given λ + taken q₁ = target from the laws of soft rows. The coordinate q is taken at the
+// start (₀), at the end (₁) and one step earlier (₋) of a step h; K, R, C, F are of SoftLaw, and λ
+// is the force along q.
 //   midpoint: λ = −K (½(q₀ + q₁) − R) − (C/h)(q₁ − q₀) + F
 //   BDF2:     λ = −K (q₁ − R) − (C/2h)(3 q₁ − 4 q₀ + q₋) + F
+// Each law is divided by its factor of q₁ plus the inertia of the row over ImplicitTime::s.
 void LinkInStep::set_softs(const ImplicitLink& link, const ImplicitTime& time,
                            const EquationsOfMotion& equations, List<SoftInStep>* softs) const {
   const JointVectors vectors = start();

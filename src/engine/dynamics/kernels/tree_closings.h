@@ -113,7 +113,7 @@ class TreeClosings {
   // Results of the last evaluation.
   List<PlacedJoint> placed_;     // per joint
   List<double> error_;           // per row: C
-  List<double> missing_;         // per row with a force: rate less Ċ
+  List<double> missing_;         // per row with a force: prescribed rate − Ċ
   List<Wrenches> wrenches_;      // per row with a force: for λ = 1
   List<double> J_, inverse_J_;   // by row, then by motion: J, and H⁻¹ of it
   List<double> matrix_;          // J H⁻¹ Jᵀ as L D Lᵀ; D on the diagonal

@@ -7,9 +7,10 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// Position of a coordinate at a pose, with the turns that were noted [m or rad].
-double counted(const EquationsOfMotion& equations, const TreeBody& body, const TreeMotion& motion,
-               double value) {
+/// Returns `value`, the coordinate of a motion at the present pose, unwrapped to the turn noted in
+/// CoordinatePositions [m or rad]; unchanged for translations, and for angles that nothing notes.
+double with_whole_turns(const EquationsOfMotion& equations, const TreeBody& body,
+                        const TreeMotion& motion, double value) {
   const bool is_angle = motion.turns;
   const auto zeroed = [&](double zero, double noted) {
     return is_angle ? unwound(value + zero, noted) - zero : value;
@@ -45,7 +46,8 @@ void read_coordinates(const EquationsOfMotion& equations, const JointTree& tree,
     const ScalarForm& form =
         forms(equations.links()[body.link].kind).coordinate[to_index(motion.coordinate)];
     const Vector3d axis = motion.axis == 2 ? vectors.axes_A.col(2) : vectors.axes_B.col(2);
-    y[motion.position] = motion.sense * counted(equations, body, motion, value(form, vectors));
+    y[motion.position] =
+        motion.sense * with_whole_turns(equations, body, motion, value(form, vectors));
     rates[k] = motion.sense * axis.dot(rate.w_B - rate.w_A);
   }
 }

@@ -8,8 +8,7 @@
 namespace constraint_sim::engine {
 
 /// Reads positions and rates of all motions from the bodies where the equations were evaluated
-/// last. `roots`: per body, of its tree. Whole turns are those that the coordinates of the joints
-/// note.
+/// last. `roots`: per body, the root of its tree. Whole turns are taken from CoordinatePositions.
 void read_tree(const EquationsOfMotion& equations, const JointTree& tree,
                const List<TreeRoot>& roots, double* y);
 

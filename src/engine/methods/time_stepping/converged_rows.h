@@ -28,7 +28,7 @@ class ConvergedRows {
   };
   struct Accuracy {
     double rest_speed;  ///< speed that counts as rest [m/s]
-    int sweeps;         ///< over rows of components that are too large to be solved
+    int sweeps;         ///< number of sweeps over a component that is too large to be solved
     /// Whether contacts in motion are solved as far as contacts at rest: loads of redundant
     /// contacts are unique then.
     bool is_unique;

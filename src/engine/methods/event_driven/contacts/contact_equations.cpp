@@ -18,7 +18,7 @@ constexpr int kMostProjections = 12;
 constexpr double kContactsProjected = 1e-12;
 // Multiple of the rounding of one row up to which errors of a chain of joints are left alone:
 // corrections would only replace the last bits, and bodies at rest keep theirs.
-constexpr double kLeft = 16.0;
+constexpr double kLeftAlone = 16.0;
 // Size below which an error of x rad of a row between axes counts like an error of x times the size
 // divided by kSmallSize [m]: rounding of angles is no share of the size.
 constexpr double kSmallSize = 0.01;
@@ -194,7 +194,7 @@ bool ContactEquations::project(double t, double* y) {
     double error = 0.0;
     for (const ContactRow& row : rows_.list())
       error = larger(error, error_of(row, bodies_.scale()));
-    const double left = k == 0 && !joints_.list().empty() ? kLeft : 1.0;
+    const double left = k == 0 && !joints_.list().empty() ? kLeftAlone : 1.0;
     if (error <= left * kEpsilon * bodies_.scale()) return true;
     if (!(error <= 0.5 * before) || k == kMostProjections)
       return error <= kContactsProjected * bodies_.scale();

@@ -62,8 +62,8 @@ void EventProblem::find_acting(const EventMotions& motions, double t) {
       const double beyond = reading_[c].q - motions.limit(c, upper_one, t).value;
       return (upper_one ? -beyond : beyond) <= kTouching;
     };
-    if (!laws[c].lasts() && !laws[c].has_servo() && !std::isfinite(laws[c].limit_force) &&
-        !is_reached(false) && !is_reached(true))
+    if (!laws[c].may_hold_anywhere() && !laws[c].has_servo() &&
+        !std::isfinite(laws[c].limit_force) && !is_reached(false) && !is_reached(true))
       continue;
     column_[c] = eigen_index(acting_.size());
     acting_.push_back(c);

@@ -30,17 +30,17 @@ struct VerifyOptions {
 /// Figures of a body at a time. A distance is the larger of the distance of the centres of mass,
 /// and the angle between the orientations times the radius of gyration.
 struct VerifiedFigures {
-  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  static constexpr double kLeftOut = std::numeric_limits<double>::quiet_NaN();
 
-  double time = 0.0;         ///< simulated time [s]
-  double estimate = kNone;   ///< sum of the local error estimates [m]; NaN: the method has none
-  double growth = 1.0;       ///< largest distance to the twin over its perturbation, ≥ 1 [1]
-  double half_step = kNone;  ///< distance to the run with half the time step [m]; NaN: left out
+  double time = 0.0;            ///< simulated time [s]
+  double estimate = kLeftOut;   ///< sum of the local error estimates [m]; NaN: the method has none
+  double growth = 1.0;          ///< largest distance to the twin over its perturbation, ≥ 1 [1]
+  double half_step = kLeftOut;  ///< distance to the run with half the time step [m]; NaN: left out
   /// Distance to the run by the other method with half the time step and 1/16 of the tolerance [m];
   /// NaN: left out.
-  double other_method = kNone;
+  double other_method = kLeftOut;
   /// Error of the other method: its largest distance so far between whole and half time step [m].
-  double other_error = kNone;
+  double other_error = kLeftOut;
 
   /// Estimated global error at this time [m]; NaN: the method has no estimate.
   double global_error() const { return estimate * growth; }

@@ -16,7 +16,7 @@ using Kind = ContactFeature::Kind;
 
 constexpr double kParallelEdgeSine = 1e-5;  // sine below which edges are parallel
 // Distance from the middle of an edge, in half edges, beyond which a crossing is ignored.
-constexpr double kBeyond = 2.0;
+constexpr double kMostCrossing = 2.0;
 
 /// A box as seen from another one: positions and velocities in the axes of `home`.
 struct Seen {
@@ -214,13 +214,13 @@ bool is_outside(double at, double rate, double half, const ContactTolerances& wi
 
 /// Nearest pairs of edges in ascending distance; ties keep their order of adding.
 struct NearestEdges {
-  static constexpr std::ptrdiff_t kMost{kBoxEdges};
+  static constexpr std::ptrdiff_t kMostEdgePairs{kBoxEdges};
 
   void add(double distance, const ContactFeature& feature) {
     auto* const end = distances.begin() + count;
     const auto place = std::upper_bound(distances.begin(), end, distance) - distances.begin();
-    if (place == kMost) return;
-    count = std::min(count + 1, kMost);
+    if (place == kMostEdgePairs) return;
+    count = std::min(count + 1, kMostEdgePairs);
     std::move_backward(distances.begin() + place, distances.begin() + count - 1,
                        distances.begin() + count);
     std::move_backward(features.begin() + place, features.begin() + count - 1,
@@ -250,8 +250,8 @@ void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const Bod
       feature.axis = Vector3d::Unit(of_b.axis);
       Crossing crossing(feature, a, b);
       if (!(crossing.square > kParallelEdgeSine * kParallelEdgeSine)) continue;
-      if (std::abs(crossing.on_a) > kBeyond * of_a.half ||
-          std::abs(crossing.on_b) > kBeyond * of_b.half)
+      if (std::abs(crossing.on_a) > kMostCrossing * of_a.half ||
+          std::abs(crossing.on_b) > kMostCrossing * of_b.half)
         continue;
       Vector3d n = crossing.c / std::sqrt(crossing.square);
       const double of_n_a = n.dot(of_a.outward[0] + of_a.outward[1]);

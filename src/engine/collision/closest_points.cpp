@@ -250,9 +250,9 @@ Vector3d projected(const Vector3d& point, const Shape& shape, const BodyState& s
 /// (Cheney & Goldstein 1959).
 void approach(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
               ClosestPoints* points) {
-  constexpr int kMostProjections = 100;
+  constexpr int kMostPointProjections = 100;
   const double size = std::max(size_of(shape_a), size_of(shape_b));
-  for (int i = 0; i < kMostProjections; ++i) {
+  for (int i = 0; i < kMostPointProjections; ++i) {
     const Vector3d way = points->p_a - points->p_b;
     if ((way - points->distance * points->normal).norm() <= kFlatShare * size) return;
     points->p_a = projected(points->p_b, shape_a, a);

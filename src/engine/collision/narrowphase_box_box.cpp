@@ -156,17 +156,17 @@ std::uint32_t crossing(std::uint32_t edge_1, std::uint32_t edge_2) {
 /// face's axis, and along that axis. Each vertex has the number of the edge to the next vertex.
 struct Polygon {
   void add(double x, double y, double z, std::uint32_t edge) {
-    if (count == kMost) return;
+    if (count == kMostCorners) return;
     coordinates[0][count] = x;
     coordinates[1][count] = y;
     coordinates[2][count] = z;
     edges[count++] = edge;
   }
 
-  static constexpr int kMost = 8;  ///< two quadrangles share no more vertices
+  static constexpr int kMostCorners = 8;  ///< two quadrangles share no more vertices
   int count = 0;
-  double coordinates[3][kMost];  ///< coordinates of the vertices [m]
-  std::uint32_t edges[kMost];
+  double coordinates[3][kMostCorners];  ///< coordinates of the vertices [m]
+  std::uint32_t edges[kMostCorners];
 };
 
 /// The other box in the coordinates of a face.
@@ -224,7 +224,7 @@ struct UpperFace : Polygon {
 template <int kAxis>
 void clip(const Polygon& polygon, double side, double limit, std::uint32_t edge, Polygon* part) {
   const auto& [x, y, z] = polygon.coordinates;
-  const double(&along)[Polygon::kMost] = polygon.coordinates[kAxis];
+  const double(&along)[Polygon::kMostCorners] = polygon.coordinates[kAxis];
   part->count = 0;
   double beyond = side * along[0] - limit;
   for (int i = 0; i < polygon.count; ++i) {

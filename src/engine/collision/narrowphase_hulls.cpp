@@ -56,12 +56,12 @@ struct ClippedFace {
   };
 
   void add(const Vector3d& p, std::uint32_t edge) {
-    if (count < kMost) vertices[count++] = {p, edge};
+    if (count < kMostCutVertices) vertices[count++] = {p, edge};
   }
 
-  static constexpr std::size_t kMost = 2 * kMostHullVertices;
+  static constexpr std::size_t kMostCutVertices = 2 * kMostHullVertices;
   std::size_t count = 0;
-  std::array<Vertex, kMost> vertices;
+  std::array<Vertex, kMostCutVertices> vertices;
 };
 
 /// Cuts a face down to out·x ≤ limit (Sutherland & Hodgman 1974), into `part`; the new border has

@@ -20,7 +20,7 @@ class PointChoice {
   }
 
   void add(const Eigen::Vector3d& position, double depth, std::uint32_t feature) {
-    if (!(depth > -margin_) || count_ == kMost) return;
+    if (!(depth > -margin_) || count_ == kMostPoints) return;
     points_[count_++] = {position, depth, feature};
   }
   bool is_empty() const { return count_ == 0; }
@@ -37,7 +37,7 @@ class PointChoice {
       for (std::size_t i = 0; i < count_; ++i) keep(i);
       return manifold_;
     }
-    std::array<bool, kMost> is_kept{};
+    std::array<bool, kMostPoints> is_kept{};
     std::size_t deepest = 0;
     for (std::size_t i = 1; i < count_; ++i)
       if (points_[i].depth > points_[deepest].depth) deepest = i;
@@ -64,7 +64,7 @@ class PointChoice {
   }
 
  private:
-  static constexpr std::size_t kMost = 2 * kMostHullVertices;
+  static constexpr std::size_t kMostPoints = 2 * kMostHullVertices;
 
   /// A contact point as in Manifold, whose memory is not written before it is used.
   struct Entry {
@@ -81,7 +81,7 @@ class PointChoice {
   double margin_;
   Manifold manifold_;
   std::size_t count_ = 0;
-  std::array<Entry, kMost> points_;
+  std::array<Entry, kMostPoints> points_;
 };
 
 }  // namespace constraint_sim::engine

@@ -140,14 +140,14 @@ Support support_of(const A& a, const Polytope& b, const Vector3d& direction) {
 /// Returns the nearest points of a shape with vertices and a polytope of a size [m] together.
 template <class A>
 NearestPoints nearest_of(const A& a, const Polytope& b, double size, double margin) {
-  constexpr int kMostSteps = 200;
+  constexpr int kMostGjkSteps = 200;
   Simplex simplex;
   Vector3d v = a.centre - b.centre;
   if (v.isZero(0.0)) v = Vector3d::UnitZ();
   simplex.add(support_of(a, b, -v));
   v = simplex.reduce();
   NearestPoints nearest;
-  for (int step = 0; step < kMostSteps; ++step) {
+  for (int step = 0; step < kMostGjkSteps; ++step) {
     const double square = v.squaredNorm();
     if (!(square > kTouchingSquare * size * size) || simplex.count() == 4) {
       nearest.distance = 0.0;

@@ -132,9 +132,9 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
 // corrections of other rows may reduce the sum a little. Contacts leave a part of it to the
 // tolerance to which they are solved.
 bool is_at_limit(const Row& row, double most) {
-  constexpr double kShare = 1.0 - 1e-6;
+  constexpr double kAtForceLimit = 1.0 - 1e-6;
   return std::max(std::abs(row.impulse), std::abs(row.impulse + row.correction_impulse)) >=
-         kShare * most;
+         kAtForceLimit * most;
 }
 
 // Sets impulses and force, and adds the motion of the step to the motor's travel. A motor at its

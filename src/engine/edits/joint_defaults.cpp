@@ -25,7 +25,7 @@ constexpr double kCoincident = 1e-9;  // anchors within this share of their coor
 constexpr double kParallelAxes = 1e-6;
 // Share of the inverse mass along a coordinate that rounding leaves where the rows of the joint
 // hold the coordinate.
-constexpr double kHeldShare = 1e-20;
+constexpr double kHeldByRows = 1e-20;
 
 // Refuses parallel axes that have to become perpendicular, since their direction of rotation would
 // be undefined.
@@ -86,7 +86,7 @@ double inverse_effective_mass(const Model& model, const State& state, const Join
   Row rest = g;
   for (int k = 0; k < rows; ++k) rest -= part[k] * G.row(k);
   const double left = rest.squaredNorm();
-  return left > kHeldShare * g.squaredNorm() ? left : 0.0;
+  return left > kHeldByRows * g.squaredNorm() ? left : 0.0;
 }
 
 /// Fills in frame B where it is left out, from the present poses of the bodies.

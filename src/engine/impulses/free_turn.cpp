@@ -12,7 +12,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 // Share of the angular momentum that is its rounding.
-constexpr double kRounding = 1e-17;
+constexpr double kMomentumSolved = 1e-17;
 // Newton's method starts from two fixed-point iterations, not from L₀, up to this relative change
 // of the angular momentum in the body frame in half a step.
 constexpr double kSlowTurn = 0.1;
@@ -72,7 +72,7 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
     for (int step = 0; step < 8 && !is_found; ++step) {
       const Vector3d change = equations.correction(mean);
       mean -= change;
-      is_found = k * change.squaredNorm() <= kRounding * L;  // the error that is left
+      is_found = k * change.squaredNorm() <= kMomentumSolved * L;  // the error that is left
     }
     half_turn = scale * mass.inverse_inertia.cwiseProduct(mean);
   }

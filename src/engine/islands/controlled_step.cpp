@@ -17,13 +17,13 @@ using Eigen::Vector3d;
 
 // Factor on the estimate before it is compared with the tolerance, and bounds of the factor by
 // which a part changes after one that was accepted and after one that was rejected.
-constexpr double kSafety = 1.25, kAim = 0.9, kLeastGrowth = 0.3, kMostGrowth = 2.5,
+constexpr double kPartSafety = 1.25, kAim = 0.9, kLeastPartGrowth = 0.3, kMostPartGrowth = 2.5,
                  kLeastShrink = 0.1, kMostShrink = 0.6;
 // Shortest part, as a share of the time step: in shorter ones the residual of impulses counts.
 constexpr double kLeastPart = 1.0 / 512.0;
 // Bodies of a group, bodies times solves of its step, and parts that were not solved, beyond which
 // parts are accepted whatever their error is.
-constexpr std::size_t kMostBodies = 32, kMostWork = 20000;
+constexpr std::size_t kMostControlledBodies = 32, kMostWork = 20000;
 constexpr int kMostUnsolved = 4;
 // Gaps up to which contacts take part in an impact, at least and at most, as shares of the thinner
 // shape.
@@ -32,7 +32,7 @@ constexpr double kTouches = 1e-6, kMostTouches = 1e-3;
 // impact.
 constexpr double kImpactShare = 0.25;
 // Error of a part that is taken whole, as a share of the tolerance.
-constexpr double kSlow = 0.01;
+constexpr double kNegligibleShare = 0.01;
 constexpr int kMostSearches = 8;  // parts by which a hit is located
 
 /// Velocity of the first body relative to the second at a point.
@@ -64,8 +64,8 @@ double floor_of(const WorldOptions& options) {
 }  // namespace
 
 ImpulseStepKind ControlledStep::part_kind() const {
-  return parts_.bodies().size() > kMostBodies ? ImpulseStepKind::kLargePart
-                                              : ImpulseStepKind::kPart;
+  return parts_.bodies().size() > kMostControlledBodies ? ImpulseStepKind::kLargePart
+                                                        : ImpulseStepKind::kPart;
 }
 
 // Takes a part whole, then in two halves from its start.
@@ -92,7 +92,8 @@ ControlledStep::Attempt ControlledStep::attempt(const GroupSurroundings& around,
   };
   if (is_out_of_range()) return attempt;
   const double slow = error_.bound_where_slow(model, h, bodies, parts_.start().bodies, *state);
-  attempt.is_whole = attempt.is_solved && slow <= kSlow * model.options.contact_tolerance * h;
+  attempt.is_whole =
+      attempt.is_solved && slow <= kNegligibleShare * model.options.contact_tolerance * h;
   attempt.error = slow;
   if (attempt.is_whole) return attempt;
   error_.begin(bodies, *state);
@@ -282,7 +283,7 @@ ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
   parts_.begin(around, group, near, *contacts, *state);
   outcome_ = Outcome{};
   sums_.clear();
-  const bool is_large = group.bodies.size() > kMostBodies;
+  const bool is_large = group.bodies.size() > kMostControlledBodies;
   const double shortest = kLeastPart * step;
   double lump = 0.5 * tolerance * step, h = step;  // lump: error left for what jumps [m]
   double done = 0.0, until_hit = 0.0;              // until_hit: time to a located impact, or 0 [s]
@@ -300,7 +301,7 @@ ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
     if (!is_free && most >= left && part > (1.0 - kLeastPart) * left) part = left;
     Attempt tried = attempt(around, done, part, is_free, method, state);
     const double allowed = std::max(floor_of(options), 0.5 * tolerance * part + 0.5 * lump);
-    const double ratio = tried.is_solved ? allowed / (kSafety * tried.error) : 0.0;
+    const double ratio = tried.is_solved ? allowed / (kPartSafety * tried.error) : 0.0;
     if (!is_spent && !is_free && ratio < 1.0 && outcome_.hits < kMostHits) {
       if (turn_to_impact(around, done, part, allowed, method, &until_hit, state)) {
         ++outcome_.rejected;
@@ -314,7 +315,7 @@ ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
       lump -= std::max(0.0, tried.error - 0.5 * tolerance * part);
       lump = std::max(lump, 0.0);
       done = part == left ? step : done + part;
-      h = part * std::clamp(kAim * std::sqrt(ratio), kLeastGrowth, kMostGrowth);
+      h = part * std::clamp(kAim * std::sqrt(ratio), kLeastPartGrowth, kMostPartGrowth);
       if (!is_free) continue;
       until_hit = 0.0;
       h = step;

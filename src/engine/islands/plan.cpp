@@ -214,13 +214,13 @@ std::vector<std::string> left_out(const World& world) {
 }
 
 std::vector<std::string> doubtful_settings(const World& world) {
-  constexpr double kRounding = 1e-9;  // relative rounding of inertias typed by hand
+  constexpr double kInertiaRounding = 1e-9;  // relative rounding of inertias typed by hand
   std::vector<std::string> lines;
   for (const BodyId id : world.body_ids()) {
     const Body& body = world.body(id);
     const Eigen::Vector3d& I = body.inertia;
     const double excess = 2.0 * I.maxCoeff() - I.sum();  // over the sum of the other two
-    if (body.type == BodyType::kDynamic && excess > kRounding * I.maxCoeff())
+    if (body.type == BodyType::kDynamic && excess > kInertiaRounding * I.maxCoeff())
       lines.push_back("body " + in_quotes(body.name) + ": inertia " + shown(I) +
                       " is that of no distribution of mass: its largest exceeds the sum of the "
                       "others");

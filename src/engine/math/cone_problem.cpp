@@ -31,7 +31,8 @@ constexpr double kCompliance = 1e-6;  // added to a compliance of 1 on average
 constexpr int kMostPasses = 4;
 constexpr int kMostTogether = 8;
 constexpr int kMostNewton = 40, kMostWorse = 6;
-constexpr int kMostSteps = 100;  // steps of Newton's method for κ; six suffice without bisection
+// Most steps of Newton's method for κ; six suffice without bisection.
+constexpr int kMostKappaSteps = 100;
 constexpr int kMostStalled = 3;  // polishes without halving the residual: rounding
 
 // Costs of a sweep for each row and each pair of rows [substeps of a group with one point]; fitted
@@ -75,7 +76,7 @@ class Slipping {
   double kappa_on_cone(double mu, double start) const {
     double low = 0.0, high = kInfinity, kappa = start;
     double least = high;  // error of the last step
-    for (int k = 0; k < kMostSteps && low < (1.0 - 2.0 * kEpsilon) * high; ++k) {
+    for (int k = 0; k < kMostKappaSteps && low < (1.0 - 2.0 * kEpsilon) * high; ++k) {
       const Vector2d p = tangential(kappa);
       const double r = p.norm(), most = mu * (pushed_ - row_.dot(solver_.eigenvectors() * p));
       const double off = most / r - 1.0;

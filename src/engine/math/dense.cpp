@@ -65,11 +65,11 @@ VectorXd solve_semidefinite(MatrixXd A, VectorXd b) {
 }
 
 Eigensystem eigensystem(Matrix3d A) {
-  constexpr int kMostSweeps = 20;  // five suffice
+  constexpr int kMostJacobiSweeps = 20;  // five suffice
   // Share of the diagonal below which an entry changes no digit of it.
   constexpr double kNoEntry = 1e-18;
   Matrix3d V = Matrix3d::Identity();
-  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+  for (int sweep = 0; sweep < kMostJacobiSweeps; ++sweep) {
     if (A(1, 0) == 0.0 && A(2, 0) == 0.0 && A(2, 1) == 0.0) break;
     for (const auto& [p, q] : {std::pair<Index, Index>{0, 1}, {0, 2}, {1, 2}}) {
       const double off = A(q, p);

@@ -12,7 +12,7 @@ namespace {
 // Residual that ends a refinement, as a share of the largest sum of |terms|; least gain per step;
 // most steps; and residual that is accepted with new factors.
 constexpr double kRefined = 1e-10;
-constexpr double kGain = 0.3;
+constexpr double kLeastRefinementGain = 0.3;
 constexpr int kMostRefinements = 10;
 constexpr double kRefinementSolved = 1e-8;
 // Cost of an entry of the factors in a refinement, in operations of a factorization. A refinement
@@ -224,7 +224,8 @@ bool FrontalLu::refine(const double* values, const double* b, int steps, double 
     for (std::size_t i = 0; i < n_; ++i) solution_[i] += change_[i];
     const double share = residual(values, b, solution_.data());
     if (share <= kRefined) return true;
-    if (!(share <= kGain * before && at_last(share, share / before, steps - k) <= kRefined))
+    if (!(share <= kLeastRefinementGain * before &&
+          at_last(share, share / before, steps - k) <= kRefined))
       return share <= enough;
     before = share;
   }

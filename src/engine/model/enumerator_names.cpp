@@ -10,10 +10,10 @@
 namespace constraint_sim::engine {
 
 const char* name(Method method) {
-  constexpr std::array<const char*, kMethodCount> kNames = {
+  constexpr std::array<const char*, kMethodCount> kMethodNames = {
       "auto",         "runge_kutta",  "energy_momentum", "sequential_impulses",
       "event_driven", "time_stepping"};
-  return kNames[static_cast<std::size_t>(method)];
+  return kMethodNames[static_cast<std::size_t>(method)];
 }
 
 const char* to_string(Failure failure) {
@@ -37,24 +37,24 @@ const char* to_string(Failure failure) {
 }
 
 const char* name(EventKind kind) {
-  constexpr std::array kNames = {"broken",      "rope_taut",     "rope_slack",    "limit_reached",
-                                 "limit_left",  "saturated",     "released",      "slips",
-                                 "sticks",      "contact_began", "contact_ended", "hit",
-                                 "handed_over", "taken_back"};
-  static_assert(kNames.size() == kEventKindCount, "a name for each kind of event");
-  return kNames[static_cast<std::size_t>(kind)];
+  constexpr std::array kEventNames = {
+      "broken",        "rope_taut", "rope_slack",  "limit_reached", "limit_left",
+      "saturated",     "released",  "slips",       "sticks",        "contact_began",
+      "contact_ended", "hit",       "handed_over", "taken_back"};
+  static_assert(kEventNames.size() == kEventKindCount, "a name for each kind of event");
+  return kEventNames[static_cast<std::size_t>(kind)];
 }
 
 const char* name(ContactState state) {
-  constexpr std::array kNames = {"closed", "sticking", "slipping"};
-  static_assert(kNames.size() == kContactStateCount, "a name for each state");
-  return kNames[static_cast<std::size_t>(state)];
+  constexpr std::array kContactStateNames = {"closed", "sticking", "slipping"};
+  static_assert(kContactStateNames.size() == kContactStateCount, "a name for each state");
+  return kContactStateNames[static_cast<std::size_t>(state)];
 }
 
 const char* name(Stage stage) {
-  constexpr std::array<const char*, kStageCount> kNames = {
+  constexpr std::array<const char*, kStageCount> kStageNames = {
       "broadphase", "narrowphase", "integration", "rows", "velocities", "solve", "positions"};
-  return kNames[static_cast<std::size_t>(stage)];
+  return kStageNames[static_cast<std::size_t>(stage)];
 }
 
 }  // namespace constraint_sim::engine

@@ -54,8 +54,8 @@ std::string shortest(double value) {
 }
 
 std::string excerpt(const std::string& text) {
-  constexpr std::size_t kMost = 40;
-  std::size_t end = std::min(text.size(), kMost);
+  constexpr std::size_t kMostShown = 40;
+  std::size_t end = std::min(text.size(), kMostShown);
   const auto is_within_character = [&](std::size_t i) {
     return i < text.size() && (static_cast<unsigned char>(text[i]) & 0xc0U) == 0x80U;  // UTF-8
   };

@@ -138,17 +138,17 @@ int YamlElement::whole_number() const {
 }
 
 std::uint64_t YamlElement::count() const {
-  constexpr std::int64_t kMost = std::int64_t{1} << 53;
+  constexpr std::int64_t kMostExact = std::int64_t{1} << 53;
   const auto value = is_plain() ? number_in<std::int64_t>(node_->scalar) : std::nullopt;
-  if (!value || *value < 0 || *value > kMost) fail_expecting("a whole number from 0 to 2^53");
+  if (!value || *value < 0 || *value > kMostExact) fail_expecting("a whole number from 0 to 2^53");
   return static_cast<std::uint64_t>(*value);
 }
 
 std::uint32_t YamlElement::bits() const {
-  constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
+  constexpr std::int64_t kMostBits = std::numeric_limits<std::uint32_t>::max();
   const auto value = is_plain() ? number_in<std::int64_t>(node_->scalar) : std::nullopt;
-  if (!value || *value < 0 || *value > kMost)
-    fail_expecting("a whole number from 0 to " + std::to_string(kMost));
+  if (!value || *value < 0 || *value > kMostBits)
+    fail_expecting("a whole number from 0 to " + std::to_string(kMostBits));
   return static_cast<std::uint32_t>(*value);
 }
 

@@ -134,9 +134,9 @@ void Monitors::measure(const MonitorInput& in, IslandLists* lists, StepReport* r
   largest_kinetic_energy_ = std::max(largest_kinetic_energy_, now.kinetic);
   report->energy.total = now.kinetic + now.potential + resting_energy_.potential;
   if (largest_kinetic_energy_ > 0.0) {
-    constexpr double kMost = std::numeric_limits<double>::max();
+    constexpr double kLargest = std::numeric_limits<double>::max();
     const double drift = (report->energy.total - reference_energy_) / largest_kinetic_energy_;
-    report->energy.drift = std::clamp(drift, -kMost, kMost);  // the divisor may be denormal
+    report->energy.drift = std::clamp(drift, -kLargest, kLargest);  // the divisor may be denormal
   }
   if (report->outcome.failed || report->outcome.stopped) return;
   if (is_any_askew ||

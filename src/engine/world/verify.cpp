@@ -144,7 +144,7 @@ struct VerifiedRun {
   }
 
   double estimate(BodyId body) const {
-    return why_without(body).empty() ? estimate_of(body).sum : VerifiedFigures::kNone;
+    return why_without(body).empty() ? estimate_of(body).sum : VerifiedFigures::kLeftOut;
   }
   const std::string& why_without(BodyId body) const { return estimate_of(body).without; }
   const VerifiedEstimate& estimate_of(BodyId body) const {
@@ -361,12 +361,12 @@ class Verification {
     }
     const double half_estimate = half_.estimate(body.id);
     figures.half_step =
-        verified->no_half_step.empty() ? distance_to(half_) : VerifiedFigures::kNone;
+        verified->no_half_step.empty() ? distance_to(half_) : VerifiedFigures::kLeftOut;
     if (verified->no_other_method.empty()) verified->no_other_method = why_not_other(body.id);
     const bool has_other = verified->no_other_method.empty();
-    figures.other_method = has_other ? distance_to(other_half_) : VerifiedFigures::kNone;
+    figures.other_method = has_other ? distance_to(other_half_) : VerifiedFigures::kLeftOut;
     figures.other_error =
-        has_other ? other_errors_[base_.island_number(body.id)] : VerifiedFigures::kNone;
+        has_other ? other_errors_[base_.island_number(body.id)] : VerifiedFigures::kLeftOut;
     if (verified->exceeded) return;
     const double own = estimate_or_zero(figures.estimate);
     if (exceeds(figures.half_step, figures.growth * (own + estimate_or_zero(half_estimate)), 0.0) ||

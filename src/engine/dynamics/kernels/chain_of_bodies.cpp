@@ -135,14 +135,14 @@ inline Lanes3 ChainOfBodies::read(std::size_t e, const double* of_bodies,
 }
 
 inline Lanes3 ChainOfBodies::read_turning(std::size_t e, const double* of_bodies) const {
-  static constexpr std::array<double, 3> kNone = {0.0, 0.0, 0.0};
-  return gather(locate(e, of_bodies, 3, kNone.data(), kNone.data()));
+  static constexpr std::array<double, 3> kFixed = {0.0, 0.0, 0.0};
+  return gather(locate(e, of_bodies, 3, kFixed.data(), kFixed.data()));
 }
 
 inline ChainOfBodies::Quaternions ChainOfBodies::read_rotation(std::size_t e,
                                                                const double* y) const {
-  static constexpr std::array<double, 4> kNone = {0.0, 0.0, 0.0, 1.0};
-  const auto [a, b] = locate(e, y + view_.q_at, 4, kNone.data(), kNone.data());
+  static constexpr std::array<double, 4> kUnrotated = {0.0, 0.0, 0.0, 1.0};
+  const auto [a, b] = locate(e, y + view_.q_at, 4, kUnrotated.data(), kUnrotated.data());
   return {Lanes(a[3], b[3]), Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
 }
 

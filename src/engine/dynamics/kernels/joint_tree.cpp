@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 // Entries of H and of the matrices of loops beyond which the elimination of TreeOfBodies is
 // cheaper. A chain of 24 hinges has as many; there both take as many instructions. A free robot
 // with 30 motions on four limbs has fewer.
-constexpr std::size_t kMostEntries = 300;
+constexpr std::size_t kMostTreeEntries = 300;
 
 std::size_t next_even(std::size_t n) { return n + n % 2; }
 
@@ -295,7 +295,7 @@ JointTree joint_tree_of(const IslandModel& island, const BodyTree& tree) {
   JointTree made = whole_joint_tree_of(island, tree);
   const auto turning = std::count_if(made.bodies.begin(), made.bodies.end(),
                                      [](const TreeBody& body) { return body.turns_freely; });
-  const bool is_dear = entries_of(island, made) > kMostEntries;
+  const bool is_dear = entries_of(island, made) > kMostTreeEntries;
   return is_dear || 2 * to_index(turning) > made.bodies.size() ? JointTree{} : made;
 }
 

@@ -24,7 +24,7 @@ class PointOnRod {
   void derivative(std::size_t stage, double t, const double* y, double* dydt) {
     if (equations_.inputs().is_time_dependent()) move_with_time(t);
     const Vector3d d = d_of(y);
-    const Vector3d v = ConstVector(y + kV);
+    const Vector3d v = ConstVector(y + kVelocityAt);
     accelerate(stage, d, d.squaredNorm(), v, dydt);
   }
 
@@ -58,7 +58,7 @@ class PointOnRod {
   bool restart(double* y, double* dydt) {
     const Vector3d d = d_of(y);
     const double d2 = d.squaredNorm();
-    Vector v(y + kV);
+    Vector v(y + kVelocityAt);
     const Vector3d d_dot = v - velocity_;
     const double u = (rate_target_ - d.dot(d_dot)) / d2;
     v += u * d;
@@ -71,7 +71,7 @@ class PointOnRod {
 
   double squared_size_of(const double* dy, double h) const {
     const double x2 = ConstVector(dy).squaredNorm();
-    const double v2 = h * h * ConstVector(dy + kV).squaredNorm();
+    const double v2 = h * h * ConstVector(dy + kVelocityAt).squaredNorm();
     return v2 <= x2 ? x2 : v2;  // NaN: x has none unless v has
   }
 
@@ -95,7 +95,7 @@ class PointOnRod {
   using Vector3d = Eigen::Vector3d;
   using ConstVector = Eigen::Map<const Vector3d>;
   using Vector = Eigen::Map<Vector3d>;
-  static constexpr Eigen::Index kV = 4;  // offset of v in a state
+  static constexpr Eigen::Index kVelocityAt = 4;  // offset of v in a state
 
   void move_with_time(double t) {
     equations_.move_with_time(t);
@@ -112,9 +112,9 @@ class PointOnRod {
     const Vector3d v_dot = a + u * d;
     for (Eigen::Index i = 0; i < 3; ++i) {
       dydt[i] = v[i];
-      dydt[kV + i] = v_dot[i];
+      dydt[kVelocityAt + i] = v_dot[i];
     }
-    dydt[3] = dydt[kV + 3] = 0.0;
+    dydt[3] = dydt[kVelocityAt + 3] = 0.0;
     stage_forces_[stage] = mass_ * u * length_;
   }
 

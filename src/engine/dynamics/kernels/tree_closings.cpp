@@ -13,7 +13,7 @@ using Eigen::Vector3d;
 
 // Largest turn in a substep whose whole turns are counted by the rates at both ends: below π/2,
 // since the count may be off by twice the turn, and has to be nearer than half a turn [rad].
-constexpr double kMostTurn = 1.5;
+constexpr double kMostCountedTurn = 1.5;
 
 /// End of a closing joint in world axes.
 struct PlacedEnd {
@@ -183,7 +183,7 @@ double TreeClosings::fastest_turn() const {
 
 // The integral of a rate and its trapezoid, which counts turns, differ by at most twice the substep
 // times the largest rate.
-bool TreeClosings::can_count_turns(double h) const { return h * fastest_ <= kMostTurn; }
+bool TreeClosings::can_count_turns(double h) const { return h * fastest_ <= kMostCountedTurn; }
 
 void TreeClosings::begin_coordinates() {
   fastest_at_start_ = fastest_turn();

@@ -170,7 +170,7 @@ bool EnergyMomentum::try_steps(const Interval& span, const IntegratorOptions& ac
 
 bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equations,
                                  IntegrationResult* progress) {
-  for (std::size_t stage = 0; stage < kStages; ++stage) {
+  for (std::size_t stage = 0; stage < kCompositionStages; ++stage) {
     const double part = h * (stage == 2 ? kInner : kOuter);
     if (!step(t, part, stage, equations, progress)) return false;
     t += part;

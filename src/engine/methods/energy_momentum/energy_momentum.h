@@ -72,7 +72,7 @@ class EnergyMomentum {
   }
 
  private:
-  static constexpr std::size_t kStages = 5;
+  static constexpr std::size_t kCompositionStages = 5;
 
   bool start(const Interval& span, EquationsOfMotion* equations, List<BodyState>* states,
              IntegrationResult* progress);
@@ -90,7 +90,7 @@ class EnergyMomentum {
   ImplicitStep step_equations_;
   ImplicitStep::Unknowns unknowns_;
   /// Last solution per stage of the composition: first guess of Newton's method.
-  std::array<ImplicitStep::Unknowns, kStages> found_;
+  std::array<ImplicitStep::Unknowns, kCompositionStages> found_;
   List<double> change_;
   List<double> numbers_;  // state and derivative, laid out as in EquationsOfMotion
   EndpointEstimate estimate_;

@@ -32,7 +32,7 @@ inline constexpr double kAtBound = 1e-6;
 inline constexpr double kForceShare = 1e-9;
 inline constexpr int kMostImpacts = 2000;  ///< impacts at one time
 /// Passes of impacts at one time until velocities are as small as rounding.
-inline constexpr int kMostPasses = 8;
+inline constexpr int kMostImpactPasses = 8;
 inline constexpr int kMostUnchanged = 100;  ///< events in a step that change no state
 
 /// How a decision of states sees prescribed motions that are about to start: by their direction
@@ -44,10 +44,10 @@ struct StartAhead {
   StartAhead() = default;
   StartAhead(double interval, double closing_time) {
     // Half would not do: a motion that ends with the interval has no acceleration in its middle.
-    constexpr double kShare = 0.25;
+    constexpr double kStartShare = 0.25;
     constexpr double kSlight = 0.2;  // acceleration of a motion that closes 1 m or 1 rad [1/s²]
     if (!(closing_time > 0.0)) return;
-    time = kShare * std::min(interval, closing_time);
+    time = kStartShare * std::min(interval, closing_time);
     share = kSlight / std::abs(closing_course(time, closing_time).acceleration);
   }
 };
@@ -206,7 +206,7 @@ void watch_limits(const OneSidedLaw& law, const OneSidedState& state, const Read
 template <class Reading>
 WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, double braking,
                                   const Reading& reading) {
-  constexpr double kRounded = 1e-14;  // [m or rad] rounding of a coordinate read from poses
+  constexpr double kReadingRounding = 1e-14;  // [m or rad] rounding of a coordinate read from poses
   const double u = reading.rate, off = reading.q - *law.goal;
   WatchedValue watched;
   watched.known = 1;
@@ -214,7 +214,7 @@ WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, doub
   watched.rate = direction * (2.0 * std::abs(u) * reading.acceleration + 2.0 * braking * u);
   watched.tolerance =
       kEpsilon * u * u +
-      2.0 * braking * (kRounded + kEpsilon * (std::abs(reading.q) + std::abs(*law.goal)));
+      2.0 * braking * (kReadingRounding + kEpsilon * (std::abs(reading.q) + std::abs(*law.goal)));
   return watched;
 }
 
@@ -356,11 +356,11 @@ OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool s
 /// end.
 inline std::optional<double> time_to_rest(double speed, double fall, double restitution,
                                           double left, double lowest = kTouching) {
-  constexpr double kMost = 128.0;  // bounces to follow within the interval
+  constexpr double kMostBounces = 128.0;  // bounces to follow within the interval
   if (!(speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * lowest)) return std::nullopt;
   const double first = 2.0 * speed / fall;
   if (first <= (1.0 - restitution) * left) return first / (1.0 - restitution);
-  if (kMost * first <= left) return left;
+  if (kMostBounces * first <= left) return left;
   return std::nullopt;
 }
 

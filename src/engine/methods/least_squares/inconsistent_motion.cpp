@@ -21,8 +21,8 @@ constexpr double kMostAngle = 0.1;  // [rad] rotation of a joint in one step
 constexpr double kMostMotionParts = 32.0;
 constexpr int kMostMidpointSteps = 16;
 constexpr int kMostFitIterations = 60;
-constexpr int kMostHalvings = 50;         // halvings of a displacement, until nothing is left
-constexpr double kMidpointFound = 1e-14;  // share of the scene's size
+constexpr int kMostDisplacementHalvings = 50;  // halvings of a displacement, until nothing is left
+constexpr double kMidpointFound = 1e-14;       // share of the scene's size
 // Share of energy that the impulses of a midpoint step may add before they are left out.
 constexpr double kMostAdded = 1e-3;
 constexpr double kMostAddedDriven = 0.5;
@@ -414,7 +414,7 @@ double InconsistentMotion::hold_back(const EquationsOfMotion& equations, double 
     bodies_.find_rigid_motion(end_, velocity_, &centre, &turning);
     kept = bodies_.kinetic_energy(end_, centre);
   }
-  for (int k = 0; k < kMostHalvings; ++k) {
+  for (int k = 0; k < kMostDisplacementHalvings; ++k) {
     const double lifted =
         is_free ? 0.0 : std::max(0.0, -bodies_.work_of_loads(equations, start_, end_));
     const double rounding = kEpsilon * (std::abs(energy_before) + kept + spring_energy_);

@@ -137,7 +137,7 @@ IntegrationResult ElasticSpheres::advance(const Interval& span, const Integrator
   }
   IntegrationResult progress;
   progress.substeps = 1;
-  const std::size_t most = hits_.size() + kMostHits * n;
+  const std::size_t most = hits_.size() + kMostHitsPerSphere * n;
   const double lowest = std::sqrt(2.0 * gravity_.norm() * kLowest);
   while (!expected_.empty()) {
     const Expected hit = expected_.top();

@@ -28,7 +28,8 @@ class ElasticSpheres {
     int a, b;                 ///< indices in the world; a is a sphere
     Eigen::Vector3d impulse;  ///< impulse on A [N s]
   };
-  static constexpr std::uint32_t kMostHits = 200;  ///< hits per sphere in a step, on average
+  /// Most hits per sphere in a step, on average.
+  static constexpr std::uint32_t kMostHitsPerSphere = 200;
 
   /// Spheres faster than `most_speed` [m/s] may meet bodies outside this group.
   ElasticSpheres(List<Sphere> spheres, List<Plane> planes, double most_speed)

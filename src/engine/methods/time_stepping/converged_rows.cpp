@@ -20,9 +20,9 @@ constexpr double kUnsolved = 2.0;
 constexpr int kMostIterations = 300;
 // Rate at which a contact approaches, over the speed that counts as rest, up to which the mean
 // velocity takes it less than 0.5 % of g h² deep.
-constexpr double kSlow = 1e3;
+constexpr double kGentleImpact = 1e3;
 // Bodies of a component beyond which its rows are swept.
-constexpr std::size_t kMostBodies = 500;
+constexpr std::size_t kMostSolvedBodies = 500;
 
 bool is_tangent(const Row& row) { return row.normal_row >= 0; }
 /// Sign of the rates that open a one-sided row; 0 for rows that act both ways.
@@ -208,7 +208,7 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
   for (std::size_t c = 0; c + 1 < begins_.size() && !is_set(stop); ++c) {
     forget_bodies();
     set_velocity_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver);
-    if (problem_.bodies.size() > kMostBodies) {
+    if (problem_.bodies.size() > kMostSolvedBodies) {
       for (std::size_t k = begins_[c]; k < begins_[c + 1]; ++k) swept_.push_back(order_[k]);
       outcome.iterations = std::max(outcome.iterations, accuracy.sweeps);
       outcome.has_swept = true;
@@ -267,7 +267,7 @@ bool ConvergedRows::carry_motions(const List<Row>& rows, double rest_speed, bool
                                     : row.target;
     const double off = solver.rate(row, i) - 0.5 * change - aim;
     const double approach = side == 0.0 ? std::abs(off) : -side * off;
-    if (!(approach > kSlow * rest_speed)) continue;
+    if (!(approach > kGentleImpact * rest_speed)) continue;
     of_a = of_b = std::max(of_a, of_b);
     has_changed = true;
   }
@@ -289,10 +289,11 @@ void ConvergedRows::find_gains(const List<int>& moved, const List<Row>& rows, do
     if (!is_contact && !joints_by_mean)
       move(row, Motion::kEnd);
     else if (side != 0.0 && row.impulse != 0.0 &&
-             side * solver->rate_before(row, i) < -kSlow * rest_speed)
-      move(row, side * (solver->rate(row, i) + solver->rate_before(row, i)) < -kSlow * rest_speed
-                    ? Motion::kEnd
-                    : Motion::kImpact);
+             side * solver->rate_before(row, i) < -kGentleImpact * rest_speed)
+      move(row,
+           side * (solver->rate(row, i) + solver->rate_before(row, i)) < -kGentleImpact * rest_speed
+               ? Motion::kEnd
+               : Motion::kImpact);
   }
   for (const std::size_t i : swept_) move(rows[i], Motion::kEnd);
   while (carry_motions(rows, rest_speed, joints_by_mean, *solver)) {

@@ -276,8 +276,8 @@ double ContactEquations::potential_energy() const {
 }
 
 double ContactEquations::largest_force() const {
-  constexpr double kLeast = 0.1;  // [m/s²] least acceleration that counts
-  const double acceleration = std::max(bodies_.gravity().norm(), kLeast);
+  constexpr double kLeastAcceleration = 0.1;  // [m/s²] least acceleration that counts
+  const double acceleration = std::max(bodies_.gravity().norm(), kLeastAcceleration);
   double largest = 0.0;
   for (std::size_t i = 0; i < bodies_.movable(); ++i)
     largest =

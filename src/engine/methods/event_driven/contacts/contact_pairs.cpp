@@ -13,7 +13,7 @@ namespace constraint_sim::engine {
 namespace {
 
 constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
-constexpr double kMostTurn = 1.0;  // [rad] rotation of a box in a substep
+constexpr double kMostBoxTurn = 1.0;  // [rad] rotation of a box in a substep
 
 double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) {
   const GroupBodies& bodies = equations.bodies();
@@ -205,9 +205,9 @@ double ContactPairs::longest_substep(double left, const ContactEquations& equati
         contact.feature.kind == ContactFeature::Kind::kNothing)
       continue;
     if (!contact.feature.on_a.isZero(0.0) || bodies.shapes().is_beside(contact.shape_index_a))
-      longest = std::min(longest, kMostTurn / bodies.state(contact.a).angular_velocity.norm());
+      longest = std::min(longest, kMostBoxTurn / bodies.state(contact.a).angular_velocity.norm());
     if (pair.is_of_boxes() || bodies.shapes().is_beside(contact.shape_index_b))
-      longest = std::min(longest, kMostTurn / bodies.state(contact.b).angular_velocity.norm());
+      longest = std::min(longest, kMostBoxTurn / bodies.state(contact.b).angular_velocity.norm());
     if (!std::isfinite(pair.thickness)) continue;
     const ContactMotion now = equations.motion(contact);
     const double way = std::max(now.gap, kFastShare * pair.thickness);

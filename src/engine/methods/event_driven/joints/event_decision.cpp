@@ -15,8 +15,8 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kNoAcceleration = 1e-10;  // share of the largest acceleration; less is zero
-constexpr double kLeast = 1e-12;           // [m/s² or rad/s²] less is zero where nothing pulls
+constexpr double kNoAcceleration = 1e-10;       // share of the largest acceleration; less is zero
+constexpr double kNoAccelerationAlone = 1e-12;  // [m/s² or rad/s²] less is zero where nothing pulls
 
 /// Coordinate that moves at the rate of a law that may hold it.
 struct HoldCandidate {
@@ -112,7 +112,8 @@ List<signed char> sides_of(const List<HoldCandidate>& candidates, const BoxLcp& 
   List<signed char> sides;
   for (Index i = 0; i < a.size(); ++i) {
     const HoldCandidate& row = candidates[i];
-    const bool is_leaving = std::abs(a[i]) > std::max(kNoAcceleration * largest * roots[i], kLeast);
+    const bool is_leaving =
+        std::abs(a[i]) > std::max(kNoAcceleration * largest * roots[i], kNoAccelerationAlone);
     signed char side = is_leaving ? sign_of(a[i]) : sign_of(0.0);
     const double bound = release.side < 0 ? row.bounds.least : row.bounds.most;
     if (side == 0 && release.law == static_cast<int>(row.law) &&

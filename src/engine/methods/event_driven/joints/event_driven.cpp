@@ -297,7 +297,7 @@ bool EventDriven::have_impacts(Span* span, EventProblem* problem, bool* any) {
     if (is_settled) {
       // Projection turns the rounding of heavy bodies into rates of light ones, which hit again.
       is_settled =
-          ++passes == kMostPasses || find_hits(motions_, *problem, span->t(), rests).empty();
+          ++passes == kMostImpactPasses || find_hits(motions_, *problem, span->t(), rests).empty();
       continue;
     }
     impulses_.restore(impulses);

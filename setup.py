@@ -1,4 +1,4 @@
-"""Of catkin: which Python packages go beside the generated messages. Not to be called by hand."""
+"""Tells catkin which Python packages go beside the generated messages. Not to be called by hand."""
 from setuptools import setup
 
 from catkin_pkg.python_setup import generate_distutils_setup

@@ -22,7 +22,7 @@ with simulator.paused() as sim:
                                  anchor_a=(0, 0, 0) if i else (0, 0, 2))
     sim.step(100)
     before = sim.properties().state_hash
-    with sim.tried():  # what if the last ball were a hundred times as heavy?
+    with sim.tried():  # tries a last ball that is a hundred times as heavy
         sim.set_body('ball_%d' % (LINKS - 1), mass=10.0)
         sim.step(100)
         z = sim.state('ball_%d' % (LINKS - 1)).pose.position.z

@@ -208,8 +208,8 @@ class StepWarning(TypedDict):
 
 class RobotCoordinate(TypedDict):
     name: str                  # unique in the robot
-    joint: Optional[str]       # None: of a free base
-    coordinate: Optional[int]  # of the joint; None: a motion without laws
+    joint: Optional[str]       # None: a free base
+    coordinate: Optional[int]  # number in the joint; None: a motion without laws
     is_angle: bool
     position: Optional[float]  # [m or rad]; None for turns by three angles
     velocity: float            # [m/s or rad/s]
@@ -217,7 +217,7 @@ class RobotCoordinate(TypedDict):
 
 class RobotFollower(TypedDict):
     joint: str
-    coordinate: int            # of the joint
+    coordinate: int            # number in the joint
     leader: int                # index in RobotDynamics.coordinates
     ratio: float               # rate over the rate of the leader
 
@@ -235,8 +235,8 @@ class Linearization(TypedDict):
 
 
 class StepReport:
-    """What one step did, how wrong it is and what it cost. A copy: it keeps its values when the
-    world steps on."""
+    """Counts, errors and costs of one step. A copy: it keeps its values when the world steps
+    on."""
     @property
     def step(self) -> int:
         """steps since the start, this one included"""
@@ -499,10 +499,10 @@ class VerifyReport:
         """ticks done by all runs"""
     @property
     def time_step(self) -> float:
-        """of the verified run [s]"""
+        """time step of the verified run [s]"""
     @property
     def perturbation(self) -> float:
-        """of the twin [m]"""
+        """actual perturbation of the twin [m]"""
     @property
     def method(self) -> str:
         """method requested by the options"""
@@ -718,8 +718,8 @@ class World:
         velocity, bias [m or rad, a second], effort [N or N m] of what acts along each. The errors
         of a custom joint are None where its function fails."""
     def joint_wrench(self, name: str) -> JointWrench:
-        """What the joint does to body B, mean over the last step: force [N], and torque [N m]
-        about anchor B, in the joint's frame on B, of types without axes in that of the body."""
+        """Wrench of the joint on body B, mean over the last step: force [N], and torque [N m] about
+        anchor B, in the joint's frame on B, or in the body's frame for types without axes."""
     def opening(self, name: str) -> str:
         """How far a joint that closes is open now, in words; '' where it fits."""
     @property
@@ -834,7 +834,7 @@ class World:
         normal_force [N], force of both normal and friction on A [N], state, and the number of
         the shape of each body that touches, part_a and part_b."""
     def events(self) -> List[Event]:
-        """What happened within the last step, in the order of time: kind ('broken', 'rope_taut',
+        """Events of the last step, in the order of time: kind ('broken', 'rope_taut',
         'rope_slack', 'limit_reached', 'limit_left', 'saturated', 'released', 'slips', 'sticks',
         'contact_began', 'contact_ended', 'hit', 'handed_over', 'taken_back'), time [s], bodies,
         joint or None of a contact or an island, coordinate of the joint or None, impulse of an
@@ -849,10 +849,10 @@ class World:
     def explain(self) -> str:
         """Plan: what the world uses, what it leaves out and why, as YAML."""
     def left_out(self) -> List[str]:
-        """What the world leaves out and why, one line each."""
+        """Parts of the engine that the world leaves out and why, one line each."""
     def warnings(self) -> List[str]:
-        """What the world has that may not be meant, one line each: inertias that no distribution
-        of mass has."""
+        """Settings that may be mistakes, one line each: inertias that no distribution of mass
+        has."""
     def add_urdf(self, text: str, prefix: str = ..., position: Vector = ...,
                  orientation: Vector = ..., fixed: bool = ..., extra: str = ...,
                  srdf: str = ...) -> Dict[str, Any]:
@@ -881,7 +881,7 @@ class World:
     def save_scene(self) -> str:
         """The world as it is now, as text of a scene; every number to 4 ulp."""
     def save_scene_file(self, path: str) -> None:
-        """The same into a file."""
+        """Saves the scene that save_scene() returns into a file."""
 
 
 def load_scene(text: str, source: str = ..., **defaults: Any) -> World:

@@ -17,7 +17,7 @@ from constraint_sim_client import messages
 
 
 class Refused(RuntimeError):
-    """The simulator's answer to what cannot be; its text names field and value."""
+    """A rejected request; the text names field and value."""
 
 
 # Position [m or rad], velocity, and effort of the actuator [N or N m] of a joint.
@@ -25,7 +25,7 @@ Joint = collections.namedtuple('Joint', 'position velocity effort')
 
 
 class _Adding:
-    """What a simulator and a batch have in common: adding, removing and setting."""
+    """Functions that a simulator and a batch share: adding, removing and setting."""
 
     def add_sphere(self, name, radius, mass=0.0, **settings):
         """Adds a ball. Settings: position, orientation (x, y, z, w), linear_velocity,
@@ -76,7 +76,7 @@ class Batch(_Adding):
 
     def __init__(self):
         self.request = srv.ApplyEditsRequest()
-        self.answer = None  # of the simulator, after the block
+        self.answer = None  # response of the simulator, after the block
 
     def add_body(self, body):
         self.request.bodies.append(body)

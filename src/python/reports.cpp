@@ -22,9 +22,10 @@ auto field_of(Part engine::StepReport::*part, Field Part::*field) {
 
 void define_step_report(py::module* module) {
   using Report = NamedReport;
-  py::class_<Report>(*module, "StepReport",
-                     "What one step did, how wrong it is and what it cost. A copy: it keeps its "
-                     "values when the world steps on.")
+  py::class_<Report>(
+      *module, "StepReport",
+      "Counts, errors and costs of one step. A copy: it keeps its values when the world "
+      "steps on.")
       .def_readonly("step", &Report::step, "steps since the start, this one included")
       .def_readonly("time", &Report::time, "simulated time after the step [s]")
       .def_property_readonly(

@@ -94,8 +94,8 @@ void define_verify(py::module* module) {
   using Report = engine::VerifyReport;
   py::class_<Report>(*module, "VerifyReport", "Outcome of World.verify. str() is a table.")
       .def_readonly("ticks", &Report::ticks, "ticks done by all runs")
-      .def_readonly("time_step", &Report::time_step, "of the verified run [s]")
-      .def_readonly("perturbation", &Report::perturbation, "of the twin [m]")
+      .def_readonly("time_step", &Report::time_step, "time step of the verified run [s]")
+      .def_readonly("perturbation", &Report::perturbation, "actual perturbation of the twin [m]")
       .def_property_readonly(
           "method", [](const Report& report) { return engine::name(report.method); },
           "method requested by the options")

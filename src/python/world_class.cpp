@@ -296,7 +296,7 @@ void define_lists(Class* world) {
         for (const engine::Event& event : copies) list.append(event_dict(self.read(), event));
         return list;
       },
-      "What happened within the last step, in the order of time: kind ('broken', 'rope_taut', "
+      "Events of the last step, in the order of time: kind ('broken', 'rope_taut', "
       "'rope_slack', 'limit_reached', 'limit_left', 'saturated', 'released', 'slips', 'sticks', "
       "'contact_began', 'contact_ended', 'hit', 'handed_over', 'taken_back'), time [s], bodies, "
       "joint or None of a contact or an island, coordinate of the joint or None, impulse of an "
@@ -330,7 +330,7 @@ void define_texts(Class* world) {
       "Plan: what the world uses, what it leaves out and why, as YAML.");
   world->def(
       "left_out", [](const SharedWorld& self) { return engine::left_out(self.read()); },
-      "What the world leaves out and why, one line each.");
+      "Parts of the engine that the world leaves out and why, one line each.");
   world->def(
       "warnings", [](const SharedWorld& self) { return engine::doubtful_settings(self.read()); },
       "What the world has that may not be meant, one line each: inertias that no distribution of "
@@ -343,7 +343,7 @@ void define_texts(Class* world) {
       [](const SharedWorld& self, const std::string& path) {
         engine::write_file(path, engine::save_scene(self.read()));
       },
-      py::arg("path"), "The same into a file.");
+      py::arg("path"), "Saves the scene that save_scene() returns into a file.");
 }
 
 void define_options(Class* world) {

@@ -147,8 +147,8 @@ void define_joint_states(Class* world) {
         return dict;
       },
       py::arg("name"),
-      "What the joint does to body B, mean over the last step: force [N], and torque [N m] about "
-      "anchor B, in the joint's frame on B, of types without axes in that of the body.");
+      "Wrench of the joint on body B, mean over the last step: force [N], and torque [N m] about "
+      "anchor B, in the joint's frame on B, or in the body's frame for types without axes.");
   world->def(
       "opening",
       [](const SharedWorld& self, const std::string& name) {

@@ -528,7 +528,7 @@ def test_the_bar_moves_with_each_case(tmp_path, monkeypatch):
             seen.append(bar.done)
         results, = run(tell)
         assert seen == [0.5 * (run + 1) for run in range(len(seen))], 'half a case each'
-        # of twelve, the last may come after the results
+        # the last of twelve may come after the results
         assert set(results) == set(keys) and len(seen) >= 10
         bar.reached(dict.fromkeys(results, 1.0))
         bar.reached({keys[0]: 0.5, 'another': 1.0})

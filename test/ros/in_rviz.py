@@ -80,7 +80,7 @@ def virtual_display():
 class InRviz(unittest.TestCase):
     """Runs rviz with a configuration, on an own display."""
     configuration = None  # or each test shows one
-    most_restarts, restarts = 3, 0  # of rviz, where it ends by itself
+    most_restarts, restarts = 3, 0  # restarts of rviz, where it ends by itself
 
     @classmethod
     def setUpClass(cls):

@@ -149,7 +149,7 @@ class Actions(support.ServiceCase):
                 self.expect(client, GoalStatus.REJECTED, code, word)
                 self.assertEqual(properties().state_hash, before)
             expect(Result.INVALID_JOINTS, "no joint 'knee'", goal([point(1, [0.0])], ["knee"]))
-            expect(Result.INVALID_JOINTS, "no joint 'lift'", goal([point(1, [0.0])], ["lift"]))  # of the gripper
+            expect(Result.INVALID_JOINTS, "no joint 'lift'", goal([point(1, [0.0])], ["lift"]))  # the gripper's joint
             expect(Result.INVALID_JOINTS, "there are none", goal([point(1, [])], []))
             expect(Result.INVALID_JOINTS, "twice", goal([point(1, [0, 0])], ["elbow", "elbow"]))
             expect(Result.INVALID_JOINTS, "goal_tolerance: joint 'knee'",

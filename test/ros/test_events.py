@@ -145,7 +145,7 @@ class Events(unittest.TestCase):
         self.at_moments([event], 20 / (300 * 0.25))
 
     def test_a_hit_in_a_contact_is_told(self):
-        # of three balls on a line the second and the third touch from the start
+        # three balls on a line; the second and the third touch from the start
         self.load("".join(
             "- {name: %s, mass: 1, shape: {sphere: {radius: 0.1}}, restitution: 0.5, "
             "position: [%g, 0, 0], linear_velocity: [%g, 0, 0]}\n" % ball

@@ -14,7 +14,7 @@ from constraint_sim.srv import GetBodyState
 from support import NODE, node_command, properties, running
 
 CLIENTS = 6
-CALLS = 60  # of each client
+CALLS = 60  # calls of each client
 
 
 class LostCalls(unittest.TestCase):

@@ -69,7 +69,7 @@ class PanelEnds(WithPanel):
     def test_1_nodes_end_at_any_moment_of_their_start(self):
         """Nodes end while the panel looks for them and calls them."""
         def is_looked_for():
-            time.sleep(0.1)  # of its start, before it is known
+            time.sleep(0.1)  # a moment of its start, before it is known
             return True
         for moment in (lambda: True, is_looked_for, lambda: rosnode.rosnode_ping(NODE, 1),
                        topics_of_panel):

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""What `robot` may be: a path, package://, a parameter's name or a shipped one; on a command line, in a
-launch file and as a parameter. What a command line gave is gone when the node has ended."""
+"""Values of `robot`: a path, package://, a parameter's name or a shipped one; on a command line, in a
+launch file and as a parameter. A robot of a command line is gone when the node has ended."""
 import contextlib
 import os
 import subprocess
@@ -76,7 +76,7 @@ class RobotNames(unittest.TestCase):
             rospy.set_param(NODE, {"robot": name, "paused": True, "robot_text": description()})
             with running(command, env=self.environment()):
                 self.check_robot(name)
-            self.assertEqual(rospy.get_param(NODE + "/robot"), name)  # of the process that set it
+            self.assertEqual(rospy.get_param(NODE + "/robot"), name)  # the value of the process that set it
 
     def test_in_a_launch_file(self):
         for name in self.names():

@@ -229,7 +229,7 @@ class Robots(support.ServiceCase):
             reading = getattr(message, field)
             self.assertEqual((reading.position, reading.velocity, reading.effort),
                              (position, velocity, effort))
-            self.assertLess(abs(reading.error), 1e-9)  # of joints that are held to rounding
+            self.assertLess(abs(reading.error), 1e-9)  # joints are held to rounding
         self.assertNotEqual(max(map(abs, state.velocity)), 0.0)
         self.assertNotEqual(max(map(abs, state.effort)), 0.0)
 
@@ -468,7 +468,7 @@ constraints:
                 at_rest = [call("get_body_state", name=name).state.twist.angular for name in "ab"]
                 self.assertEqual([(w.x, w.y, w.z) for w in at_rest], [(0, 0, 0)] * 2)
                 self.assertEqual(restored.step, 0)
-                message = frames.wait()  # of these bodies, and not of links with their numbers
+                message = frames.wait()  # transforms of these bodies, and not of links with their numbers
                 self.assertEqual({t.child_frame_id for t in message.transforms}, {"a", "b"})
 
                 # the robot returns with its world, and so do its frames

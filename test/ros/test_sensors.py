@@ -14,7 +14,7 @@ from support import NODE, TIMEOUT, node_command, properties, running, wait_until
 
 H = 0.01
 G = 9.81
-RATE = 2.0  # of the table [rad/s]
+RATE = 2.0  # rate of the table [rad/s]
 SCENE = """
 world: {time_step: 0.01}
 bodies:

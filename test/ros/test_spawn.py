@@ -104,7 +104,7 @@ class Spawn(unittest.TestCase):
             self.assertEqual(len(arm), 7)
             self.assertEqual([name.replace("b_", "a_") for name in self.added(
                 "-urdf", "package://constraint_sim/config/robots/arm.urdf", "-prefix", "b_")], arm)
-            # the same names in Python
+            # Python takes equal names
             for i, name in enumerate((self.path, "/door", "door", "arm",
                                       "package://constraint_sim/config/robots/arm.urdf")):
                 prefix = "python%d/" % i

@@ -45,7 +45,7 @@ def farthest(states):
 
 
 class Reference:
-    """What the cases of a group are held against, at every multiple of `interval`."""
+    """Reference run of a group of cases, at every multiple of `interval`."""
 
     def __init__(self, job, begin):
         self.times, self.states, self.own_error = None, None, np.nan
@@ -120,7 +120,7 @@ def run_peer(case, job, reference):
                    'position_error': position, 'orientation_error': orientation,
                    'reference_error': reference.own_error, 'distance': farthest(measured),
                    'scene_size': reference.size})
-    if reference.energy_change < CONSERVED:  # what they say is how far it is from that of the start
+    if reference.energy_change < CONSERVED:  # the drift is relative to the start
         result['energy_error'] = figures['energy_drift']
     for name in case['states']:
         for component, number in zip(COMPONENTS, states[-1, names.index(name)]):
@@ -150,7 +150,7 @@ def run_case(case, job, reference, wants_all):
     warnings.extend(world.warnings())
     if run.unresolved_bodies:
         warnings.append(f'{len(run.unresolved_bodies)} bodies are not resolved')
-    if run.unclosed_joints:  # what the runner warns of as well
+    if run.unclosed_joints:  # the runner warns as well
         warnings.append('errors of joints are not being closed')
     if run.energy_rise > 0.0:
         warnings.append('energy rose without a cause')
@@ -205,7 +205,7 @@ def run_group(job, begin, done, reached):
             begin(key)
             try:
                 run_time, result = run_case(case, job, reference, number == 0)
-            except Exception as error:  # of the engine: checked before, so something is amiss
+            except Exception as error:  # the engine took the scene before, so something is amiss
                 run_time, result = np.nan, {'outcome': 'refused', 'warnings': str(error)}
             times.setdefault(key, []).append(run_time)
             if result is not None and number == 0:

@@ -84,7 +84,7 @@ _of_thread = threading.local()
 
 
 def tell_of(topic):
-    """On a worker. What tells the command how far cases are; nothing where Dask is too old for events."""
+    """Returns, on a worker, the function that reports progress; it does nothing where Dask has no events."""
     import distributed
     worker = distributed.get_worker()
     return Teller(lambda shares: worker.log_event(topic, {'shares': shares})) if hasattr(worker, 'log_event') \
@@ -172,7 +172,7 @@ class Cluster:
         future.add_done_callback(self.finished.put)
 
     def drop_lost(self, waiting):
-        """What was with workers that are gone waits again."""
+        """Batches of workers that are gone wait again."""
         for future, (address, number) in list(self.flying.items()):
             if address in self.accepted:
                 continue
@@ -220,7 +220,7 @@ class Cluster:
             if found:
                 return found
             error = f'it has {own}'
-        except Exception as reason:  # of Dask: killed, cancelled, lost on the way
+        except Exception as reason:  # Dask: killed, cancelled, lost on the way
             error = repr(reason)
         self.attempts[number] += 1
         if self.attempts[number] >= self.ATTEMPTS:

@@ -7,7 +7,7 @@ import numpy as np
 FUNCTIONS = {name: getattr(np, name) for name in (
     'sin', 'cos', 'tan', 'arcsin', 'arccos', 'arctan', 'arctan2', 'sinh', 'cosh', 'tanh', 'exp', 'log', 'sqrt',
     'abs', 'minimum', 'maximum', 'floor')}
-TWO_ARGUMENTS = ('arctan2', 'minimum', 'maximum')  # of all others one
+TWO_ARGUMENTS = ('arctan2', 'minimum', 'maximum')  # all others have one
 CONSTANTS = {'pi': math.pi}
 TIME = 't'  # in closed forms
 RESERVED = frozenset((*FUNCTIONS, *CONSTANTS, TIME))  # names that stand for something already
@@ -31,7 +31,7 @@ def parse(text):
 
 
 def value(text, variables=None):
-    """Of an expression; variables may be arrays."""
+    """Returns the value of an expression; variables may be arrays."""
     with np.errstate(all='ignore'):  # who asks for the value looks at what is finite
         try:
             return _value(parse(text), variables or {}, text)

@@ -21,8 +21,8 @@ def number(text):
 
 
 def judged(errors):
-    """What a run is held to: position and orientation, in metres and radians; where there is no
-    reference the worst of how well joints hold, how deep bodies overlap and how energy is kept."""
+    """Returns the error by which a run is judged: the larger of position [m] and orientation [rad], or, without a
+    reference, the largest of the errors of joints, penetration and energy."""
     for names in (('position', 'orientation'), ('constraint', 'penetration', 'energy')):
         known = [errors[name] for name in names if not math.isnan(errors[name])]
         if known:
@@ -79,7 +79,7 @@ def comparison(runs):
 
 
 def pareto(points):
-    """Of (time, error): those that no other beats in both, from the quickest on."""
+    """Returns the (time, error) points that no other point beats in both, fastest first."""
     front = []
     for point in sorted(points):
         if not front or point[1] < front[-1][1]:

@@ -112,7 +112,7 @@ def summary(study, table, missing):
 def plotter():
     import matplotlib
     matplotlib.use('Agg')
-    matplotlib.rcParams['svg.hashsalt'] = 'constraint_sim'  # the same figures, the same files
+    matplotlib.rcParams['svg.hashsalt'] = 'constraint_sim'  # equal figures give equal files
     from matplotlib import pyplot
     return pyplot
 
@@ -157,7 +157,7 @@ def lines_plot(path, lines, x, y, title, level=None, marks=None):
 
 
 def outcome_map(path, table, x, y, title):
-    """Of one method: what became of each pair of values; where it went well how wrong it was."""
+    """Draws a map of the outcomes of one method over two parameters, with errors where a run succeeded."""
     pyplot = plotter()
     figure, axes = pyplot.subplots(figsize=(7.5, 4.8))
     errors = {}

@@ -11,7 +11,7 @@ import numpy as np
 
 Peer = collections.namedtuple('Peer', 'program variant hash')
 GRACE = 5.0  # [s] beyond the limit: a program looks at its clock between samples only
-OUTCOMES = {'not_finite': 'failed'}  # what else they say is what a sweep says
+OUTCOMES = {'not_finite': 'failed'}  # other outcomes have the name that a sweep gives them
 
 
 def found_in(folder):

@@ -78,7 +78,7 @@ def diagram(problem, contestants, style, path):
         axis.set(xscale='log', yscale='log', ylabel=figures.MEASURES[measure],
                  xlabel='run time per simulated second [µs]')
         top = max(error for _, error in points)
-        axis.set_ylim(top=min(top * 3.0, 1e3))  # what exploded has no place on a scale of errors
+        axis.set_ylim(top=min(top * 3.0, 1e3))  # exploded runs have no place on a scale of errors
     handles, labels = {}, {}
     for axis in axes.flat:
         for handle, label in zip(*axis.get_legend_handles_labels()):

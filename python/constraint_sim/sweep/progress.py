@@ -30,7 +30,7 @@ class Progress:
 
 
 class CaseProgress(Progress):
-    """Of cases by key, which may be done in part: of three rounds, one is a third."""
+    """Progress of cases by key, which may be done in part: one round of three is a third."""
 
     def __init__(self, title, keys, stream=sys.stderr):
         self.shares = dict.fromkeys(keys, 0.0)

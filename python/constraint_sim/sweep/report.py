@@ -33,7 +33,7 @@ COLUMNS = {'position': 'position_error', 'orientation': 'orientation_error', 'en
 
 # studies: that of the diagram and those of the stability grid
 ReportStudies = collections.namedtuple('ReportStudies', 'diagram grid notes')
-# what figures.verdict asks of a problem
+# properties of a problem that figures.verdict reads
 Scene = collections.namedtuple('Scene', 'group length invalid conflict')
 
 

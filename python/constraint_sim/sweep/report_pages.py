@@ -1,4 +1,4 @@
-"""What the pages of the report and of a sweep's `--report` have in common."""
+"""Parts that the pages of the report and of a sweep's `--report` share."""
 import html
 import math
 import os
@@ -17,7 +17,7 @@ td{text-align:right}td:first-child,th:first-child{text-align:left}.win{backgroun
 
 
 def processor():
-    """What run times were measured on."""
+    """Returns the name of the processor on which run times were measured."""
     for line in pathlib.Path('/proc/cpuinfo').read_text().splitlines():
         if line.startswith('model name'):
             return f'{line.split(":")[1].strip()}, {os.cpu_count()} threads'
@@ -37,7 +37,7 @@ def page(title, body):
 
 
 def table(header, lines, classes=None):
-    """Of cells that are texts; `classes` gives a CSS class for each line."""
+    """Returns an HTML table of texts; `classes` gives a CSS class for each line."""
     rows = ['<tr>' + ''.join(f'<th>{html.escape(cell)}</th>' for cell in header) + '</tr>']
     for i, line in enumerate(lines):
         kind = f' class="{classes[i]}"' if classes and classes[i] else ''
@@ -106,7 +106,7 @@ FRONT_TEXT = 'Shaded and ringed: the Pareto front of all contestants.'
 
 
 def contestant_lines(runs):
-    """Of each problem and contestant: the least run time to each error, and the least error."""
+    """Returns a line for each problem and contestant: the least run time to each error, and the least error."""
     lines = []
     for name in sorted(runs):
         for contestant, found in sorted(runs[name].items()):

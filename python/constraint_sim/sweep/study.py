@@ -29,11 +29,11 @@ MEASURES = ('position_error', 'orientation_error', 'max_constraint_error', 'max_
             'rejected', 'iterations', 'rows', 'contacts', 'changes', 'energy_rise', 'unclosed_joints',
             'torn_joints', 'unresolved_bodies')
 OTHERS = ('outcome', 'sim_time', 'state_hash', 'reference_error', 'methods', 'warnings', 'run_time_spread',
-          'worker', 'key', 'samples')  # that results have beside
-MOST_CASES = 200_000  # whose table is kept in memory
+          'worker', 'key', 'samples')  # further columns of results
+MOST_CASES = 200_000  # the table of cases is kept in memory
 MOST_ROUNDS = 1000
 MOST_CSV_BYTES = 256 << 20
-MOST_TICKS = 2 ** 53  # that a double can count
+MOST_TICKS = 2 ** 53  # a double counts no further
 
 # time_steps, tolerances: of the method's own; None: those of the study. peer: ENGINE VARIANT, of `program` or --peers
 Method = collections.namedtuple('Method', 'name options peer time_steps tolerances program',
@@ -120,7 +120,7 @@ STUDY_KEYS = ('scene', 'scenes', 'duration', 'parameters', 'random', 'methods', 
 
 
 class Study:
-    """What a study file says. Throws StudyError for what cannot be."""
+    """The contents of a study file. Throws StudyError for invalid values."""
 
     def __init__(self, text, folder, source='study', known_peers=None, first=0):
         """`known_peers`: those of other engines that methods may name; `first`: the number of its first case."""
@@ -172,7 +172,7 @@ class Study:
             raise StudyError(f'study: has {count} cases, more than {MOST_CASES}')
 
     def peer_named(self, method):
-        """Of `program`, or --peers; the only one need not be named."""
+        """Returns the peer of a method, from `program` or --peers; the only one need not be named."""
         known = self.peers
         if method.program is not None:
             path = self.folder / str(method.program)
@@ -383,7 +383,7 @@ class Study:
 
     @staticmethod
     def plain(case):
-        """The same scene and parameters, as they were written."""
+        """Returns the case with its scene and parameters as they were written, without a method."""
         return case._replace(method=Method('reference', {}), time_step=None, tolerance=None)
 
     def check_overlaps(self):
@@ -414,7 +414,7 @@ class Study:
         return ', '.join(f'{key} {value}' for key, value in values.items() if value is not None)
 
     def checked(self, case):
-        """What a worker needs; the scene is loaded, so that what is refused is told now."""
+        """Returns the data that a worker needs. Loads the scene, so that an invalid one is reported before the run."""
         text = self.text_of(case)
         try:
             world = engine.load_scene(text, self.scenes[case.scene].source)

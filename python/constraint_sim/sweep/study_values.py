@@ -9,14 +9,14 @@ import yaml
 
 from . import expressions
 
-MOST_BYTES = 6 << 20  # of a file, as of scenes
-MOST_DEPTH = 32  # of lists and maps within each other, as of scenes
-MOST_VALUES = 1_000_000  # of one parameter
-MOST_ELEMENTS = 200_000  # of a study file
+MOST_BYTES = 6 << 20  # size of a file, as for scenes
+MOST_DEPTH = 32  # lists and maps within each other, as for scenes
+MOST_VALUES = 1_000_000  # values of one parameter
+MOST_ELEMENTS = 200_000  # elements of a study file
 
 
 class StudyError(ValueError):
-    """What cannot be, with the key of the study file."""
+    """An invalid value; the text names its key in the study file."""
 
 
 def shown(value):
@@ -68,7 +68,7 @@ def check_size(document):
 
 
 def load_yaml(text):
-    """What a YAML text says. Throws StudyError; the depth is counted first, for yaml recurses."""
+    """Returns the value of a YAML text. Throws StudyError; the depth is counted first, for yaml recurses."""
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
     depth = 0
     try:
@@ -125,7 +125,7 @@ def listed(where, value):
 
 
 def scene_value(where, value):
-    """Of a `values` list: numbers and expressions, words, flags, or lists of numbers."""
+    """Returns an element of a `values` list: a number or expression, a word, a flag, or a list of numbers."""
     if isinstance(value, list):
         return tuple(number(where, element) for element in value)
     if isinstance(value, (bool, int)):

@@ -20,7 +20,7 @@ def rows(study, entries, results):
             continue
         row = {'case': case.index, 'scene': case.scene, **case.values, 'method': case.method.name,
                'time_step': case.time_step, 'tolerance': case.tolerance}
-        for name in CHOICES:  # what the study does not vary stands in the method's options, or nowhere
+        for name in CHOICES:  # choices that do not vary stand in the method's options, or nowhere
             if row[name] is None:
                 row[name] = case.method.options.get(name)
         found.append({**row, **{name: result[name] for name in result}})

@@ -232,8 +232,9 @@ Separation nearest_separation(const Shape& shape_a, const BodyState& a, const Sh
   if (box_a == nullptr || box_b == nullptr || !(found.gap > 0.0)) return found;
   const NearestPoints nearest = nearest_points(Polytope(box_a->size, a, b.position),
                                                Polytope(box_b->size, b, b.position), kInfinity);
-  // The gap along an axis that serves is exact to rounding.
-  const double rounding = 1e-14 * std::max(size_of(shape_a), size_of(shape_b));
+  // The gap along an axis that serves is exact to rounding, this share of the size.
+  constexpr double kSeparationRounding = 1e-14;
+  const double rounding = kSeparationRounding * std::max(size_of(shape_a), size_of(shape_b));
   if (!(nearest.distance > found.gap + rounding)) return found;
   return {(nearest.on_a - nearest.on_b) / nearest.distance, nearest.distance};
 }

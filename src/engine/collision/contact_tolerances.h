@@ -7,6 +7,7 @@
 #include "constraint_sim/engine/shape.h"
 #include "engine/math/numbers.h"
 #include "engine/model/shape_properties.h"
+#include "engine/model/zero_tolerances.h"
 
 namespace constraint_sim::engine {
 
@@ -58,12 +59,12 @@ struct ContactTolerances {
   /// Whether speeds that count as zero cannot grow any more.
   bool is_coarsest() const { return resting >= rattling; }
 
-  double touching = 1e-10;  ///< gap that counts as closed, and height of bounces not followed [m]
-  double border = 1e-10;    ///< distance to a border of a feature that counts as zero [m]
-  double missed = 1e-9;     ///< overlap that was missed [m]
-  double overlap = 1e-7;    ///< overlap that is accepted and closed: rounding, or other methods [m]
-  double resting = 1e-9;    ///< speed that counts as zero [m/s]
-  double slipping = 1e-9;   ///< a slower slip has no direction of its own [m/s]
+  double touching = kTouching;  ///< closed gap, and height of bounces not followed [m]
+  double border = 1e-10;        ///< distance to a border of a feature that counts as zero [m]
+  double missed = 1e-9;         ///< overlap that was missed [m]
+  double overlap = 1e-7;  ///< overlap that is accepted and closed: rounding, or other methods [m]
+  double resting = kResting;  ///< speed that counts as zero [m/s]
+  double slipping = 1e-9;     ///< a slower slip has no direction of its own [m/s]
   double end_of_slip = 1e-7;  ///< speed below which a slip ends, an error by rounding [m/s]
   double rattling = 1e-6;     ///< speed of events that need not be followed [m/s]
 };

@@ -140,7 +140,7 @@ Support support_of(const A& a, const Polytope& b, const Vector3d& direction) {
 /// Returns the nearest points of a shape with vertices and a polytope of a size [m] together.
 template <class A>
 NearestPoints nearest_of(const A& a, const Polytope& b, double size, double margin) {
-  constexpr int kMostGjkSteps = 200;
+  constexpr int kMostGjkSteps = 200;  // bounds the run time
   Simplex simplex;
   Vector3d v = a.centre - b.centre;
   if (v.isZero(0.0)) v = Vector3d::UnitZ();

@@ -43,6 +43,7 @@ inline double motor_travel(const MotorRate& motor, double t, double h) {
   // ∫ sin(ωt + φ) dt = h sin(ω(t + h/2) + φ) sin(x)/x with x = ωh/2
   const double omega = motor_omega(motor);
   const double x = 0.5 * omega * h;
+  // Below 1e-4 the series to second order is exact up to rounding.
   const double sinc = std::abs(x) > 1e-4 ? math::sin(x) / x : 1.0 - x * x / 6.0;
   travel += motor.amplitude * h * math::sin(omega * (t + 0.5 * h) + motor.phase) * sinc;
   return travel;

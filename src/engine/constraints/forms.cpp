@@ -15,6 +15,8 @@ struct Stretch {
 
   explicit Stretch(double x) {
     const double square = x * x;
+    // |x| below 1e-3: the next term is below rounding of the value and 4e-14 of the slope. The
+    // closed form of the slope loses six digits or more there by cancellation.
     if (square < 1e-6) {
       value = 1.0 + square * (1.0 / 6.0 + square * 7.0 / 360.0);
       slope = x * (1.0 / 3.0 + square * 7.0 / 90.0);

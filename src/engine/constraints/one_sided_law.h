@@ -11,6 +11,7 @@
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/model/joint_data.h"
+#include "engine/model/zero_tolerances.h"
 
 namespace constraint_sim::engine {
 
@@ -22,9 +23,6 @@ namespace constraint_sim::engine {
 //   motor       ±max_force  at q̇ = ζ
 //   limits      0 … ∞ at the lower, −∞ … 0 at the upper, at the rate of the limit
 // A coordinate is held at such a rate by a bounded rigid row, or has a constant force.
-
-inline constexpr double kTouching = 1e-10;  ///< [m or rad] a distance up to this counts as zero
-inline constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate up to this counts as zero
 
 /// Rate at which a coordinate is held, if any.
 enum class Hold : char {

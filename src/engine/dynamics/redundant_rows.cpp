@@ -15,12 +15,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRoundOffPivot = 1e-13;   // pivot in SparseLdlt's fill-reducing order
-constexpr double kSelfStress = 1e-6;       // imbalance of forces, as a share of the largest force
-constexpr double kExactSelfStress = 1e-9;  // imbalance of rows that depend to rounding
+// Rounding of a pivot in the order of SparseLdlt, as a share of its diagonal entry.
+constexpr double kRoundOffPivot = 1e-13;
+// Imbalance of the forces of a self-stress, as a share of the largest force, up to which a row is
+// redundant: in general; of rows that depend to rounding; of rows that factor() leaves out in a
+// singular pose alone; and at most while joints are being closed.
+constexpr double kSelfStress = 1e-6;
+constexpr double kExactSelfStress = 1e-9;
 constexpr double kMomentarySelfStress = 1e-3;
-constexpr double kMostSelfStress = 0.1;  // while joints are being closed
-constexpr int kRefinements = 3;
+constexpr double kMostSelfStress = 0.1;
+constexpr int kRefinements = 3;  // iterative refinements of a self-stress
 
 // Tolerances of redundant rows. Lengths that are rounded in a scene make rows only nearly
 // dependent, so tolerances grow with the imbalance of the forces.

@@ -11,7 +11,8 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// Share of the angular momentum that is its rounding.
+// Error of Newton's method that is left, as a share of the angular momentum: a tenth of its
+// rounding.
 constexpr double kMomentumSolved = 1e-17;
 // Newton's method starts from two fixed-point iterations, not from L₀, up to this relative change
 // of the angular momentum in the body frame in half a step.
@@ -61,6 +62,7 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
   Vector3d half_turn;  // axis of the step in the body frame, with length tan of half the angle
   if (half_angle < 1.0) {
     const auto [sine, cosine] = math::sin_cos(half_angle);
+    // Below 1e-4 the series to second order is exact up to rounding.
     const double scale = half_angle > 1e-4 ? sine / (cosine * speed)
                                            : 0.5 * h * (1.0 + half_angle * half_angle / 3.0);
     const Vector3d& j = mass.inverse_inertia;

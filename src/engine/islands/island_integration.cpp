@@ -377,7 +377,10 @@ void IslandIntegration::split_step(const IntegrationStep& in) {
   interval_ends_[0] = tick.start;
   interval_ends_[1] = tick.end;
   if (state->wrenches.empty() && time_varying_joints_.empty()) return;
-  const double margin = 1e-9 * model.options.time_step;  // nearer times are moved to the ends
+  // Share of the time step within which times are moved to its ends: rounding of times after some
+  // million steps, as in are_equal_steps().
+  constexpr double kEndShare = 1e-9;
+  const double margin = kEndShare * model.options.time_step;
   const auto split_at = [&](double time) {
     if (time > tick.start + margin && time < tick.end - margin) interval_ends_.push_back(time);
   };

@@ -18,6 +18,8 @@ using Eigen::Vector3d;
 
 constexpr int kMostAdvances = 100;  // conservative advances towards a hit
 constexpr int kMostPlaces = 2000;   // poses tried along the paths of a pair
+// Relative rounding of inertias that are typed or computed.
+constexpr double kEqualMoments = 1e-9;
 
 /// Returns a bound of the angular speed of a body without torque [rad/s], and a tenth of it for the
 /// error of a rotation by a step of up to kMostSweptTurn. The kinetic energy 2T = Σ I ω² stays, so
@@ -26,7 +28,7 @@ double fastest_turn(const BodyState& state, const MassProperties& mass) {
   const double w = state.angular_velocity.norm();
   if (!mass.can_turn() || mass.is_isotropic()) return w;
   const Vector3d& I = mass.inertia;
-  const auto are_equal = [](double a, double b) { return std::abs(a - b) <= 1e-9 * a; };
+  const auto are_equal = [](double a, double b) { return std::abs(a - b) <= kEqualMoments * a; };
   if (are_equal(I.x(), I.y()) || are_equal(I.y(), I.z()) || are_equal(I.z(), I.x())) return 1.1 * w;
   const Vector3d w_B = state.orientation.conjugate() * state.angular_velocity;
   return 1.1 * std::sqrt(w_B.cwiseAbs2().dot(I) / I.minCoeff());

@@ -26,10 +26,12 @@ constexpr double kStrict = 1e-8;  // share of the largest rate by which a row le
 // Share of the largest rate that rounding adds along directions without effect.
 constexpr double kConeSolved = 1e-9;
 constexpr double kRateRounding = 4.0 * kEpsilon;  // share of the terms of a rate that is rounding
+// A polish precedes sweeps 0, 1, 2, 4 and so on; 2¹⁰ + 1 sweeps include the polish before 2¹⁰.
 constexpr int kMostSweeps = 1025;
 constexpr double kCompliance = 1e-6;  // added to a compliance of 1 on average
-constexpr int kMostPasses = 4;
-constexpr int kMostTogether = 8;
+constexpr int kMostPasses = 4;        // solutions with compliance, each from the one before
+constexpr int kMostTogether = 8;      // steps of Newton's method with all rows together
+// Steps of Newton's method in a polish, and of them those that do not halve the residual.
 constexpr int kMostNewton = 40, kMostWorse = 6;
 // Most steps of Newton's method for κ; six suffice without bisection.
 constexpr int kMostKappaSteps = 100;

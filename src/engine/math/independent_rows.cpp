@@ -12,6 +12,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
+// Share of the largest pivot from which a pivot is as good: preferred rows come first among such.
 constexpr double kAboutAsLarge = 0.25;
 
 // Returns the row to be added next; -1 where no pivot is above `least`.

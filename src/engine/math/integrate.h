@@ -66,6 +66,8 @@ struct IntegrationResult {
 namespace runge_kutta {
 
 inline constexpr double kSafety = 0.9;  // keeps the next estimate below the allowed error
+// Bounds of the ratio of successive substeps: largest after an accepted one, smallest after any,
+// and largest after a rejected one.
 inline constexpr double kMostGrowth = 5.0;
 inline constexpr double kMostShrinking = 0.2;
 inline constexpr double kLeastShrinking = 0.73;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "engine/math/least_norm_solver.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -9,8 +11,6 @@ namespace {
 constexpr std::size_t kMostBounded = 64;
 // Most pairs of rows on a body, per row.
 constexpr std::size_t kMostPairsPerRow = 64;
-// Pivot of a row without bounds below which it depends on others, as a share of its diagonal entry.
-constexpr double kDependentPivot = 1e-10;
 // Share of its diagonal entry of A up to which rows without bounds hold a row.
 constexpr double kHeldShare = 1e-12;
 
@@ -138,7 +138,7 @@ void RowElimination::factor() {
   if (matrix_ == factored_) return;
   factored_ = matrix_;
   eliminated_.values() = matrix_;
-  eliminated_.factor(kDependentPivot);
+  eliminated_.factor(LeastNormSolver::kDependentPivot);
   known_couplings_.clear();
 }
 

@@ -17,10 +17,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Near a singular pose of a loop, where pivots fall as squares of angles, the rows go on.
+// Pivots below which the rows go on, near a singular pose of a loop, and from which the tree takes
+// over again. Pivots fall as squares of angles; the gap keeps the choice from alternating.
 constexpr double kLeastPivotOfLoops = 1e-6;
 constexpr double kPivotToReturn = 1e-4;
-constexpr int kMostNewtonSteps = 8;
+constexpr int kMostNewtonSteps = 8;  // corrections of the poses of a loop
 // A step far beyond stability, which is rejected also without a tolerance: one whose estimate is
 // this many sizes of the tree, that opens a loop by this share of the size, or leaves rates from
 // which closing joints change the fastest speed by this share. Changes below kSlowest sizes a

@@ -17,13 +17,14 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kMostAngle = 0.1;  // [rad] rotation of a joint in one step
-constexpr double kMostMotionParts = 32.0;
-constexpr int kMostMidpointSteps = 16;
-constexpr int kMostFitIterations = 60;
+constexpr double kMostAngle = 0.1;             // [rad] rotation of a joint in one step
+constexpr double kMostMotionParts = 32.0;      // parts of a step
+constexpr int kMostMidpointSteps = 16;         // iterations of the midpoint rule
+constexpr int kMostFitIterations = 60;         // iterations of Newton's method for a rotation
 constexpr int kMostDisplacementHalvings = 50;  // halvings of a displacement, until nothing is left
 constexpr double kMidpointFound = 1e-14;       // share of the scene's size
-// Share of energy that the impulses of a midpoint step may add before they are left out.
+// Share of energy that the impulses of a midpoint step may add before they are left out: without
+// and with driven joints, of which the work is known no better.
 constexpr double kMostAdded = 1e-3;
 constexpr double kMostAddedDriven = 0.5;
 

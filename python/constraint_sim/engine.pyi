@@ -850,7 +850,7 @@ class World:
         """Plan: what the world uses, what it leaves out and why, as YAML."""
     def left_out(self) -> List[str]:
         """Parts of the engine that the world leaves out and why, one line each."""
-    def warnings(self) -> List[str]:
+    def doubtful_settings(self) -> List[str]:
         """Settings that may be mistakes, one line each: inertias that no distribution of mass
         has."""
     def add_urdf(self, text: str, prefix: str = ..., position: Vector = ...,

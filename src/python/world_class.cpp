@@ -332,9 +332,9 @@ void define_texts(Class* world) {
       "left_out", [](const SharedWorld& self) { return engine::left_out(self.read()); },
       "Parts of the engine that the world leaves out and why, one line each.");
   world->def(
-      "warnings", [](const SharedWorld& self) { return engine::doubtful_settings(self.read()); },
-      "What the world has that may not be meant, one line each: inertias that no distribution of "
-      "mass has.");
+      "doubtful_settings",
+      [](const SharedWorld& self) { return engine::doubtful_settings(self.read()); },
+      "Settings that may be mistakes, one line each: inertias that no distribution of mass has.");
   world->def(
       "save_scene", [](const SharedWorld& self) { return engine::save_scene(self.read()); },
       "The world as it is now, as text of a scene; every number to 4 ulp.");

@@ -249,8 +249,8 @@ class Sequence:
 
     def ask(self):
         world, before = self.world, self.world.state_hash
-        world.islands(), world.contacts(), world.events(), world.explain(), world.left_out(), world.warnings()
-        world.unresolved_bodies(), repr(world), world.options
+        world.islands(), world.contacts(), world.events(), world.explain(), world.left_out()
+        world.doubtful_settings(), world.unresolved_bodies(), repr(world), world.options
         for name in world.body_names:
             world.body(name)
         for name in world.joint_names:

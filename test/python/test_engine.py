@@ -532,11 +532,11 @@ def test_what_impulses_report():
     assert last.worst_joint is not None and chain.report.worst_joint is None
 
 
-def test_warnings():
+def test_doubtful_settings():
     world = hanging()
-    assert world.warnings() == []
+    assert world.doubtful_settings() == []
     world.add_body('odd', mass=1.0, inertia=(1.0, 2.0, 4.0))
-    assert world.warnings() == ["body 'odd': inertia (1, 2, 4) is that of no distribution of mass: its "
+    assert world.doubtful_settings() == ["body 'odd': inertia (1, 2, 4) is that of no distribution of mass: its "
                                 'largest exceeds the sum of the others']
 
 

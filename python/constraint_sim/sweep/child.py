@@ -147,7 +147,7 @@ def run_case(case, job, reference, wants_all):
     warnings = []
     if run.failed:
         warnings.append(run.failure + (f": '{run.failed_body}'" if run.failed_body else ''))
-    warnings.extend(world.warnings())
+    warnings.extend(world.doubtful_settings())
     if run.unresolved_bodies:
         warnings.append(f'{len(run.unresolved_bodies)} bodies are not resolved')
     if run.unclosed_joints:  # the runner warns as well

@@ -254,7 +254,7 @@ TEST(Cylinders, AreLeftToImpulsesByEvents) {
   EXPECT_LT(std::abs(world.state(can).position.z() - 0.4), slop(world) * 1.01);
   ASSERT_EQ(world.islands().size(), 1u);
   EXPECT_EQ(world.islands()[0].method, Method::kTimeStepping);
-  EXPECT_NE(explain(world).find("events of cylinders: time_stepping carries"), std::string::npos);
+  EXPECT_NE(explain(world).find("events of cylinders: time_stepping advances"), std::string::npos);
   EXPECT_NE(explain(world).find("cylinder: 1,"), std::string::npos);
 }
 

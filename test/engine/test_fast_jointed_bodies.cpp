@@ -214,10 +214,10 @@ TEST(FastJointedBodies, WhatIsLeftIsTold) {
   add_joined_balls(&world, 0.0, 0.5 * kPlate + kBobRadius + 1e-5, 0.0);
   world.step();
   ASSERT_EQ(faults_of(world).size(), 1u);
-  EXPECT_EQ(with_advice(faults_of(world)[0]),
-            "body 'ball0': it, or what it touches, may pass through what it meets within a step: "
-            "take a shorter "
-            "time_step");
+  EXPECT_EQ(
+      with_advice(faults_of(world)[0]),
+      "body 'ball0': it, or a body in contact with it, may pass through another body within a "
+      "step: take a shorter time_step");
 }
 
 }  // namespace

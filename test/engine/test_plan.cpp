@@ -48,8 +48,8 @@ TEST(Plan, SaysWhatThereIs) {
   EXPECT_EQ(
       plan["left_out"].as<std::vector<std::string>>(),
       (std::vector<std::string>{
-          "friction: no two bodies that could touch have it", "runge_kutta: carries no island now",
-          "energy_momentum: carries no island now", "time_stepping: carries no island now"}));
+          "friction: no two bodies that could touch have it", "runge_kutta: advances no island",
+          "energy_momentum: advances no island", "time_stepping: advances no island"}));
 }
 
 TEST(Plan, SaysWhatIsLeftOut) {

@@ -199,15 +199,16 @@ std::vector<std::string> left_out(const World& world) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum, Method::kEventDriven,
                               impulses_of(world.options())})
     leave_out(counts.islands[static_cast<std::size_t>(method)] == 0,
-              std::string(name(method)) + ": carries no island now");
+              std::string(name(method)) + ": advances no island");
   const bool collides_by_events = follows_contacts(world.options()) && counts.collides();
   leave_out(collides_by_events && counts.colliding_cylinders > 0,
-            "events of cylinders: time_stepping carries what touches one");
+            "events of cylinders: time_stepping advances contacts with a cylinder");
   leave_out(collides_by_events && counts.colliding_hulls > 0,
-            "events of hulls: time_stepping carries what touches one");
+            "events of hulls: time_stepping advances contacts with a hull");
   leave_out(collides_by_events && counts.colliding_capsules > 0 &&
                 counts.colliding - counts.colliding_planes > 1,
-            "events of capsules: time_stepping carries what touches one and is no plane");
+            "events of capsules: time_stepping advances contacts of a capsule with shapes other "
+            "than planes");
   const std::string asleep = std::to_string(counts.asleep);
   leave_out(counts.asleep > 0, "islands: " + asleep + " at rest, until something touches them");
   return lines;

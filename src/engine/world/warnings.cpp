@@ -59,7 +59,8 @@ std::string to_string(const StepWarning& warning) {
       return body + "energy of its island rose by " + value + " J without a cause";
     case Kind::kHitsLeft:
       if (warning.value < kMostHits)
-        return body + "it, or what it touches, may pass through what it meets within a step";
+        return body +
+               "it, or a body in contact with it, may pass through another body within a step";
       return body + "it and what it hits met " + value +
              " times in a step, and may pass through each other";
     case Kind::kOverlap:

@@ -71,7 +71,6 @@ class Markers {
   JointLook& coupled_look(engine::JointId id);
   void find_extent(const engine::World& world);
   void add_body(const engine::World& world, const BodyLook& look);
-  void add_shape(const engine::World& world, engine::BodyId id, const engine::BodyState& at);
   void add_grip(const engine::World& world, engine::JointId id);
   void add_constraint(const engine::World& world, const JointLook& look, const ros::Time& stamp);
   bool is_drawn(const JointLook& look, bool is_broken, const ros::Time& stamp);

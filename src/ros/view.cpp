@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "engine/math/numbers.h"
+
 namespace constraint_sim {
 namespace {
 
@@ -14,7 +16,7 @@ constexpr int kMostSteps = 600;
 constexpr double kLegend = 0.2;  // room for lines above the scene, over its diagonal
 constexpr double kShare = 0.85;  // largest used share of the window
 // Field of view of rviz: 45 degrees from top to bottom, and the aspect of its shipped window.
-const double kHalfHeight = std::tan(0.125 * 3.14159265358979323846);
+const double kHalfHeight = std::tan(0.125 * engine::kPi);
 constexpr double kAspect = 1.75;
 constexpr double kBroadside = 1.1, kLengthwise = 0.47;  // [rad] yaw
 
@@ -67,14 +69,6 @@ View fitted_view(const Extent& extent) {
     view.distance = std::max(view.distance, half / (kShare * kHalfHeight) + p.dot(axes.to_eye));
   }
   return view;
-}
-
-Vector3d in_view(const View& view, const Vector3d& point) {
-  const Axes axes(view);
-  const Vector3d p = point - view.focal_point;
-  const double depth = view.distance - p.dot(axes.to_eye);
-  return {p.dot(axes.right) / (kAspect * kHalfHeight * depth),
-          p.dot(axes.up) / (kHalfHeight * depth), depth};
 }
 
 }  // namespace constraint_sim

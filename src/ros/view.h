@@ -20,8 +20,5 @@ Extent seen_extent(engine::World world);
 /// Returns a view that shows all of `extent`, as large as possible; the default for a point or an
 /// empty extent.
 View fitted_view(const Extent& extent);
-/// Returns the place of a point in a view, from -1 (left, lower edge) to 1 in the window of rviz's
-/// shipped configuration; z is the depth along the line of sight [m].
-Eigen::Vector3d in_view(const View& view, const Eigen::Vector3d& point);
 
 }  // namespace constraint_sim

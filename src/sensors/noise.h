@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "engine/math/numbers.h"
+
 namespace constraint_sim::sensors {
 
 /// Gaussian noise as a function of seed, sample and channel. It has no memory, so a run that is
@@ -20,8 +22,8 @@ class Noise {
   /// A number of mean 0 and standard deviation 1 (Box and Muller 1958).
   double number(std::uint64_t sample, std::uint64_t channel) const {
     const std::uint64_t key = mixed(mixed(seed_ ^ mixed(sample)) + channel);
-    constexpr double kTwoPi = 6.283185307179586;
-    return std::sqrt(-2.0 * std::log(uniform(key))) * std::cos(kTwoPi * uniform(mixed(key)));
+    return std::sqrt(-2.0 * std::log(uniform(key))) *
+           std::cos(2.0 * engine::kPi * uniform(mixed(key)));
   }
 
  private:

@@ -7,12 +7,13 @@
 #include <vector>
 
 #include "constraint_sim/engine/ray.h"
+#include "engine/math/numbers.h"
 #include "sensors/noise.h"
 #include "sensors/settings.h"
 
 namespace constraint_sim::sensors {
 
-inline constexpr double kPi = 3.14159265358979323846;
+using engine::kPi;
 
 /// Beams that start in the origin of a sensor: mount, limits, rate and noise. Readings are
 /// distances [m], +Inf without a body up to the greatest range, and −Inf below the least range (REP

@@ -82,8 +82,6 @@ void add_triangles(const aiScene& scene, const aiNode& node, const aiMatrix4x4& 
 
 }  // namespace
 
-bool reads_meshes() { return true; }
-
 TriangleMesh read_mesh(const std::string& path) {
   std::error_code error;
   const std::uintmax_t bytes = std::filesystem::file_size(path, error);
@@ -106,8 +104,6 @@ TriangleMesh read_mesh(const std::string& path) {
   return mesh;
 }
 #else
-bool reads_meshes() { return false; }
-
 TriangleMesh read_mesh(const std::string&) {
   throw std::invalid_argument("this program was built without assimp");
 }

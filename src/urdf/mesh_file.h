@@ -7,9 +7,6 @@
 
 namespace constraint_sim {
 
-/// Whether the program was built with assimp, which reads meshes.
-bool reads_meshes();
-
 /// A surface of triangles, counter-clockwise as seen from outside.
 struct TriangleMesh {
   using Triangle = std::array<int, 3>;

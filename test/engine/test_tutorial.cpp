@@ -1,6 +1,6 @@
 // Numbers of the tutorial: the constraint on a line, the worked example, the experiment.
 
-#include "engine/constraints/distance_1d.h"
+#include "distance_1d.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

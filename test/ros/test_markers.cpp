@@ -906,6 +906,19 @@ TEST(Markers, OfGearsAreLinesOnlyWhereNoWheelsTouch) {
 
 // ---- the view
 
+/// Returns the place of a point in a view, from -1 (left, lower edge) to 1 in the window of rviz's
+/// shipped configuration; z is the depth along the line of sight [m].
+Vector3d in_view(const View& view, const Vector3d& point) {
+  // Field of view of rviz: 45 degrees from top to bottom, and the aspect of its shipped window.
+  const double half_height = std::tan(std::atan(1.0) / 2.0), aspect = 1.75;
+  const Vector3d to_eye(std::cos(view.yaw) * std::cos(view.pitch),
+                        std::sin(view.yaw) * std::cos(view.pitch), std::sin(view.pitch));
+  const Vector3d right(-std::sin(view.yaw), std::cos(view.yaw), 0.0), up = to_eye.cross(right);
+  const Vector3d p = point - view.focal_point;
+  const double depth = view.distance - p.dot(to_eye);
+  return {p.dot(right) / (aspect * half_height * depth), p.dot(up) / (half_height * depth), depth};
+}
+
 TEST(View, ShowsAllOfASceneAndLarge) {
   for (const double size : {0.01, 0.1, 1.0, 100.0}) {
     for (const Vector3d& shape : {Vector3d(1.0, 1.0, 1.0), Vector3d(1.0, 0.02, 0.02),

@@ -1,8 +1,8 @@
 #pragma once
 
 // Products of quaternions on ARM in the order of sums that Eigen has on x86 in all versions, and on
-// ARM from 3.4 on. Included by the compiler's command line, before any code that multiplies
-// quaternions.
+// ARM from 3.4 on. Force-included by CMakeLists.txt (CONSTRAINT_SIM_SAME_BITS), before any code
+// that multiplies quaternions.
 
 #include <Eigen/Geometry>
 #include <type_traits>

@@ -22,6 +22,8 @@ constexpr double kRounded = 16.0;
 // speed that counts as rest.
 constexpr int kMostCorrections = 5;
 constexpr double kClosed = 0.1;
+// Share of a change of corrections above which the next one shows that they do not converge.
+constexpr double kLargestRatio = 0.5;
 
 // Whether the row holds a value of the joint that turns of the bodies change.
 bool is_curved(const Row& row) {
@@ -49,6 +51,7 @@ ConvergedRows::Outcome JointCurvature::correct(const SteppedJoints& step, double
                                                RowSolver* solver, List<Row>* rows) {
   const bool is_curved = step.move_by_end_velocity && !step.acting.empty();
   has_changed_.assign(step.states.size(), 1);
+  last_changes_.assign(step.states.size(), kInfinity);
   if (is_curved) {
     begin(step, *converged, *solver, rows);
     solver->find_corrections(*rows);
@@ -127,21 +130,35 @@ void JointCurvature::set_corrections(const RowSolver& solver, List<Row>* rows) c
     if (has_changed_[to_index(solver.component(r))] != 0) (*rows)[r].correction = by_both_[r];
 }
 
+// Finds the components in which a correction changes by more than `least` [m/s]. Where changes do
+// not fall to half, they would not end: corrections return to those by errors, for good.
+void JointCurvature::find_changes(double least, const RowSolver& solver, const List<Row>& rows) {
+  changes_.assign(has_changed_.size(), 0.0);
+  for (std::size_t r = 0; r < by_both_.size(); ++r) {
+    double& change = changes_[to_index(solver.component(r))];
+    change = std::max(change, std::abs(by_both_[r] - rows[r].correction));
+  }
+  for (std::size_t component = 0; component < has_changed_.size(); ++component) {
+    if (has_changed_[component] == 0) continue;
+    double& last = last_changes_[component];
+    const double now = changes_[component];
+    has_changed_[component] = static_cast<char>(now > least && last > 0.0);
+    last = now <= kLargestRatio * last ? now : 0.0;
+  }
+  for (std::size_t r = 0; r < by_both_.size(); ++r)
+    if (last_changes_[to_index(solver.component(r))] == 0.0) by_both_[r] = by_errors_[r];
+}
+
 // Repeats begin() for velocities and corrections in each component where a correction changes by
 // more than `least` [m/s]. Returns whether there is any.
 bool JointCurvature::repeat(const SteppedJoints& step, double least, const RowSolver& solver,
                             List<Row>* rows) {
   find_ends(step, solver);
   find_corrections(step, solver, *rows);
-  std::fill(has_changed_.begin(), has_changed_.end(), 0);
-  bool any = false;
-  for (std::size_t r = 0; r < by_both_.size(); ++r) {
-    if (!(std::abs(by_both_[r] - (*rows)[r].correction) > least)) continue;
-    has_changed_[to_index(solver.component(r))] = 1;
-    any = true;
-  }
-  if (any) set_corrections(solver, rows);
-  return any;
+  find_changes(least, solver, *rows);
+  if (std::find(has_changed_.begin(), has_changed_.end(), 1) == has_changed_.end()) return false;
+  set_corrections(solver, rows);
+  return true;
 }
 
 }  // namespace constraint_sim::engine

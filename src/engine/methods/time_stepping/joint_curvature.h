@@ -45,6 +45,7 @@ class JointCurvature {
   bool repeat(const SteppedJoints& step, double least, const RowSolver& solver, List<Row>* rows);
   void find_ends(const SteppedJoints& step, const RowSolver& solver);
   void find_corrections(const SteppedJoints& step, const RowSolver& solver, const List<Row>& rows);
+  void find_changes(double least, const RowSolver& solver, const List<Row>& rows);
   void set_corrections(const RowSolver& solver, List<Row>* rows) const;
 
   // Per row of a joint: the value at the start, and corrections by errors at the start and by these
@@ -52,7 +53,10 @@ class JointCurvature {
   List<double> at_start_, by_errors_, by_both_;
   List<std::size_t> solved_;  // acting joints whose rows are not swept, as places in the list
   List<BodyState> ends_;      // per body; set where joints are
-  List<char> has_changed_;    // whether corrections changed; at the body of a component
+  // At the body of a component: whether corrections have changed, and the largest change; 0 where
+  // curvature is left out.
+  List<char> has_changed_;
+  List<double> changes_, last_changes_;
 };
 
 }  // namespace constraint_sim::engine

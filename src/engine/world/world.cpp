@@ -290,11 +290,11 @@ void World::Impl::finish_step(const StepContext& step) {
 // `touching`, and event-driven groups insert contacts there. set_contacts() comes last, with the
 // contacts of all methods.
 void World::Impl::read_results(const StepContext& step) {
-  const JointStep joint_times = joint_step(options, step.tick.start, options.time_step);
   if (!integration.partition().impulse_bodies.empty()) finish_impulses(step);
   if (!motions.empty() && !integration.partition().integrated.empty())
-    read_integrated_joints(joint_times);
-  if (!groups.is_empty()) report_contact_groups(joint_times);
+    read_integrated_joints(joint_step(options, step.tick.start, options.time_step));
+  if (!groups.is_empty())
+    report_contact_groups(joint_step(options, step.tick.start, options.time_step));
   if (!touching.empty() || contacts.size() > resting_contacts)
     set_contacts(touching, options.time_step);
 }

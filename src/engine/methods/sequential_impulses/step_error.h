@@ -17,7 +17,8 @@ namespace constraint_sim::engine {
 ///                    rotations move by the last one, so theirs is ½ Δ
 ///   ½ h ‖δ‖          the change of forces, which act from the start of the step or later
 ///   h² ‖ω‖ ‖Δ_g‖     with Δ_g the change of angular velocity ω at constant angular momentum
-///   h ‖w‖            with w the velocity that corrects positions, an error of steps before.
+///   h ‖w‖            with w the velocity that corrects errors of steps before and the curvature
+///                    of joints.
 /// Rotations count times radius of gyration. Bodies that rows connect share the largest sum. The
 /// first three are together at most twice the way of their fastest body.
 class StepError {

@@ -157,9 +157,11 @@ double ConvergedRows::largest_rate(std::size_t begin, std::size_t end, const Lis
 // Returns whether there is anything to correct.
 bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
                                            const List<BodyState>& bodies,
-                                           const List<MassProperties>& masses,
+                                           const List<MassProperties>& masses, bool is_anew,
                                            const List<Row>& rows, const RowSolver& solver) {
-  const auto corrects = [&](std::size_t i) { return rows[i].correction != 0.0; };
+  const auto corrects = [&](std::size_t i) {
+    return rows[i].correction != 0.0 || rows[i].correction_impulse != 0.0;
+  };
   if (std::none_of(order_.begin() + static_cast<std::ptrdiff_t>(begin),
                    order_.begin() + static_cast<std::ptrdiff_t>(end), corrects))
     return false;
@@ -180,7 +182,7 @@ bool ConvergedRows::set_correction_problem(std::size_t begin, std::size_t end,
     added.least = row.lower == 0.0 ? 0.0 : std::min(row.lower - row.impulse, 0.0);
     added.most = row.upper == 0.0 ? 0.0 : std::max(row.upper - row.impulse, 0.0);
     problem_rows_.push_back(order_[k]);
-    impulses_.push_back(row.correction_impulse);
+    impulses_.push_back(is_anew ? 0.0 : row.correction_impulse);
   }
   return true;
 }
@@ -205,6 +207,7 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
   list_by_component(*rows, *solver);
   is_swept_.assign(bodies.size(), 0);
   loose_.assign(begins_.size(), 0.0);
+  corrected_.assign(begins_.size(), Outcome{});
   for (std::size_t c = 0; c + 1 < begins_.size() && !is_set(stop); ++c) {
     forget_bodies();
     set_velocity_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver);
@@ -228,24 +231,30 @@ ConvergedRows::Outcome ConvergedRows::solve(const List<BodyState>& bodies,
   return outcome;
 }
 
-ConvergedRows::Outcome ConvergedRows::correct(const List<BodyState>& bodies,
-                                              const List<MassProperties>& masses, double rest_speed,
-                                              const Wanted& wanted, StopFlag stop, List<Row>* rows,
-                                              RowSolver* solver) {
-  Outcome outcome;
+void ConvergedRows::correct(const List<BodyState>& bodies, const List<MassProperties>& masses,
+                            double rest_speed, const List<Start>& starts, StopFlag stop,
+                            List<Row>* rows, RowSolver* solver) {
   BodyConeSolver::Goal goal = goal_at(rest_speed);
   for (std::size_t c = 0; c + 1 < begins_.size() && !is_set(stop); ++c) {
     const int component = solver->component(order_[begins_[c]]);
-    if (is_swept(component) || wanted.components[to_index(component)] == 0 ||
-        !set_correction_problem(begins_[c], begins_[c + 1], bodies, masses, *rows, *solver))
+    const Start start = starts[to_index(component)];
+    if (is_swept(component) || start == Start::kKept ||
+        !set_correction_problem(begins_[c], begins_[c + 1], bodies, masses, start == Start::kAnew,
+                                *rows, *solver))
       continue;
     goal.loose = loose_[c];
-    goal.is_shared = wanted.is_first;
-    add(solvers_[c].solve(problem_, goal, stop, &impulses_), &outcome);
+    goal.is_shared = start != Start::kAgain;
+    corrected_[c] = Outcome{};
+    add(solvers_[c].solve(problem_, goal, stop, &impulses_), &corrected_[c]);
     for (std::size_t i = 0; i < problem_rows_.size(); ++i)
       solver->set_correction(problem_rows_[i], impulses_[i], rows);
     forget_bodies();
   }
+}
+
+ConvergedRows::Outcome ConvergedRows::corrected() const {
+  Outcome outcome;
+  for (const Outcome& of_component : corrected_) outcome.add(of_component);
   return outcome;
 }
 

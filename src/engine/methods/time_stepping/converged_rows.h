@@ -38,16 +38,19 @@ class ConvergedRows {
   /// are swept have their corrections too.
   Outcome solve(const List<BodyState>& bodies, const List<MassProperties>& masses,
                 const Accuracy& accuracy, StopFlag stop, List<Row>* rows, RowSolver* solver);
-  /// Corrections to solve for.
-  struct Wanted {
-    const List<char>& components;  ///< marks components, at the body of a component
-    /// First ones of the step; redundant rows share later ones in much the same way.
-    bool is_first;
+  /// How the corrections of a component are solved for.
+  enum class Start : char {
+    kKept,   ///< not at all
+    kFirst,  ///< the first time in the step
+    kAgain,  ///< from present corrections; redundant rows share the change as it comes
+    kAnew,   ///< from none, where corrections of the last time are of no use
   };
-  /// Solves for the corrections of the rows that solve() has not swept, after solve().
-  Outcome correct(const List<BodyState>& bodies, const List<MassProperties>& masses,
-                  double rest_speed, const Wanted& wanted, StopFlag stop, List<Row>* rows,
-                  RowSolver* solver);
+  /// Solves for the corrections of the rows that solve() has not swept, after solve(). `starts`:
+  /// per component, at the body of a component.
+  void correct(const List<BodyState>& bodies, const List<MassProperties>& masses, double rest_speed,
+               const List<Start>& starts, StopFlag stop, List<Row>* rows, RowSolver* solver);
+  /// Outcome of the corrections of all components; of each, the last one counts.
+  Outcome corrected() const;
 
   /// Whether solve() has swept the component that is stored at a body.
   bool is_swept(int component) const { return is_swept_[to_index(component)] != 0; }
@@ -89,8 +92,8 @@ class ConvergedRows {
   double largest_rate(std::size_t begin, std::size_t end, const List<Row>& rows,
                       const RowSolver& solver) const;
   bool set_correction_problem(std::size_t begin, std::size_t end, const List<BodyState>& bodies,
-                              const List<MassProperties>& masses, const List<Row>& rows,
-                              const RowSolver& solver);
+                              const List<MassProperties>& masses, bool is_anew,
+                              const List<Row>& rows, const RowSolver& solver);
   void forget_bodies();
   void add(const BodyConeSolver::Outcome& solved, Outcome* outcome) const;
 
@@ -99,6 +102,7 @@ class ConvergedRows {
   List<std::size_t> swept_;         // rows of components that are too large
   List<char> is_swept_;             // at the body of a component
   List<double> loose_;              // BodyConeSolver::Goal::loose, per component of begins_
+  List<Outcome> corrected_;         // per component of begins_
   List<std::size_t> problem_rows_;  // rows of the problem
   List<int> local_of_, bodies_;     // index in the problem of each body, and the reverse
   BodyConeProblem problem_;

@@ -45,17 +45,18 @@ class JointCurvature {
   bool repeat(const SteppedJoints& step, double least, const RowSolver& solver, List<Row>* rows);
   void find_ends(const SteppedJoints& step, const RowSolver& solver);
   void find_corrections(const SteppedJoints& step, const RowSolver& solver, const List<Row>& rows);
+  void leave_out_fast(const SteppedJoints& step);
   void find_changes(double least, const RowSolver& solver, const List<Row>& rows);
   void set_corrections(const RowSolver& solver, List<Row>* rows) const;
 
   // Per row of a joint: the value at the start, and corrections by errors at the start and by these
   // and the curvature.
   List<double> at_start_, by_errors_, by_both_;
-  List<std::size_t> solved_;  // acting joints whose rows are not swept, as places in the list
+  List<std::size_t> curved_;  // acting joints that are closed, as places in the list
   List<BodyState> ends_;      // per body; set where joints are
-  // At the body of a component: whether corrections have changed, and the largest change; 0 where
-  // curvature is left out.
-  List<char> has_changed_;
+  // At the body of a component: how its corrections are solved for next, and their largest change;
+  // 0 where curvature is left out.
+  List<ConvergedRows::Start> starts_;
   List<double> changes_, last_changes_;
 };
 

@@ -15,6 +15,7 @@
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/math/proximal_newton.h"
+#include "engine/math/row_elimination.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -252,6 +253,54 @@ TEST(CondensedCones, TellTheResidualOfContradictingRows) {
         BodyConeSolver().solve(problem, {1e-9, 0.0, 400}, nullptr, &p);
     EXPECT_EQ(outcome.residual, of.residual(p)) << seed;
     EXPECT_GT(outcome.residual, 0.04) << seed;  // half of the contradiction, or more
+  }
+}
+
+/// Corrections of a step: the rows of the velocities without tangents, with other rates.
+BodyConeProblem corrections_of(const BodyConeProblem& velocities, Draw* draw) {
+  BodyConeProblem problem;
+  problem.bodies = velocities.bodies;
+  std::size_t part = 0;
+  for (BodyConeProblem::Row row : velocities.rows) {
+    const std::size_t end = row.parts_end;
+    if (row.kind != Kind::kTangent)
+      problem.parts.insert(problem.parts.end(),
+                           velocities.parts.begin() + static_cast<std::ptrdiff_t>(part),
+                           velocities.parts.begin() + static_cast<std::ptrdiff_t>(end));
+    part = end;
+    if (row.kind == Kind::kTangent) continue;
+    if (row.kind == Kind::kNormal) row.least = 0.0;
+    row.kind = Kind::kSingle;
+    row.rate = 0.1 * (*draw)();
+    row.parts_end = problem.parts.size();
+    problem.rows.push_back(row);
+  }
+  return problem;
+}
+
+// Factors that are kept give the same bits as new ones: for other rates, for fewer rows, and where
+// a mass changes, for which factors are computed anew.
+TEST(RowElimination, KeepsFactorsWithoutATrace) {
+  RowElimination kept;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    Walker walker(seed, 7, 1e3);
+    List<BodyConeProblem> problems{walker.problem, corrections_of(walker.problem, &walker.draw),
+                                   corrections_of(walker.problem, &walker.draw), walker.problem};
+    problems.push_back(problems[1]);
+    problems.back().bodies[3].inverse_mass *= 1.25;
+    for (std::size_t k = 0; k < problems.size(); ++k) {
+      const Blocks of(problems[k]);
+      RowElimination anew;
+      ASSERT_TRUE(kept.set(of.blocks));
+      ASSERT_TRUE(anew.set(of.blocks));
+      EXPECT_EQ(kept.A(), anew.A()) << seed << " " << k;
+      EXPECT_EQ(kept.b(), anew.b()) << seed << " " << k;
+      List<double> x(kept.size()), p, expected;
+      for (double& value : x) value = walker.draw();
+      kept.expand(x, &p);
+      anew.expand(x, &expected);
+      EXPECT_EQ(p, expected) << seed << " " << k;
+    }
   }
 }
 

@@ -74,8 +74,8 @@ class RowElimination {
   List<double> matrix_, factored_;  // A_FF, and the one that has factors
   // A_BF and A_BF A_FF⁻¹, by rows, and A_FF⁻¹ D b, in the order of the elimination.
   List<double> couplings_, solved_, free_rate_;
-  List<double> known_couplings_,
-      known_solved_;  // last rows of both, for other rows with these factors
+  // A_BF and A_BF A_FF⁻¹ of the problem before: rows that come again need no solution.
+  List<double> known_couplings_, known_solved_;
   List<std::size_t> coupled_;
   List<double> A_, b_;  // Â by rows, and b̂
 };

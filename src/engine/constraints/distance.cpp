@@ -71,6 +71,12 @@ int write_distance_rows(const DistanceJoint& joint, const AnchorPair& anchors, d
   return count;
 }
 
+double length_of_row(const DistanceJoint& joint, int k) {
+  if (!is_between_limits(joint) && k-- == 0) return *joint.length;
+  if (joint.max_length < kInfinity && k-- == 0) return joint.max_length;
+  return joint.min_length;
+}
+
 double least_travel(const DistanceJoint& joint) {
   double length = joint.length.value_or(kInfinity);
   if (joint.min_length > 0.0) length = std::min(length, joint.min_length);

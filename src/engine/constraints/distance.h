@@ -28,6 +28,9 @@ double distance_error(const DistanceJoint& joint, double distance, double travel
 int write_distance_rows(const DistanceJoint& joint, const AnchorPair& anchors, double travel,
                         Row* rows);
 
+/// Returns the length that the k-th row of write_distance_rows() holds, without travel [m].
+double length_of_row(const DistanceJoint& joint, int k);
+
 /// Whether the anchors are free between limits, without a rod or spring.
 inline bool is_between_limits(const DistanceJoint& joint) {
   return joint.is_limited() && !joint.is_soft();

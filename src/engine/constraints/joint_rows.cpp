@@ -142,23 +142,23 @@ bool is_at_limit(const Row& row, double most) {
 void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
             const JointStep& step, const Row* rows, int count, JointData& state) {
   const double max_force = joint.motor.max_force;
-  bool yields = false;
+  int yielding = -1;  // row at the force limit
   state.force = 0.0;
   for (int k = 0; k < count; ++k) {
     const double impulse = rows[k].impulse + rows[k].correction_impulse;
     state.impulse[k] = rows[k].impulse;
     state.force += impulse / step.h;
-    yields = yields || (max_force > 0.0 && is_at_limit(rows[k], max_force * step.h));
+    if (max_force > 0.0 && is_at_limit(rows[k], max_force * step.h)) yielding = k;
   }
-  if (!yields) {
+  if (yielding < 0) {
     state.travel += state.bias * step.h;
     return;
   }
   state.saturated = true;
   state.closing = false;
   if (!distance.is_soft()) {
-    state.travel += distance_error(distance, anchors.d.norm(), state.travel);
-    state.travel = std::max(state.travel, least_travel(distance));
+    const double reached = anchors.d.norm() - length_of_row(distance, yielding);
+    state.travel = std::max(reached, least_travel(distance));
   }
 }
 

@@ -9,10 +9,14 @@ namespace {
 // Smallest gain that is no rounding, as a share of ½ Δvᵀ M Δv.
 constexpr double kGain = 1e-6;
 
-// Energy of a spring that only pulls, at the value C of its row.
-double tension_energy(const Row& row, double C) {
-  const double stretch = std::max(C, 0.0);
-  return 0.5 * row.stiffness * stretch * stretch;
+// Whether a spring only pulls, or has a force limit.
+bool is_bounded(const Row& row) { return std::isfinite(row.lower) || std::isfinite(row.upper); }
+
+// Energy of a spring at the value C of its row: the integral of its force k C within the bounds of
+// the row, which are impulses in h.
+double spring_energy(const Row& row, double C, double h) {
+  const double force = std::clamp(row.stiffness * C, -row.upper / h, -row.lower / h);
+  return force * (C - 0.5 * force / row.stiffness);
 }
 
 // Rate of a bounce without the rate of a motor [m/s]; 0 for a row without a bounce.
@@ -67,11 +71,11 @@ void EnergyAccount::add_spring(const Row& row, std::size_t i, double rate,
   const double h = system.h();
   Entry& part = entries_[r.component];
   double stored = row.stiffness * h * rate * (row.C + 0.5 * h * rate);
-  if (row.upper == 0.0) stored = tension_energy(row, row.C + h * rate) - tension_energy(row, row.C);
+  if (is_bounded(row))
+    stored = spring_energy(row, row.C + h * rate, h) - spring_energy(row, row.C, h);
   part.work += stored;
   spring_rates_[i] = {rate, rate_of(row, r, system.corrections())};
   part.has_springs = any_springs_ = true;
-  if (std::isfinite(row.upper) && row.upper != 0.0) part.has_limited_springs = true;
 }
 
 void EnergyAccount::finish_sums(const List<int>& moved, RowSystem* system) {
@@ -97,7 +101,7 @@ bool EnergyAccount::lower_bounces(const List<int>& moved, bool to_zero, const Ro
     const Entry& part = entries_[system.response(i).component];
     const double gain = part.work - part.absorbed - part.allowed;
     const double bounce = bounce_of((*rows)[i]);
-    if (bounce == 0.0 || part.has_limited_springs || gain <= kGain * part.absorbed) continue;
+    if (bounce == 0.0 || gain <= kGain * part.absorbed) continue;
     const bool is_part = !to_zero && kSurplus * gain < part.linear;
     (*rows)[i].target -= is_part ? kSurplus * gain / part.linear * bounce : bounce;
     any = true;
@@ -157,14 +161,18 @@ bool EnergyAccount::limit(const List<int>& moved, RowSystem* system, List<Row>* 
 
 void EnergyAccount::finish_spring(const Row& row, std::size_t i, double C,
                                   const RowSystem& system) {
-  double by_v = row.C + system.h() * spring_rates_[i].by_v;
-  double by_all = by_v + system.h() * spring_rates_[i].by_corrections;
-  if (row.upper == 0.0) {  // a spring that only pulls
-    by_v = std::max(by_v, 0.0);
-    by_all = std::max(by_all, 0.0);
+  const double h = system.h();
+  const double by_v = row.C + h * spring_rates_[i].by_v;
+  const double by_all = by_v + h * spring_rates_[i].by_corrections;
+  double& work = entries_[system.response(i).component].work;
+  if (is_bounded(row)) {
+    const double energy = spring_energy(row, by_all, h);
+    work += spring_energy(row, C, h) - energy;
+    spring_work_ += energy - spring_energy(row, by_v, h);
+  } else {
+    work += 0.5 * row.stiffness * (C * C - by_all * by_all);
+    spring_work_ += 0.5 * row.stiffness * (by_all * by_all - by_v * by_v);
   }
-  entries_[system.response(i).component].work += 0.5 * row.stiffness * (C * C - by_all * by_all);
-  spring_work_ += 0.5 * row.stiffness * (by_all * by_all - by_v * by_v);
 }
 
 }  // namespace constraint_sim::engine

@@ -54,7 +54,6 @@ class EnergyAccount {
     double absorbed = 0.0;  // ½ Δvᵀ M Δv
     double allowed = 0.0;   // gain beyond `absorbed` that positions give back
     bool has_springs = false;
-    bool has_limited_springs = false;  // servos with a force limit
     bool gains = false;
     double linear = 0.0, quadratic = 0.0, free = 0.0, scale = 1.0;
   };

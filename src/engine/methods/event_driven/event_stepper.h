@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -29,12 +31,41 @@ class EventStepper {
     events_ = 0;
     unchanged_ = 0;
   }
-  void begin_interval() { watched_.unchanged.clear(); }
+  void begin_interval() {
+    watched_.unchanged.clear();
+    in_vain_ = 0;
+  }
   /// Values at the start of the next substep.
   List<Watched>* before() { return &watched_.before; }
   const List<Watched>& before() const { return watched_.before; }
   void count_event() { ++events_; }
   std::uint32_t events() const { return events_; }
+
+  /// Returns the span of the next substep: from `start`, and only to the next event where one is
+  /// expected before `step` [s]; 0: none is expected. So a substep ends at its event at once where
+  /// accelerations are constant, and is repeated less often elsewhere. After two expected events in
+  /// a row that were none the next ones are not waited for.
+  SubstepSpan to_next_event(const SubstepSpan& start, double step) {
+    constexpr int kMostInVain = 2;
+    constexpr double kShort = 1.0 / 32;  // of a substep without events; 32⁻⁶ is 1e-9
+    const ExpectedEvent next = watched_.expected();
+    const double least = 2.0 * event_watch::kLocatedTime * std::max(1.0, std::abs(start.t));
+    expected_.reset();
+    is_short_ = false;
+    if (!(next.time < std::min(step, start.left) && next.time > least) || in_vain_ >= kMostInVain)
+      return start;
+    expected_ = next;
+    is_short_ = next.time < kShort * step;
+    return {start.t, next.time};
+  }
+  /// Order of the substep where others have `order`. Short ones, as between bounces of a body that
+  /// is about to rest, are as exact by order 5, which has half of the stages.
+  int order_of_substep(int order) const { return is_short_ ? 5 : order; }
+  bool expects_event() const { return expected_.has_value(); }
+  /// Returns the rest of `start` once `part` is left of to_next_event().
+  SubstepSpan rest_of(const SubstepSpan& start, const SubstepSpan& part) const {
+    return expected_ ? gone_on(start, expected_->time - part.left) : part;
+  }
 
   /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
   /// found, or where the states at the event have no solution.
@@ -50,9 +81,13 @@ class EventStepper {
       watch(&watched_.after);
       return true;
     };
-    if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
+    if (const auto there = watched_.at_end(start.t, h, event, expected_))
+      event = there;
+    else if (event && !watched_.locate(start.t, h, go_to, &event))
+      return false;
     if (!accept(h)) return go_to(0.0, true);
     std::swap(watched_.before, watched_.after);
+    in_vain_ = event ? 0 : in_vain_ + (expected_ ? 1 : 0);
     if (event) return change_at(event->which, change);
     watched_.unchanged.clear();
     return true;
@@ -77,7 +112,10 @@ class EventStepper {
 
   WatchedSubstep<Watched> watched_;
   std::uint32_t events_ = 0;
-  int unchanged_ = 0;  // events that changed nothing
+  int unchanged_ = 0;                      // events that changed nothing
+  std::optional<ExpectedEvent> expected_;  // event at which the substep is to end
+  int in_vain_ = 0;                        // expected events in a row that were none
+  bool is_short_ = false;
 };
 
 }  // namespace constraint_sim::engine

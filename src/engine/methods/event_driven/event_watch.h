@@ -11,6 +11,7 @@
 #include "engine/math/embedded_pairs.h"
 #include "engine/math/first_root.h"
 #include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 
@@ -114,6 +115,12 @@ struct Crossing {
   std::size_t which;
 };
 
+/// Event that comes if the last known derivative of its value stays as it is.
+struct ExpectedEvent {
+  double time;  ///< from the start of the substep [s]; infinite: none
+  std::size_t which;
+};
+
 namespace event_watch {
 
 inline constexpr double kLocatedForce = 1e-3;  // share of the tolerance of forces
@@ -175,6 +182,19 @@ inline std::optional<double> first_crossing(const WatchedValue& from, const Watc
                               p1 - 2.0 * v1 / 5.0 + a1 / 20.0, p1 - v1 / 5.0, p1});
 }
 
+/// Time until a value reaches its level if its last known derivative stays as it is [s]; infinite
+/// where it does not, or where no derivative is known. A value that leaves its level returns to it.
+inline double time_to_level(const WatchedValue& start, double level) {
+  const double p = start.value - level, v = start.rate, a = start.acceleration;
+  if (start.known == 0) return kInfinity;
+  if (start.known == 1) return p > 0.0 && v < 0.0 ? -p / v : kInfinity;
+  if (p <= 0.0) return v > 0.0 && a < 0.0 ? -2.0 * v / a : kInfinity;
+  const double square = v * v - 2.0 * a * p;
+  if (square < 0.0 || (v >= 0.0 && a >= 0.0)) return kInfinity;
+  const double root = std::sqrt(square);
+  return v < 0.0 ? 2.0 * p / (root - v) : (v + root) / -a;
+}
+
 }  // namespace event_watch
 
 /// Values watched in one substep. Watched is derived from WatchedValue.
@@ -185,6 +205,16 @@ struct WatchedSubstep {
 
   double level(std::size_t k) const {
     return event_watch::level_of(before[k], k < unchanged.size() ? unchanged[k] : 0);
+  }
+
+  /// First event that is expected.
+  ExpectedEvent expected() const {
+    ExpectedEvent first{kInfinity, 0};
+    for (std::size_t k = 0; k < before.size(); ++k) {
+      const double time = event_watch::time_to_level(before[k], level(k));
+      if (time < first.time) first = {time, k};
+    }
+    return first;
   }
 
   /// Earliest crossing of the interpolants between two places, h apart [s]. `is_all`: the places
@@ -220,6 +250,18 @@ struct WatchedSubstep {
            std::abs(there.value - level(k)) <= event_watch::slack_of(there, least, is_rough);
   }
 
+  /// Event at the end of a substep of length h from t [s], if there is one to rounding. `crossing`:
+  /// the earliest one; `expected`: event at which the substep was to end.
+  std::optional<Crossing> at_end(double t, double h, const std::optional<Crossing>& crossing,
+                                 const std::optional<ExpectedEvent>& expected) const {
+    constexpr double kRounding = 4.0;  // of a time that is found from a value and its derivatives
+    const double least = kRounding * event_watch::kLocatedTime * std::max(1.0, std::abs(t));
+    if (crossing ? (1.0 - crossing->share) * h > least : !expected) return std::nullopt;
+    const std::size_t which = crossing ? crossing->which : expected->which;
+    if (find_passed(least, false) || !is_there(which, least, false)) return std::nullopt;
+    return Crossing{1.0, which};
+  }
+
   /// Shortens the substep, which started at t with length h, to end at the first event; `after`
   /// then holds the values there. Keeps the whole substep where there is no event. `go_to(share,
   /// is_start)` repeats the substep up to `share`, or only returns to its start, and sets `after`;
@@ -230,6 +272,9 @@ struct WatchedSubstep {
     const double least = kLocatedTime * std::max(1.0, std::abs(t));
     double low = 0.0, high = 1.0, here = 1.0;
     bool is_passed = find_passed(least, false).has_value();
+    if (!is_passed && (1.0 - (*event)->share) * h <= least &&
+        is_there((*event)->which, least, false))
+      return true;
     int low_for = 0, high_for = 0;  // consecutive moves of the other end
     low_ = before;
     high_ = after;

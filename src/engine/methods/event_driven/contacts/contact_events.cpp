@@ -119,10 +119,11 @@ bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double
   solver_.add(1.0 + acting * acting / 16.0);
   const StageMemory memory(numbers_.data(), equations_.size());
   const SubstepLimits limits{tolerance, span->accuracy.most_attempts, span->all.stop};
-  return span->accuracy.order == 5 ? take_substep<DormandPrince5>(equations_, memory, limits, *left,
-                                                                  *step, span->progress)
-                                   : take_substep<DormandPrince8>(equations_, memory, limits, *left,
-                                                                  *step, span->progress);
+  return stepper_.order_of_substep(span->accuracy.order) == 5
+             ? take_substep<DormandPrince5>(equations_, memory, limits, *left, *step,
+                                            span->progress)
+             : take_substep<DormandPrince8>(equations_, memory, limits, *left, *step,
+                                            span->progress);
 }
 
 // Repeats a substep of length h from the start of the last one, at time t. `is_start`: only returns
@@ -198,15 +199,21 @@ bool ContactEvents::advance_to_event(Span* span) {
   kept_.insert(kept_.end(), derivative(), derivative() + n);
   equations_.keep();
   const SubstepSpan start = span->left;
-  if (!take_first(span, &step)) return end_jam(span);
-  step_ = step;
+  const double longest = step;
+  const int rejected = span->progress.rejected;
+  span->left = stepper_.to_next_event(start, span->accuracy.tolerance > 0.0 ? step : 0.0);
+  const bool is_taken = take_first(span, &step);
+  span->left = stepper_.rest_of(start, span->left);
+  if (!is_taken) return end_jam(span);
+  step_ = stepper_.expects_event() && span->progress.rejected == rejected ? std::max(step, longest)
+                                                                          : step;
   error_ = 0.0;
   const auto repeat_to = [&](double length, bool is_start) {
     return repeat(span, start.t, length, is_start);
   };
   const auto look = [&](List<Watched>* list) {
     pairs_.find_features(false, true, &equations_);
-    last_ = {start.left - span->left.left, span->accuracy.order};
+    last_ = {start.left - span->left.left, stepper_.order_of_substep(span->accuracy.order)};
     watch(list);
   };
   const auto accept = [&](double length) {

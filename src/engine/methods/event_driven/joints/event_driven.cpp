@@ -115,8 +115,14 @@ bool EventDriven::begin_span(Span* span) {
 
 // Watches at the end of a substep of length h [s], or with h = 0 at a start.
 void EventDriven::watch(const Span& span, double h, List<WatchedByJoints>* list) {
-  const StagedSubstep last(h, span.accuracy.order);
+  const StagedSubstep last(h, stepper_.order_of_substep(span.accuracy.order));
   watch_joints(motions_, span.bodies(), span.t(), last, span.motion, &rates_, list);
+}
+
+IntegratorOptions EventDriven::of_substep(const Span& span) const {
+  IntegratorOptions options = span.accuracy;
+  options.order = stepper_.order_of_substep(options.order);
+  return options;
 }
 
 // Makes the next substep, or the part of it before an event.
@@ -128,13 +134,12 @@ bool EventDriven::advance_to_event(Span* span) {
   const SubstepSpan start = span->left;
   motion.keep_start();
   motion.set_step(std::min(motion.step(), longest_substep(motions_)));
-  if (!motion.advance_substep(rest_of(*span), span->accuracy, &span->left, &span->progress))
-    return false;
+  if (!take_substep(span)) return false;
   motion.scatter(span->states);
   const auto repeat = [&](double h, bool is_start) {
     if (is_start)
       motion.return_to_start();
-    else if (!motion.repeat_substep(rest_of(*span), span->accuracy, start.t, h))
+    else if (!motion.repeat_substep(rest_of(*span), of_substep(*span), start.t, h))
       return false;
     motion.scatter(span->states);
     return true;
@@ -148,6 +153,21 @@ bool EventDriven::advance_to_event(Span* span) {
     return change_states(span, watched, is_changed);
   };
   return stepper_.end_substep(start, repeat, list_watched, accept, change, &span->left);
+}
+
+// Takes a substep, up to the next expected event. The next substep is not shorter for it.
+bool EventDriven::take_substep(Span* span) {
+  RungeKutta& motion = *span->motion;
+  const SubstepSpan start = span->left;
+  const double step = motion.step();
+  SubstepSpan part = stepper_.to_next_event(start, span->accuracy.tolerance > 0.0 ? step : 0.0);
+  const int rejected = span->progress.rejected;
+  if (!motion.advance_substep(rest_of(*span), of_substep(*span), &part, &span->progress))
+    return false;
+  span->left = stepper_.rest_of(start, part);
+  if (stepper_.expects_event() && span->progress.rejected == rejected)
+    motion.set_step(std::max(motion.step(), step));
+  return true;
 }
 
 // ---- at events

@@ -141,6 +141,8 @@ class EventDriven {
   // ---- between events
   bool begin_span(Span* span);
   bool advance_to_event(Span* span);
+  bool take_substep(Span* span);
+  IntegratorOptions of_substep(const Span& span) const;
   void watch(const Span& span, double h, List<WatchedByJoints>* list);
   Interval rest_of(const Span& span) const;
 

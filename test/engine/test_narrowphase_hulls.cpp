@@ -70,7 +70,8 @@ double greatest_gap(const ConvexHull& a, const BodyState& at_a, const ConvexHull
   for (const auto& face : b.faces()) attempt(at_b.orientation * face.normal);
   for (const auto& edge_a : a.edges())
     for (const auto& edge_b : b.edges()) {
-      const Vector3d n = (at_a.orientation * edge_a.way).cross(at_b.orientation * edge_b.way);
+      const Vector3d n =
+          (at_a.orientation * edge_a.direction).cross(at_b.orientation * edge_b.direction);
       if (n.norm() > 1e-9) attempt(n.normalized());
     }
   return most;
@@ -78,9 +79,9 @@ double greatest_gap(const ConvexHull& a, const BodyState& at_a, const ConvexHull
 
 double distance_of_segments(const Vector3d& p, const Vector3d& d, const Vector3d& q,
                             const Vector3d& e) {
-  const auto to_segment = [](const Vector3d& x, const Vector3d& from, const Vector3d& way) {
-    const double s = std::clamp(way.dot(x - from) / way.squaredNorm(), 0.0, 1.0);
-    return (x - from - s * way).norm();
+  const auto to_segment = [](const Vector3d& x, const Vector3d& from, const Vector3d& direction) {
+    const double s = std::clamp(direction.dot(x - from) / direction.squaredNorm(), 0.0, 1.0);
+    return (x - from - s * direction).norm();
   };
   double least = std::min(
       {to_segment(p, q, e), to_segment(p + d, q, e), to_segment(q, p, d), to_segment(q + e, p, d)});
@@ -115,9 +116,9 @@ double least_distance(const ConvexHull& a, const BodyState& at_a, const ConvexHu
   for (const auto& edge_a : a.edges())
     for (const auto& edge_b : b.edges())
       least = std::min(least, distance_of_segments(of_a[static_cast<std::size_t>(edge_a.from)],
-                                                   at_a.orientation * edge_a.way,
+                                                   at_a.orientation * edge_a.direction,
                                                    of_b[static_cast<std::size_t>(edge_b.from)],
-                                                   at_b.orientation * edge_b.way));
+                                                   at_b.orientation * edge_b.direction));
   const auto faces_to = [&](const ConvexHull& hull, const BodyState& at, const Points& points) {
     for (const Vector3d& p : points)
       for (const auto& face : hull.faces())
@@ -403,7 +404,7 @@ TEST(HullContacts, SpheresTouchAtTheNearestPoint) {
     for (const auto& edge : surface.edges())
       distance = std::min(
           distance, distance_of_segments(surface.vertices()[static_cast<std::size_t>(edge.from)],
-                                         edge.way, local, 1e-9 * Vector3d::UnitX()));
+                                         edge.direction, local, 1e-9 * Vector3d::UnitX()));
     const double expected = above <= 0.0 ? above : distance;
     const Separation found = separation(hull, a, Sphere{0.1}, pose(p, {1, 0, 0, 0}));
     ASSERT_NEAR(found.gap, expected - 0.1, 2e-9) << i;  // short segments stand for points

@@ -27,9 +27,9 @@ class ConvexHull {
   };
   /// An edge between two faces, with the vertices in the order of the first face.
   struct Edge {
-    int from, to;         ///< vertices
-    int left, right;      ///< faces; `left` has the edge from `from` to `to`
-    Eigen::Vector3d way;  ///< from the first vertex to the second [m]
+    int from, to;               ///< vertices
+    int left, right;            ///< faces; `left` has the edge from `from` to `to`
+    Eigen::Vector3d direction;  ///< from the first vertex to the second [m]
   };
 
   /// Computes the hull of points [m] with Qhull (Barber, Dobkin & Huhdanpaa 1996). Triangles that

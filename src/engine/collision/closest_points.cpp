@@ -121,8 +121,8 @@ Vector2d middle_of(const Flat& flat) {
 /// Returns the part of `flat` in a polygon (Sutherland & Hodgman 1974); empty where there is none.
 Flat clipped(Flat flat, const Flat& polygon) {
   for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Vector2d from = polygon[i], way = polygon[(i + 1) % polygon.size()] - from;
-    const auto height = [&](const Vector2d& p) { return turn_of(way, p - from); };
+    const Vector2d from = polygon[i], direction = polygon[(i + 1) % polygon.size()] - from;
+    const auto height = [&](const Vector2d& p) { return turn_of(direction, p - from); };
     Flat inside;
     for (std::size_t k = 0; k < flat.size(); ++k) {
       const Vector2d &p = flat[k], &q = flat[(k + 1) % flat.size()];
@@ -137,10 +137,10 @@ Flat clipped(Flat flat, const Flat& polygon) {
 
 /// Returns the place on a segment that is nearest to a point.
 Vector2d nearest_on_segment(const Vector2d& from, const Vector2d& to, const Vector2d& p) {
-  const Vector2d way = to - from;
-  const double square = way.squaredNorm();
+  const Vector2d direction = to - from;
+  const double square = direction.squaredNorm();
   if (!(square > 0.0)) return from;
-  return from + std::clamp(way.dot(p - from) / square, 0.0, 1.0) * way;
+  return from + std::clamp(direction.dot(p - from) / square, 0.0, 1.0) * direction;
 }
 
 bool is_in(const Flat& polygon, const Vector2d& p) {
@@ -254,8 +254,8 @@ void approach(const Shape& shape_a, const BodyState& a, const Shape& shape_b, co
   constexpr int kMostPointProjections = 100;
   const double size = std::max(size_of(shape_a), size_of(shape_b));
   for (int i = 0; i < kMostPointProjections; ++i) {
-    const Vector3d way = points->p_a - points->p_b;
-    if ((way - points->distance * points->normal).norm() <= kFlatShare * size) return;
+    const Vector3d direction = points->p_a - points->p_b;
+    if ((direction - points->distance * points->normal).norm() <= kFlatShare * size) return;
     points->p_a = projected(points->p_b, shape_a, a);
     const Vector3d p_b = projected(points->p_a, shape_b, b);
     const bool is_there = (p_b - points->p_b).norm() <= 0.1 * kFlatShare * size;

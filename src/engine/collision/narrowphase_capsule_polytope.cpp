@@ -44,15 +44,16 @@ class CrossedPolytope {
     const ConvexHull::Edge& edge = b_.edge(number);
     const Vector3d left = b_.normal(edge.left), right = b_.normal(edge.right);
     if (left.dot(line_.axis) * right.dot(line_.axis) > 0.0) return;
-    const Vector3d from = b_.vertex(edge.from), way = b_.way(number);
-    const Vector3d cross = way.cross(line_.axis);
+    const Vector3d from = b_.vertex(edge.from), direction = b_.direction(number);
+    const Vector3d cross = direction.cross(line_.axis);
     const double length = cross.norm();
-    if (!(length > kParallelSine * way.norm())) return;
+    if (!(length > kParallelSine * direction.norm())) return;
     const Vector3d n = cross / (cross.dot(left + right) < 0.0 ? -length : length);
     const double depth = n.dot(from - line_.centre);
     if (!is_less(depth)) return;
-    const double t = n.dot((line_.centre - from).cross(line_.axis)) / n.dot(way.cross(line_.axis));
-    take(n, depth, from + std::clamp(t, 0.0, 1.0) * way, b_.vertices() + number);
+    const double t =
+        n.dot((line_.centre - from).cross(line_.axis)) / n.dot(direction.cross(line_.axis));
+    take(n, depth, from + std::clamp(t, 0.0, 1.0) * direction, b_.vertices() + number);
   }
 
   const Segment& line_;
@@ -99,8 +100,8 @@ int parallel_edge(const Segment& line, const Polytope& b, const Vector3d& n) {
   const int vertex = b.farthest(n);
   for (int i = 0; i < b.edges(); ++i) {
     if (b.edge(i).from != vertex && b.edge(i).to != vertex) continue;
-    const Vector3d way = b.way(i);
-    if (way.cross(line.axis).norm() <= kAlongSine * way.norm()) return i;
+    const Vector3d direction = b.direction(i);
+    if (direction.cross(line.axis).norm() <= kAlongSine * direction.norm()) return i;
   }
   return -1;
 }
@@ -118,11 +119,12 @@ Manifold collide_line_polytope(const Segment& line, double radius, const Polytop
         points.add_ends(*part, static_cast<std::uint32_t>(b.vertices() + b.edges() + face),
                         [&](const Vector3d& p) -> Vector3d { return p + (level - N.dot(p)) * N; });
     } else if (const int edge = parallel_edge(line, b, n); edge >= 0) {
-      const Vector3d from = b.vertex(b.edge(edge).from), way = b.way(edge);
-      if (const std::optional<PlaceRange> part = line_beside(line, from, from + way))
+      const Vector3d from = b.vertex(b.edge(edge).from), direction = b.direction(edge);
+      if (const std::optional<PlaceRange> part = line_beside(line, from, from + direction))
         points.add_ends(*part, static_cast<std::uint32_t>(b.vertices() + edge),
                         [&](const Vector3d& p) -> Vector3d {
-                          return from + way * (way.dot(p - from) / way.squaredNorm());
+                          return from +
+                                 direction * (direction.dot(p - from) / direction.squaredNorm());
                         });
     }
     return points;

@@ -238,15 +238,15 @@ class HullCylinderPoints {
     for (int k = 0; k < face.count; ++k) {
       const ConvexHull::Corner& corner = a_.corner(face, k);
       const Vector3d from = a_.vertex(corner.vertex);
-      const Vector3d way = a_.vertex(a_.corner(face, (k + 1) % face.count).vertex) - from;
-      const auto part = part_over_cap(from, way);
+      const Vector3d direction = a_.vertex(a_.corner(face, (k + 1) % face.count).vertex) - from;
+      const auto part = part_over_cap(from, direction);
       if (!part) continue;
       if (part->from_edge < 0)
         add_on_cap(from, code(cap_code(), static_cast<std::uint32_t>(corner.vertex)));
       else
-        add_on_cap(from + part->from * way, code(cap_code(), edge_code(corner.edge)));
+        add_on_cap(from + part->from * direction, code(cap_code(), edge_code(corner.edge)));
       if (part->to_edge >= 0)
-        add_on_cap(from + part->to * way, code(cap_code() + 2U, edge_code(corner.edge)));
+        add_on_cap(from + part->to * direction, code(cap_code() + 2U, edge_code(corner.edge)));
     }
     // Points of the rim at quarter turns from the lowest point, or along the axes of a level cap.
     const Vector3d N = a_.normal(number);
@@ -268,27 +268,27 @@ class HullCylinderPoints {
   }
 
   void meet_face_and_side(int number) {
-    const auto [from, way] = side_line();
-    const auto part = part_over_face(number, from, way);
+    const auto [from, direction] = side_line();
+    const auto part = part_over_face(number, from, direction);
     if (!part) return;
     const auto feature = [&](int edge, std::uint32_t end) {
       return edge < 0 ? code(kRim + end, face_code(number)) : code(kSideLine, edge_code(edge));
     };
-    add_on_face(number, from + part->from * way, feature(part->from_edge, 0));
-    add_on_face(number, from + part->to * way, feature(part->to_edge, 1));
+    add_on_face(number, from + part->from * direction, feature(part->from_edge, 0));
+    add_on_face(number, from + part->to * direction, feature(part->to_edge, 1));
   }
 
   void meet_edge_and_cap() {
     const int edge = level_edge();
     if (edge < 0) return;
-    const Vector3d from = a_.vertex(a_.edge(edge).from), way = a_.way(edge);
-    const auto part = part_over_cap(from, way);
+    const Vector3d from = a_.vertex(a_.edge(edge).from), direction = a_.direction(edge);
+    const auto part = part_over_cap(from, direction);
     if (!part) return;
-    add_on_cap(from + part->from * way,
+    add_on_cap(from + part->from * direction,
                part->from_edge < 0
                    ? code(cap_code(), static_cast<std::uint32_t>(a_.edge(edge).from))
                    : code(cap_code(), edge_code(edge)));
-    add_on_cap(from + part->to * way,
+    add_on_cap(from + part->to * direction,
                part->to_edge < 0 ? code(cap_code(), static_cast<std::uint32_t>(a_.edge(edge).to))
                                  : code(cap_code() + 2U, edge_code(edge)));
   }
@@ -296,36 +296,38 @@ class HullCylinderPoints {
   void meet_edge_and_side() {
     const int edge = level_edge();
     if (edge < 0) return;
-    const auto [from_b, way_b] = side_line();
-    const Vector3d from_a = a_.vertex(a_.edge(edge).from), way_a = a_.way(edge);
-    const double cross = n_.dot(way_a.cross(way_b));
+    const auto [from_b, direction_b] = side_line();
+    const Vector3d from_a = a_.vertex(a_.edge(edge).from), direction_a = a_.direction(edge);
+    const double cross = n_.dot(direction_a.cross(direction_b));
     const Vector3d apart = from_b - from_a;
-    if (std::abs(cross) > kFlatSine * way_a.norm() * way_b.norm()) {
-      const double s = n_.dot(apart.cross(way_b)) / cross, t = n_.dot(apart.cross(way_a)) / cross;
+    if (std::abs(cross) > kFlatSine * direction_a.norm() * direction_b.norm()) {
+      const double s = n_.dot(apart.cross(direction_b)) / cross,
+                   t = n_.dot(apart.cross(direction_a)) / cross;
       if (s < 0.0 || s > 1.0 || t < 0.0 || t > 1.0) return;
-      add(from_a + s * way_a, from_b + t * way_b, code(kSideLine, edge_code(edge)));
+      add(from_a + s * direction_a, from_b + t * direction_b, code(kSideLine, edge_code(edge)));
       return;
     }
     // Nearly parallel lines: the ends of each line beside the other line.
     for (int end = 0; end < 2; ++end) {
-      const Vector3d p = from_a + end * way_a;
-      const double t = way_b.dot(p - from_b) / way_b.squaredNorm();
+      const Vector3d p = from_a + end * direction_a;
+      const double t = direction_b.dot(p - from_b) / direction_b.squaredNorm();
       if (t >= -kWiderShare && t <= 1.0 + kWiderShare)
-        add(p, from_b + t * way_b,
+        add(p, from_b + t * direction_b,
             code(kSideLine,
                  static_cast<std::uint32_t>(end == 0 ? a_.edge(edge).from : a_.edge(edge).to)));
-      const Vector3d q = from_b + end * way_b;
-      const double s = way_a.dot(q - from_a) / way_a.squaredNorm();
+      const Vector3d q = from_b + end * direction_b;
+      const double s = direction_a.dot(q - from_a) / direction_a.squaredNorm();
       if (s > kWiderShare && s < 1.0 - kWiderShare)
-        add(from_a + s * way_a, q, code(kRim + static_cast<std::uint32_t>(end), edge_code(edge)));
+        add(from_a + s * direction_a, q,
+            code(kRim + static_cast<std::uint32_t>(end), edge_code(edge)));
     }
   }
 
   // Returns the line of the side that is farthest along the normal: its start and its direction.
   std::pair<Vector3d, Vector3d> side_line() const {
     const Vector3d across = n_ - b_.axis() * b_.axis().dot(n_);
-    const Vector3d way = 2.0 * b_.half.z() * b_.axis();
-    return {b_.centre + b_.radius() * across.normalized() - 0.5 * way, way};
+    const Vector3d direction = 2.0 * b_.half.z() * b_.axis();
+    return {b_.centre + b_.radius() * across.normalized() - 0.5 * direction, direction};
   }
 
   // Returns the edge at the vertex farthest against the normal that is nearest to a right angle to
@@ -338,7 +340,7 @@ class HullCylinderPoints {
     for (int i = 0; i < a_.edges(); ++i) {
       const ConvexHull::Edge& edge = a_.edge(i);
       if (edge.from != vertex && edge.to != vertex) continue;
-      const double sine = std::abs(edge.way.dot(local)) / edge.way.norm();
+      const double sine = std::abs(edge.direction.dot(local)) / edge.direction.norm();
       if (sine < least) least = sine, best = i;
     }
     return best;

@@ -125,7 +125,7 @@ void collide_faces(const Polytope& reference, int number, std::uint32_t first_ed
 
 /// Returns the point of edge B that is nearest to the line of edge A.
 Vector3d point_on_edge(const Polytope& a, int edge_a, const Polytope& b, int edge_b) {
-  const Vector3d d_a = a.way(edge_a), d_b = b.way(edge_b);
+  const Vector3d d_a = a.direction(edge_a), d_b = b.direction(edge_b);
   const Vector3d from = b.vertex(b.edge(edge_b).from);
   const Vector3d n = d_a.cross(d_b);
   const double t = n.dot((from - a.vertex(a.edge(edge_a).from)).cross(d_a)) / n.squaredNorm();
@@ -176,7 +176,7 @@ Manifold collide_polytopes(const Polytope& a, const Polytope& b, const Vector3d&
     if (!points.is_empty() && is_close) {
       const Polytope& reference = is_of_b ? b : a;
       const Vector3d u =
-          reference.way(reference.corner(reference.face(is_of_b ? face_b : face_a), 0).edge)
+          reference.direction(reference.corner(reference.face(is_of_b ? face_b : face_a), 0).edge)
               .normalized();
       return points.manifold(u, normal.cross(u));
     }
@@ -199,10 +199,10 @@ struct SurfacePoint {
 };
 
 /// Compares the point with the nearest point of an edge.
-void lower_by_edge(const Vector3d& from, const Vector3d& way, const Vector3d& point,
+void lower_by_edge(const Vector3d& from, const Vector3d& direction, const Vector3d& point,
                    SurfacePoint* nearest) {
-  const double s = std::clamp(way.dot(point - from) / way.squaredNorm(), 0.0, 1.0);
-  const Vector3d on = from + s * way;
+  const double s = std::clamp(direction.dot(point - from) / direction.squaredNorm(), 0.0, 1.0);
+  const Vector3d on = from + s * direction;
   const Vector3d apart = point - on;
   const double square = apart.squaredNorm();
   if (!(square < nearest->distance * nearest->distance) || square < kSmallestSquare) return;
@@ -215,9 +215,9 @@ bool is_over_face(const ConvexHull& hull, const ConvexHull::Face& face, const Ve
   for (int k = 0; k < face.count; ++k) {
     const auto& [vertex, number] = hull.corners()[static_cast<std::size_t>(face.first + k)];
     const ConvexHull::Edge& edge = hull.edges()[static_cast<std::size_t>(number)];
-    const Vector3d way = edge.from == vertex ? edge.way : Vector3d(-edge.way);
+    const Vector3d direction = edge.from == vertex ? edge.direction : Vector3d(-edge.direction);
     const Vector3d& from = hull.vertices()[static_cast<std::size_t>(vertex)];
-    if (way.cross(face.normal).dot(point - from) > 0.0) return false;
+    if (direction.cross(face.normal).dot(point - from) > 0.0) return false;
   }
   return true;
 }
@@ -235,7 +235,8 @@ SurfacePoint nearest_on_surface(const ConvexHull& hull, const Vector3d& point) {
   }
   if (above <= 0.0) return {point - above * top->normal, top->normal, above};
   for (const ConvexHull::Edge& edge : hull.edges())
-    lower_by_edge(hull.vertices()[static_cast<std::size_t>(edge.from)], edge.way, point, &nearest);
+    lower_by_edge(hull.vertices()[static_cast<std::size_t>(edge.from)], edge.direction, point,
+                  &nearest);
   if (nearest.distance == kInfinity)  // on an edge to rounding
     nearest = {point - above * top->normal, top->normal, above};
   return nearest;

@@ -44,16 +44,16 @@ class PointChoice {
     is_kept[deepest] = true;
     constexpr double kDiagonal = 0.70710678118654752;
     const Eigen::Vector3d p_0 = points_[deepest].position;
-    const Eigen::Vector3d ways[] = {
+    const Eigen::Vector3d directions[] = {
         u, -u, v, -v, kDiagonal * (u + v), -kDiagonal * (u + v), kDiagonal * (u - v)};
-    for (const Eigen::Vector3d& way : ways) {
+    for (const Eigen::Vector3d& direction : directions) {
       std::size_t best = deepest;
       double farthest = -kInfinity;
       for (std::size_t i = 0; i < count_; ++i) {
         if (is_kept[i]) continue;
         // Points above the deepest bear less: each unit of height outweighs ten of distance.
-        const double score =
-            way.dot(points_[i].position - p_0) + 10.0 * (points_[i].depth - points_[deepest].depth);
+        const double score = direction.dot(points_[i].position - p_0) +
+                             10.0 * (points_[i].depth - points_[deepest].depth);
         if (score > farthest) farthest = score, best = i;
       }
       is_kept[best] = true;

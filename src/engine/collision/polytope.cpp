@@ -211,7 +211,7 @@ class AxisSearch {
   struct Arc {
     int edge;
     Vector3d from, to;
-    Vector3d way;  ///< direction of the edge, unit
+    Vector3d direction;  ///< direction of the edge, unit
   };
 
   // Returns the arcs on which the depth may be less than the depth of faces. Along an arc the depth
@@ -225,7 +225,7 @@ class AxisSearch {
       const Vector3d middle = (from + to).normalized();
       const double depth = middle.dot(of.vertex(edge.from)) + other.reach(-middle);
       if (depth - size_ * (from - middle).norm() > least_.depth) continue;
-      found.push_back({i, sign * from, sign * to, of.way(i).normalized()});
+      found.push_back({i, sign * from, sign * to, of.direction(i).normalized()});
     }
     return found;
   }
@@ -240,7 +240,7 @@ class AxisSearch {
     const double from_b = across_a.dot(b.from), to_b = across_a.dot(b.to);
     const double from_a = across_b.dot(a.from), to_a = across_b.dot(a.to);
     if (from_b * to_b > 0.0 || from_a * to_a > 0.0 || from_a * to_b < 0.0) return;
-    const Vector3d cross = a.way.cross(b.way);
+    const Vector3d cross = a.direction.cross(b.direction);
     const double sine = cross.norm();
     if (!(sine > kParallelSine)) return;
     const Vector3d outward = a.from + a.to;

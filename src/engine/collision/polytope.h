@@ -37,7 +37,7 @@ class Polytope {
   }
   Eigen::Vector3d vertex(int i) const { return centre + axes * local_vertex(i); }
   Eigen::Vector3d normal(int i) const { return axes * face(i).normal; }
-  Eigen::Vector3d way(int i) const { return axes * edge(i).way.cwiseProduct(scale); }
+  Eigen::Vector3d direction(int i) const { return axes * edge(i).direction.cwiseProduct(scale); }
 
   /// Returns the vertex farthest along a direction, the first on ties.
   int farthest(const Eigen::Vector3d& direction) const {

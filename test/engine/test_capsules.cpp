@@ -201,8 +201,8 @@ TEST(Capsules, RollDownASlopeByEvents) {
       ASSERT_FALSE(world.step().outcome.failed);
       ASSERT_EQ(world.report().contacts.handed_over, 0);
       const double t = world.time();
-      const Vector3d way = 0.5 * a * t * t * (turn * Vector3d::UnitX());
-      ASSERT_LT((world.state(roller).position - start.position - way).norm(), 1e-9);
+      const Vector3d displacement = 0.5 * a * t * t * (turn * Vector3d::UnitX());
+      ASSERT_LT((world.state(roller).position - start.position - displacement).norm(), 1e-9);
     }
   }
 }

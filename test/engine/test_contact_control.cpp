@@ -110,9 +110,9 @@ TEST(ContactControl, ASlidingBoxStopsWithinTheTolerance) {
     box.state.linear_velocity = velocity;
     World world = on_floor(controlled(1.0 / 240.0, tolerance), {box});
     const double estimate = run(&world, 1.0);
-    const double way = velocity.norm() / (2.0 * 0.5 * kGravity);
-    const Vector3d off =
-        world.state(world.find_body("box")).position - way * velocity - Vector3d(0.0, 0.0, 0.05);
+    const double duration = velocity.norm() / (2.0 * 0.5 * kGravity);
+    const Vector3d off = world.state(world.find_body("box")).position - duration * velocity -
+                         Vector3d(0.0, 0.0, 0.05);
     EXPECT_LT(off.norm(), tolerance) << tolerance;
     EXPECT_LT(off.norm(), 4.0 * estimate) << tolerance;
   }

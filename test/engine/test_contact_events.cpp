@@ -88,10 +88,11 @@ TEST_P(ContactEventsAt, ASphereSlidesAndThenRolls) {
     frame_anew(&world, GetParam());
     const std::vector<Event> events = advance(&world, 1.0);
     const double speed = std::sqrt(5.0), rolls = 2.0 * speed / (7.0 * kMu * kGravity);
-    const double way = speed * rolls - 0.5 * kMu * kGravity * rolls * rolls +
-                       5.0 / 7.0 * speed * (world.time() - rolls);
+    const double displacement = speed * rolls - 0.5 * kMu * kGravity * rolls * rolls +
+                                5.0 / 7.0 * speed * (world.time() - rolls);
     const Vector3d along = Vector3d(2.0, 1.0, 0.0) / speed;
-    EXPECT_LT((world.state(id).position - Vector3d(way * along + Vector3d(0, 0, kRadius))).norm(),
+    EXPECT_LT((world.state(id).position - Vector3d(displacement * along + Vector3d(0, 0, kRadius)))
+                  .norm(),
               kPlace);
     EXPECT_LT((world.state(id).linear_velocity - 5.0 / 7.0 * speed * along).norm(), kPlace);
     EXPECT_NEAR(world.state(id).angular_velocity.norm(), 5.0 / 7.0 * speed / kRadius, 1e-11);
@@ -458,12 +459,12 @@ TEST(ContactEvents, ABoxRollsAwayUnderTwentyFiveBalls) {
     count += 26;
   }
   EXPECT_LE(squares / count, 1e-12);  // SimBenchmark's measure [m²/s²]
-  const double way = 0.5 * a * world.time() * world.time();
+  const double displacement = 0.5 * a * world.time() * world.time();
   const Vector3d moved = world.state(box).position - Vector3d(0.0, 0.0, 0.5);
-  EXPECT_LE((moved - way * direction).norm(), 1e-6);
+  EXPECT_LE((moved - displacement * direction).norm(), 1e-6);
   for (std::size_t i = 0; i < balls.size(); ++i) {
     const Vector3d rolled = world.state(balls[i]).position - start[i];
-    EXPECT_LE((rolled - 2.0 / 7.0 * way * direction).norm(), 1e-6);
+    EXPECT_LE((rolled - 2.0 / 7.0 * displacement * direction).norm(), 1e-6);
   }
 }
 

@@ -210,7 +210,7 @@ struct Incline {
     box = world.add_body(body);
   }
 
-  double way() const { return downhill.dot(world.state(box).position - start); }
+  double displacement() const { return downhill.dot(world.state(box).position - start); }
 };
 
 TEST(Incline, SteeperThanFrictionAllowsSlidesByTheClosedForm) {
@@ -222,7 +222,7 @@ TEST(Incline, SteeperThanFrictionAllowsSlidesByTheClosedForm) {
     const double t = incline.world.time();
     // Velocities before positions give ½ a t (t + h); the first, cold-started sweeps may lose a
     // fifth of a step's speed.
-    ASSERT_NEAR(incline.way(), 0.5 * a * t * (t + 0.01), 0.2 * a * 0.01 * t) << t;
+    ASSERT_NEAR(incline.displacement(), 0.5 * a * t * (t + 0.01), 0.2 * a * 0.01 * t) << t;
   }
   EXPECT_NEAR(incline.downhill.dot(incline.world.state(incline.box).linear_velocity), 2.0 * a,
               0.2 * a * 0.01);

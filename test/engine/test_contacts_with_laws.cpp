@@ -114,8 +114,9 @@ TEST_P(ContactsWithLawsAt, AWinchPullsABoxOverAFloor) {
       const double friction = mu * kMass * kGravity;
       const double a = std::max(0.0, (kForce - friction) / kMass);
       const double t = a > 0.0 ? kSpeed / a : 0.0;
-      const double way = a > 0.0 ? 0.5 * a * t * t + kSpeed * (world.time() - t) : 0.0;
-      EXPECT_LT((world.state(id).position - Vector3d(5.0 - way, 0.0, 0.2)).norm(), 10.0 * kPlace)
+      const double displacement = a > 0.0 ? 0.5 * a * t * t + kSpeed * (world.time() - t) : 0.0;
+      EXPECT_LT((world.state(id).position - Vector3d(5.0 - displacement, 0.0, 0.2)).norm(),
+                10.0 * kPlace)
           << by_rope << ' ' << mu;
       EXPECT_NEAR(contact_force_on(world, id).z(), kMass * kGravity, 1e-9);
       EXPECT_NEAR(contact_force_on(world, id).x(), a > 0.0 ? friction : kForce, 1e-9);

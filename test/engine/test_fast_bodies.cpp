@@ -102,8 +102,8 @@ TEST(FastBodies, BounceSeveralTimesInAStep) {
   std::uint32_t hits = 0;
   for (int step = 1; step <= 50; ++step) {
     hits += world.step().contacts.hits;
-    const double way = 0.1 + 0.5 * width + speed * step * kFastTick;
-    const double folded = std::fmod(way, 2.0 * width);
+    const double displacement = 0.1 + 0.5 * width + speed * step * kFastTick;
+    const double folded = std::fmod(displacement, 2.0 * width);
     const double x = (folded < width ? folded : 2.0 * width - folded) - 0.5 * width;
     EXPECT_NEAR(world.state(ball).position.x(), x, (hits + 1) * kMet) << step;
     EXPECT_NEAR(std::abs(world.state(ball).linear_velocity.x()), speed, 1e-9);

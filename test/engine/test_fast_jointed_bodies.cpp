@@ -66,8 +66,9 @@ TEST(FastJointedBodies, EventsMeetAPlateAtItsPlace) {
       const double hit = std::asin(0.5 - 0.5 * kPlate - kBobRadius);
       while (world.time() < 0.016) {
         world.step();
-        const double way = kSpeed * world.time() - hit;
-        const double angle = way < 0.0 ? hit + way : hit - kRestitution * way;
+        const double displacement = kSpeed * world.time() - hit;
+        const double angle =
+            displacement < 0.0 ? hit + displacement : hit - kRestitution * displacement;
         // a thousandth of the tolerance of 1e-6 m/s, at 500 rad/s
         EXPECT_LT(
             (world.state(bob).position - Vector3d(std::cos(angle), 0.0, -std::sin(angle))).norm(),

@@ -162,15 +162,16 @@ TEST(JointRows, MisalignmentIsTheWayHome) {
     for (int trial = 0; trial < kJointKindTrials; ++trial) {
       const Joint joint = random_joint(kind, &random);
       PairPose pose{random.state(), random.state()};
-      const Vector3d way = misalignment(forms(kind).alignment, JointVectors(joint, pose.a, pose.b));
+      const Vector3d rotation =
+          misalignment(forms(kind).alignment, JointVectors(joint, pose.a, pose.b));
       const Quaterniond frame_B = pose.b.orientation * *joint.frame_b;
-      if (way.norm() > 0.0)
-        pose.b.orientation =
-            frame_B * Eigen::AngleAxisd(way.norm(), way.normalized()) * joint.frame_b->conjugate();
+      if (rotation.norm() > 0.0)
+        pose.b.orientation = frame_B * Eigen::AngleAxisd(rotation.norm(), rotation.normalized()) *
+                             joint.frame_b->conjugate();
       // a rotation by nearly zero has an angle computed from a cosine
       EXPECT_LE(misalignment(forms(kind).alignment, JointVectors(joint, pose.a, pose.b)).norm(),
                 1e-7)
-          << name(kind) << " " << way.norm();
+          << name(kind) << " " << rotation.norm();
     }
   }
 }

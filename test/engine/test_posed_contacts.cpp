@@ -217,8 +217,8 @@ TEST_P(PosedContactsAt, ABoxSlidesToRestOnItsCorners) {
     EXPECT_NEAR(force, kBallMass * kGravity, 1e-9);
     EXPECT_NEAR(moment, kMu * kBallMass * kGravity * 0.6, 1e-9);
   }
-  const double way = kSpeed * kSpeed / (2.0 * kMu * kGravity);
-  EXPECT_LT((world.state(id).position - Vector3d(way, 0.0, 0.6)).norm(), kPlace);
+  const double displacement = kSpeed * kSpeed / (2.0 * kMu * kGravity);
+  EXPECT_LT((world.state(id).position - Vector3d(displacement, 0.0, 0.6)).norm(), kPlace);
   EXPECT_LT(world.state(id).angular_velocity.norm(), kPlace);
   ASSERT_EQ(events.size(), 1u);
   EXPECT_EQ(events[0].kind, EventKind::kSticks);

@@ -76,14 +76,14 @@ TEST(RaysAgainstShapes, EnterWhereTheOracleSays) {
     // the results of some operations: the largest error seen is 4e-16 of their sum.
     const double end = 4.0 * (away + scale);
     const bool is_plane = std::holds_alternative<Plane>(target.shape);
-    double way = end, middle = 0.0;
+    double distance = end, middle = 0.0;
     if (part && !is_plane) middle = 0.5 * (part->enter + part->exit);
     if (part && is_plane) {  // one end, or none
       if (std::isfinite(part->enter)) middle = part->enter + end;
       if (std::isfinite(part->exit)) middle = part->exit - end;
-      way += std::abs(middle);
+      distance += std::abs(middle);
     }
-    const double rounding = 1e-15 * (pose.position.norm() + origin.norm() + way);
+    const double rounding = 1e-15 * (pose.position.norm() + origin.norm() + distance);
     if (part) {
       ASSERT_LT(static_cast<double>(line.height(middle)), rounding) << i;
       if (std::isfinite(part->enter)) {

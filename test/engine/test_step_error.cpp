@@ -44,9 +44,9 @@ World on_floor(const WorldOptions& options, const Body& body) {
 }
 
 // A box slides for three and a half steps of constant deceleration a, which the mean velocity
-// follows exactly, then stops within a step: the way is ½ a (h/2)², and the mean velocity makes ¼ a
-// h² of it. The estimate is half the change of the impulses over the step, ¼ a h². Iterations leave
-// residuals of 1e-3 a h, which is a share of 2e-3 of the last change.
+// follows exactly, then stops within a step: the displacement is ½ a (h/2)², and the mean velocity
+// makes ¼ a h² of it. The estimate is half the change of the impulses over the step, ¼ a h².
+// Iterations leave residuals of 1e-3 a h, which is a share of 2e-3 of the last change.
 TEST(StepError, ABoxThatStopsHasTwiceItsError) {
   const double a = kFriction * kGravity;
   World world = on_floor(taken_once(), box_on_floor(3.5 * a * kStep, kFriction));
@@ -61,9 +61,9 @@ TEST(StepError, ABoxThatStopsHasTwiceItsError) {
 }
 
 // Without gravity a ball flies straight, and moves by e v for the rest of the step after its hit.
-// An estimate is at least a quarter of the error, and at most twice the way of the change (1 + e) v
-// in a step. At 0.8 m/s the contact has a gap before the hit, at 2 m/s the gap is too wide for one,
-// and at 30 m/s hits are located.
+// An estimate is at least a quarter of the error, and at most twice the displacement by the change
+// (1 + e) v in a step. At 0.8 m/s the contact has a gap before the hit, at 2 m/s the gap is too
+// wide for one, and at 30 m/s hits are located.
 TEST(StepError, ABallThatLandsHasAnEstimateOfItsError) {
   for (const double speed : {0.8, 2.0, 30.0})
     for (const double restitution : {0.0, 0.5, 1.0})
@@ -105,7 +105,7 @@ TEST(StepError, AForceForHalfAStepHasTwiceItsError) {
 }
 
 // Nothing moves from the first step on, with and without impulses of a step before: the bound of
-// bodies that hardly move is twice the way of rounding.
+// bodies that hardly move is twice the displacement by rounding.
 TEST(StepError, ABoxAtRestHasNone) {
   for (const bool warm_starting : {true, false}) {
     WorldOptions options = taken_once();

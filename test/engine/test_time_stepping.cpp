@@ -246,9 +246,9 @@ TEST(TimeStepping, AConstantForceDoesItsWorkAlongTheMotion) {
   world.add_wrench(wrench);
   double work = 0.0;
   for (int i = 0; i < 100; ++i) work += world.step().energy.driven_work;
-  const double way = 0.5 * (10.0 - 0.6 * kGravity);
+  const double displacement = 0.5 * (10.0 - 0.6 * kGravity);
   // rates are solved to 1e-5 g h, or 1e-6 m/s
-  EXPECT_NEAR(world.state(box).position.x(), way, 1e-6);
+  EXPECT_NEAR(world.state(box).position.x(), displacement, 1e-6);
   EXPECT_NEAR(work, 20.0 * world.state(box).position.x(), 1e-11);
 }
 

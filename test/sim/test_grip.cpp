@@ -39,8 +39,8 @@ const engine::BodyState& state_of(const World& world, const std::string& name) {
 void drag_two_metres(World* world, const std::string& name) {
   const Vector3d start = state_of(*world, name).position;
   for (int update = 0; update < 80; ++update) {
-    const double way = std::min(2.0, 0.05 * (update + 1));
-    drag(world, name, start + way * Vector3d::UnitX());
+    const double displacement = std::min(2.0, 0.05 * (update + 1));
+    drag(world, name, start + displacement * Vector3d::UnitX());
     for (int tick = 0; tick < 5; ++tick) {
       world->step();
       ASSERT_FALSE(world->report().outcome.failed);

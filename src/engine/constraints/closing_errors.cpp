@@ -36,9 +36,9 @@ void send_coordinate(const Joint& joint, int coordinate, const MotionBefore& bef
   MovingStart& moving = state.to_close.moving[to_index(coordinate)];
   moving = {};
   const double metres = kind.coordinate[to_index(coordinate)].is_angle ? state.radius : 1.0;
-  const double way =
+  const double displacement =
       closing_time * std::max(std::abs(before.rate), closing_time * std::abs(before.acceleration));
-  const bool is_moving = metres * way > kNoMotion;
+  const bool is_moving = metres * displacement > kNoMotion;
   state.to_close.offset[kind.rows + coordinate] = off;
   if (!is_moving && state.to_close.since == t) return;  // closes with the joint
   state.closing = true;

@@ -9,8 +9,8 @@ namespace constraint_sim::engine {
 namespace {
 
 // Time in which a motor to a position, which a force limit or a contact kept from following its
-// prescribed motion, covers 63 % of its way back by impulses [s]. Half the closing time would be
-// faster than most such motors can brake.
+// prescribed motion, covers 63 % of the distance back by impulses [s]. Half the closing time would
+// be faster than most such motors can brake.
 constexpr double kReturnTime = 1.0;
 
 Row row_at(const CoordinateMotion& motion, double C) {

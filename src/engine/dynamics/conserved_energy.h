@@ -18,8 +18,8 @@ class ConservedEnergy {
   void note(const IslandModel& island, const IntervalInputs& inputs, const Kinematics& kinematics,
             const double* y);
   /// Scales the velocities of state y, at its pose, to restore the stored energy. Returns false
-  /// where the change exceeds the work of forces over a short way, and changes nothing. `scale`:
-  /// size of the island [m].
+  /// where the change exceeds the work of forces over a short distance, and changes nothing.
+  /// `scale`: size of the island [m].
   bool restore(const IslandModel& island, const IntervalInputs& inputs,
                const Kinematics& kinematics, double scale, double* y) const;
 

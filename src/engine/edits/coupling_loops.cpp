@@ -81,10 +81,11 @@ class CoupledCoordinates {
   /// Returns the couplings that determine q₁ + ratio q₂.
   std::set<std::size_t> reasons(std::size_t first, double ratio, std::size_t second) const {
     std::set<std::size_t> names;
-    for (const std::size_t joint : {first, second}) add_way(joint, &names);
+    for (const std::size_t joint : {first, second}) add_couplings_to_root(joint, &names);
     if (by_root(first, ratio, second).share == 0.0 || !root_) return names;
     names.insert(loop_->joint);
-    for (const std::size_t joint : {loop_->first, loop_->second}) add_way(joint, &names);
+    for (const std::size_t joint : {loop_->first, loop_->second})
+      add_couplings_to_root(joint, &names);
     return names;
   }
 
@@ -126,7 +127,7 @@ class CoupledCoordinates {
     }
   }
 
-  void add_way(std::size_t joint, std::set<std::size_t>* names) const {
+  void add_couplings_to_root(std::size_t joint, std::set<std::size_t>* names) const {
     for (const Known* known = &known_.at(joint); known->by; known = &known_.at(joint)) {
       names->insert(known->by->joint);
       joint = known->by->first == joint ? known->by->second : known->by->first;

@@ -46,7 +46,7 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
     if (controls_contacts(model.options))
       margin += max_distance(step, now, body, model.options.time_step);
     else if (solves_impulses(model.options))
-      margin += fall_and_way(model.options, now, model.options.time_step);
+      margin += displacement_with_fall(model.options, now, model.options.time_step);
     add_proxies(model, now, body, margin, &proxies_);
   }
   report->costs.candidate_pairs =

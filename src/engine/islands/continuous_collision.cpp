@@ -82,26 +82,26 @@ bool is_hit(const Model& model, const State& state, const TouchingPair& pair, do
 }
 
 /// Time for which a group with joints can go on so that no fast pair moves by more than its gap, or
-/// by kFastShare of the thinner body: these distances are `ways` [m].
+/// by kFastShare of the thinner body: these distances are `allowed` [m].
 double time_on_joints(const StepContext& step, const State& state,
-                      const List<Broadphase::Pair>& near, double left, List<double>* ways) {
+                      const List<Broadphase::Pair>& near, double left, List<double>* allowed) {
   const Model& model = step.model;
   double longest = left;
   for (const Broadphase::Pair& pair : near) {
-    double& way = ways->emplace_back(kFastShare * thinner_of(model, pair));
+    double& limit = allowed->emplace_back(kFastShare * thinner_of(model, pair));
     if (!is_fast(step, state, pair, longest)) continue;
-    way = std::max(way, separation_of(model, state, pair).gap);
-    longest = std::min(longest, way / moved_of(step, state, pair, longest) * longest);
+    limit = std::max(limit, separation_of(model, state, pair).gap);
+    longest = std::min(longest, limit / moved_of(step, state, pair, longest) * longest);
   }
   return longest;
 }
 
-/// Whether a pair without contact has moved by more than twice its entry of `ways`, driven by
-/// joints.
+/// Whether a pair without contact has moved by more than twice its entry of `allowed`, driven
+/// by joints.
 bool has_outrun(const StepContext& step, const State& state, const List<Broadphase::Pair>& near,
-                const List<double>& ways, double duration) {
-  for (std::size_t k = 0; k < ways.size(); ++k) {
-    if (moved_of(step, state, near[k], duration) > 2.0 * ways[k] &&
+                const List<double>& allowed, double duration) {
+  for (std::size_t k = 0; k < allowed.size(); ++k) {
+    if (moved_of(step, state, near[k], duration) > 2.0 * allowed[k] &&
         find_contact(state.touching, near[k]) == nullptr)
       return true;
   }
@@ -387,14 +387,14 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   bool was_hit = false;
   double done = 0.0;
   int advances = 0;
-  List<double> ways;
+  List<double> allowed;
   for (int leg = 0; done < h && !is_set(step.stop); ++leg) {
     for (const int body : awake.kinematic)
       state->states[body] = moved(at_start[body], MassProperties{}, Vector3d::Zero(), done);
     const double left = h - done;
     const List<Broadphase::Pair> near =
         divided_.find_pairs(step, *state, moving_shapes, left, broadphase, &report.has_left_any);
-    ways.clear();
+    allowed.clear();
     const bool is_any_hit = collide_group(model, near, left, state);
     double duration = left;
     if ((report.hits == kMostHits && !is_on_joints) || is_used_up(leg, advances, near)) {
@@ -402,7 +402,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
     } else if (is_on_joints) {
       report.hits += is_any_hit && !was_hit ? 1 : 0;  // velocities left by sweeps go on closing
       was_hit = is_any_hit;
-      duration = std::max(kInstantDuration * h, time_on_joints(step, *state, near, left, &ways));
+      duration = std::max(kInstantDuration * h, time_on_joints(step, *state, near, left, &allowed));
     } else if (is_any_hit) {
       ++report.hits;
       duration = std::min(left, kInstantDuration * h);
@@ -417,7 +417,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
                  &report.impulses);
     divided_.sum_joints(model, duration, state);
     if (!are_in_range(*state, divided_.group().bodies)) break;  // the step fails at its end
-    report.has_left_any = report.has_left_any || has_outrun(step, *state, near, ways, duration);
+    report.has_left_any = report.has_left_any || has_outrun(step, *state, near, allowed, duration);
     add_contacts(state->touching, &hits_);
     done = is_last ? h : done + duration;
   }

@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRoomRounding = 1e-9;  // rounding of ways, as a share
+constexpr double kRoomRounding = 1e-9;  // rounding of displacements, as a share
 // Iterations that count for another solve.
 constexpr std::uint32_t kIterationsPerSolve = 10;
 

@@ -92,8 +92,8 @@ void begin_islands(const List<int>& integrated, const List<JointData>& joint_sta
   }
 }
 
-// Lets a joint that does not fit begin to close its error at time t [s]. Coordinates that are on
-// their way to a position of their motor keep their rates.
+// Lets a joint that does not fit begin to close its error at time t [s]. Coordinates that move
+// to a position of their motor keep their rates.
 void begin_misfit(const Model& model, std::size_t j, double t, State* state) {
   const CoordinateMotions motions(model, *state, j);
   const bool was_closing = state->joint_states[j].closing;

@@ -127,18 +127,19 @@ double max_distance(const StepContext& step, const BodyState& now, int body, dou
       max_center_displacement(step, now, body, duration) + reach_of(step.model.bodies[body]));
 }
 
-double fall_and_way(const WorldOptions& options, const BodyState& body, double duration) {
+double displacement_with_fall(const WorldOptions& options, const BodyState& body, double duration) {
   return duration * (body.linear_velocity.norm() + duration * options.gravity.norm());
 }
 
 double contact_margin(const StepContext& step, const State& state, const ShapePair& pair,
                       double duration) {
-  const auto way_of = [&](int body) {
+  const auto displacement = [&](int body) {
     const BodyState& now = state.states[body];
-    return controls_contacts(step.model.options) ? max_point_displacement(step, now, body, duration)
-                                                 : fall_and_way(step.model.options, now, duration);
+    return controls_contacts(step.model.options)
+               ? max_point_displacement(step, now, body, duration)
+               : displacement_with_fall(step.model.options, now, duration);
   };
-  return std::min(way_of(pair.first) + way_of(pair.second),
+  return std::min(displacement(pair.first) + displacement(pair.second),
                   kMarginShare * thinner_of(step.model, pair));
 }
 

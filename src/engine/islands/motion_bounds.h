@@ -70,8 +70,8 @@ void add_proxies(const Model& model, const BodyState& at, int body, double margi
 /// Whether two bodies move against each other by more than fast_share() of the thinner shape.
 bool is_fast(const StepContext& step, const State& state, const ShapePair& pair, double duration);
 
-/// Returns the way of a body within a duration, with the fall of a body at rest [m].
-double fall_and_way(const WorldOptions& options, const BodyState& body, double duration);
+/// Returns how far a body moves within a duration, with the fall from rest in that time [m].
+double displacement_with_fall(const WorldOptions& options, const BodyState& body, double duration);
 /// Returns the gap within which contacts of a pair are rows of impulses for a duration [m].
 double contact_margin(const StepContext& step, const State& state, const ShapePair& pair,
                       double duration);

@@ -27,8 +27,8 @@ class PartError {
   /// Largest error of a body after both halves [m].
   double largest(const Model& model, const List<int>& bodies, const State& state) const;
 
-  /// Bound of the error of a part of `h` [s] in which hardly anything moves [m]: twice the way of
-  /// the fastest body.
+  /// Bound of the error of a part of `h` [s] in which hardly anything moves [m]: twice the
+  /// displacement of the fastest body.
   static double bound_where_slow(const Model& model, double h, const List<int>& bodies,
                                  const List<BodyState>& starts, const State& state);
 

@@ -59,7 +59,7 @@ struct Path {
     return state;
   }
   // Bounds of the derivatives by s: of the centre [m] and, as angle(), of the orientation [rad].
-  double way() const {
+  double displacement() const {
     return std::max({m0.norm(), m1.norm(), (3.0 * (x1 - x0) - m0 - m1).norm()});
   }
   double angle() const { return turn.norm() + rest.norm(); }
@@ -123,8 +123,9 @@ bool passes(const StepContext& step, const State& state, const Rollback& rollbac
     return Path(state.states[body], later, h);
   };
   const Path of_i = path_of(i), of_j = path_of(j);
-  const double far = (of_i.x0 - of_j.x0).norm() + of_i.way() + of_j.way();
-  const double bound = of_i.way() + of_j.way() + of_i.angle() * reach_of(model.bodies[i], far) +
+  const double far = (of_i.x0 - of_j.x0).norm() + of_i.displacement() + of_j.displacement();
+  const double bound = of_i.displacement() + of_j.displacement() +
+                       of_i.angle() * reach_of(model.bodies[i], far) +
                        of_j.angle() * reach_of(model.bodies[j], far);
   const double least = fast_share(model.options) * thinner_of(model, pair);
   const auto gap_at = [&](double s) {

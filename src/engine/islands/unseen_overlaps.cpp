@@ -27,30 +27,33 @@ const BodyState& state_before(const StepContext& step, const Rollback& before, c
   return has_own_motion(step, state, body) ? before.states()[body] : state.states[body];
 }
 
-// Way of the points of a body in the step [m].
-double way_of(const StepContext& step, const Rollback& before, const State& state, int body) {
+// Bound of the displacement of the points of a body in the step [m].
+double point_displacement(const StepContext& step, const Rollback& before, const State& state,
+                          int body) {
   const double h = step.model.options.time_step;
   const BodyState& end = state.states[body];
-  double way = h * end.linear_velocity.norm(), turn = h * end.angular_velocity.norm();
+  double displacement = h * end.linear_velocity.norm(), turn = h * end.angular_velocity.norm();
   if (has_own_motion(step, state, body)) {
     const BodyState& start = before.states()[body];
-    way = (end.position - start.position).norm();
+    displacement = (end.position - start.position).norm();
     turn = 2.0 * (start.orientation.conjugate() * end.orientation).vec().norm();
   }
-  return turn == 0.0 ? way : way + turn * reach_of(step.model.bodies[body]);  // planes have no end
+  return turn == 0.0
+             ? displacement
+             : displacement + turn * reach_of(step.model.bodies[body]);  // planes have no end
 }
 
-// Way by which the bodies of a pair cannot overlap without a contact [m]. Swept bodies sink in by
-// the fall of a step.
+// Displacement within which the bodies of a pair cannot overlap without a contact [m]. Swept
+// bodies sink in by the fall of a step.
 double margin_before(const StepContext& step, const Rollback& before, const State& state,
                      const Broadphase::Pair& pair) {
   const WorldOptions& options = step.model.options;
   const double h = options.time_step;
   if (!solves_impulses(options)) return h * h * options.gravity.norm();
   const double most = kMarginShare * thinner_of(step.model, pair);
-  return std::min(most,
-                  fall_and_way(options, state_before(step, before, state, pair.first), h) +
-                      fall_and_way(options, state_before(step, before, state, pair.second), h));
+  return std::min(
+      most, displacement_with_fall(options, state_before(step, before, state, pair.first), h) +
+                displacement_with_fall(options, state_before(step, before, state, pair.second), h));
 }
 
 }  // namespace
@@ -73,7 +76,8 @@ const List<UnseenOverlaps::Overlap>& UnseenOverlaps::find(const StepContext& ste
                                                           const State& state) {
   found_.clear();
   for (const auto& [pair, known] : pairs_) {
-    if (way_of(step, before, state, pair.first) + way_of(step, before, state, pair.second) <=
+    if (point_displacement(step, before, state, pair.first) +
+            point_displacement(step, before, state, pair.second) <=
         margin_before(step, before, state, pair))
       continue;
     const double depth = -separation_of(step.model, state, pair).gap - known;

@@ -400,18 +400,21 @@ bool BodyConeSolver::set_free_weights(const List<double>& p) {
 }
 
 // Returns the share of the change x_, at most 1, after which a block meets a bound.
-double BodyConeSolver::way_to_bound(std::size_t b, const List<double>& p) const {
+double BodyConeSolver::share_to_bound(std::size_t b, const List<double>& p) const {
   if (freedoms_[b] == Freedom::kNone) return 1.0;
   const Block& block = blocks_.all()[b];
   const std::size_t i = block.first;
-  const auto way = [](double room, double speed) { return speed > room ? room / speed : 1.0; };
+  const auto share_within = [](double room, double speed) {
+    return speed > room ? room / speed : 1.0;
+  };
   if (!blocks_.is_contact(block)) {
     const double change = block.d * x_[i];
-    return std::min(way(p[i] - row(i).least, -change), way(row(i).most - p[i], change));
+    return std::min(share_within(p[i] - row(i).least, -change),
+                    share_within(row(i).most - p[i], change));
   }
   const double mu = row(i).friction;
   const Vector3d now = block_of(p, i), change = block.d * block_of(x_, i);
-  const double of_normal = way(now[0], -change[0]);
+  const double of_normal = share_within(now[0], -change[0]);
   if (freedoms_[b] == Freedom::kAlong) return of_normal;
   // root of ‖t + s t'‖² = μ² (n + s n')²
   const double a = change[1] * change[1] + change[2] * change[2] - mu * mu * change[0] * change[0];
@@ -448,7 +451,8 @@ void BodyConeSolver::share(double aim, Outcome* outcome, List<double>* p) {
     }
     if (change <= kShared * before) return;
     double share = 1.0;
-    for (std::size_t b = 0; b < freedoms_.size(); ++b) share = std::min(share, way_to_bound(b, *p));
+    for (std::size_t b = 0; b < freedoms_.size(); ++b)
+      share = std::min(share, share_to_bound(b, *p));
     best_ = *p;
     for (const Block& block : blocks_.all())
       for (std::size_t i = block.first; i < block.first + block.size; ++i)
@@ -466,7 +470,7 @@ void BodyConeSolver::share(double aim, Outcome* outcome, List<double>* p) {
 // its bound may still change along its impulse; any other block changes no more.
 void BodyConeSolver::lose_freedoms(double share, const List<double>& p) {
   for (std::size_t b = 0; b < freedoms_.size(); ++b) {
-    if (way_to_bound(b, p) > share) continue;
+    if (share_to_bound(b, p) > share) continue;
     const bool keeps_along = blocks_.all()[b].size == 3 && freedoms_[b] == Freedom::kAll;
     freedoms_[b] = keeps_along ? Freedom::kAlong : Freedom::kNone;
   }

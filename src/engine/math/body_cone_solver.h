@@ -87,7 +87,7 @@ class BodyConeSolver {
   void share(double aim, Outcome* outcome, List<double>* p);
   void set_freedoms(const List<double>& p, double residual);
   bool set_free_weights(const List<double>& p);
-  double way_to_bound(std::size_t block, const List<double>& p) const;
+  double share_to_bound(std::size_t block, const List<double>& p) const;
   void lose_freedoms(double share, const List<double>& p);
 
   const BodyConeProblem& problem() const { return blocks_.problem(); }

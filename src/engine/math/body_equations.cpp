@@ -122,7 +122,7 @@ void BodyEquations::add_to_matrix(const Block& block, const Matrix3d& C) {
       });
 }
 
-double BodyEquations::way() const {
+double BodyEquations::squared_distance() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < x_.size(); ++i) sum += (x_[i] - from_[i]) * (x_[i] - from_[i]);
   return sum;

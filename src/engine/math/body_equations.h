@@ -28,7 +28,7 @@ class BodyEquations final : public ProximalEquations {
   Merit evaluate(double sigma, double share) override;
   void move() override { v_.swap(next_); }
   bool find_change(double sigma) override;
-  double way() const override;
+  double squared_distance() const override;
   void take() override { from_ = x_; }
   double residual() override;
   void keep() override { best_.swap(tried_); }

@@ -133,7 +133,7 @@ double CondensedCones::slope() const {
   return sum;
 }
 
-double CondensedCones::way() const {
+double CondensedCones::squared_distance() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < x_.size(); ++i) sum += (x_[i] - from_[i]) * (x_[i] - from_[i]);
   return sum;

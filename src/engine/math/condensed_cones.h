@@ -30,7 +30,7 @@ class CondensedCones final : public ProximalEquations {
   Merit evaluate(double sigma, double share) override;
   void move() override { w_.swap(next_); }
   bool find_change(double sigma) override;
-  double way() const override;
+  double squared_distance() const override;
   void take() override;
   double residual() override;
   void keep() override { best_ = x_; }

@@ -115,32 +115,33 @@ bool ImpulseSharing::find_direction(std::size_t unit) {
   return largest > kNoDirection;
 }
 
-// Largest change of a rate of a contact by the longest way along ±z.
+// Largest change of a rate of a contact within the bounds along ±z.
 double ImpulseSharing::change_along(double sign, const ConeProblem& problem,
                                     const List<double>& p) const {
   const std::size_t n = p.size();
   double most = 0.0, fastest = 0.0;
   for (const double impulse : p) most += std::abs(impulse);
   for (const double part : z_) fastest = std::max(fastest, std::abs(part));
-  double way = most / fastest;  // where no bound ends it, as between walls
-  for (const LoadedRow& row : rows_) way = std::min(way, way_to_bound(row, sign, p));
+  double distance = most / fastest;  // where no bound ends it, as between walls
+  for (const LoadedRow& row : rows_) distance = std::min(distance, distance_to_bound(row, sign, p));
   double largest = 0.0;
   for (std::size_t i = 0; i < 3 * problem.contacts.size(); ++i) {
     double change = 0.0;
     for (std::size_t j = 0; j < n; ++j) change += shared_response(problem, i, j) * z_[j];
-    largest = std::max(largest, way * std::abs(change));
+    largest = std::max(largest, distance * std::abs(change));
   }
   return largest;
 }
 
-// Way along ±z to the bound of the first impulse of a row, or of the friction of a sticking one.
-double ImpulseSharing::way_to_bound(const LoadedRow& row, double sign,
-                                    const List<double>& p) const {
+// Distance along ±z, in units of z, to the bound of the first impulse of a row, or of the friction
+// of a sticking one.
+double ImpulseSharing::distance_to_bound(const LoadedRow& row, double sign,
+                                         const List<double>& p) const {
   const double rate = sign * z_[row.column], now = p[row.column];
-  double way = kInfinity;
-  if (rate < 0.0) way = std::max(0.0, (now - row.least) / -rate);
-  if (rate > 0.0) way = std::max(0.0, (row.most - now) / rate);
-  if (row.size < 3) return way;
+  double distance = kInfinity;
+  if (rate < 0.0) distance = std::max(0.0, (now - row.least) / -rate);
+  if (rate > 0.0) distance = std::max(0.0, (row.most - now) / rate);
+  if (row.size < 3) return distance;
   // μ² p_n² − ‖p_t‖² = a s² + 2 b s + c = 0
   const Vector2d t(p[row.column + 1], p[row.column + 2]);
   const Vector2d t_rate(sign * z_[row.column + 1], sign * z_[row.column + 2]);
@@ -149,8 +150,8 @@ double ImpulseSharing::way_to_bound(const LoadedRow& row, double sign,
   const double b = squared * now * rate - t.dot(t_rate);
   const double c = std::max(0.0, squared * now * now - t.squaredNorm());
   const double root = std::sqrt(std::max(0.0, b * b - a * c));
-  if (b < 0.0) return b * b < a * c ? way : std::min(way, c / (root - b));
-  return a < 0.0 ? std::min(way, (b + root) / -a) : way;
+  if (b < 0.0) return b * b < a * c ? distance : std::min(distance, c / (root - b));
+  return a < 0.0 ? std::min(distance, (b + root) / -a) : distance;
 }
 
 }  // namespace constraint_sim::engine

@@ -38,7 +38,7 @@ class ImpulseSharing {
   void set_matrix(const ConeProblem& problem);
   bool find_direction(std::size_t unit);
   double change_along(double sign, const ConeProblem& problem, const List<double>& p) const;
-  double way_to_bound(const LoadedRow& row, double sign, const List<double>& p) const;
+  double distance_to_bound(const LoadedRow& row, double sign, const List<double>& p) const;
 
   List<double> u_;  // rates
   List<LoadedRow> rows_;

@@ -39,7 +39,7 @@ class ProximalEquations {
   /// Returns the derivative of φ along the change, before the next evaluation.
   virtual double slope() const = 0;
   /// ‖x − x_k‖².
-  virtual double way() const = 0;
+  virtual double squared_distance() const = 0;
   /// Sets x_k = x, and s from the motion.
   virtual void take() = 0;
   /// Returns the residual of the impulses x, see BodyConeBlocks::residual().

@@ -72,7 +72,7 @@ ProximalNewton::End ProximalNewton::step(const Goal& goal, double sigma, StopFla
     consider(equations);
     if (residual_ <= goal.residual) return End::kSolved;
     const double near = kInnerTolerance / sigma;
-    if (k > 0 && merit.square <= std::max(near * near * equations->way(), rounding))
+    if (k > 0 && merit.square <= std::max(near * near * equations->squared_distance(), rounding))
       return k <= kMostOfEasy ? End::kEasy : End::kHard;
     if (k == kMostInner || steps_ >= goal.most_steps || is_set(stop)) return End::kFailed;
     ++steps_;

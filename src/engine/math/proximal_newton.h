@@ -10,7 +10,7 @@ namespace constraint_sim::engine {
 /// each by Newton's method with a line search. The larger σ, the nearer is x to a solution, and the
 /// smaller is the set of starts from which Newton's method converges: σ grows after steps that were
 /// easy, and falls after steps that failed. Shifts are held where the equations can; a step that
-/// failed is then first tried again in the other way.
+/// failed is then first tried again with shifts that are not held, or the reverse.
 class ProximalNewton {
  public:
   struct Goal {

@@ -77,12 +77,12 @@ class RayTargets {
     /// rounding of the nearest point of the line.
     bool may_be_hit(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
                     double distance) const {
-      const Eigen::Vector3d way = centre - origin;
-      const double along = way.dot(direction);
+      const Eigen::Vector3d to_centre = centre - origin;
+      const double along = to_centre.dot(direction);
       const double margin =
-          (1.0 + kRadiusRounding) * radius + kCoordinateRounding * way.lpNorm<1>();
+          (1.0 + kRadiusRounding) * radius + kCoordinateRounding * to_centre.lpNorm<1>();
       if (along < -margin || along - margin > distance) return false;
-      return !((way - along * direction).squaredNorm() > margin * margin);
+      return !((to_centre - along * direction).squaredNorm() > margin * margin);
     }
   };
 

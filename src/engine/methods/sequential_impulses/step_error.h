@@ -20,7 +20,7 @@ namespace constraint_sim::engine {
 ///   h ‖w‖            with w the velocity that corrects errors of steps before and the curvature
 ///                    of joints.
 /// Rotations count times radius of gyration. Bodies that rows connect share the largest sum. The
-/// first three are together at most twice the way of their fastest body.
+/// first three are together at most twice the displacement of their fastest body.
 class StepError {
  public:
   /// Begins a step of a world with so many bodies.

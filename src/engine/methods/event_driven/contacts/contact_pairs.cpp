@@ -210,8 +210,8 @@ double ContactPairs::longest_substep(double left, const ContactEquations& equati
       longest = std::min(longest, kMostBoxTurn / bodies.state(contact.b).angular_velocity.norm());
     if (!std::isfinite(pair.thickness)) continue;
     const ContactMotion now = equations.motion(contact);
-    const double way = std::max(now.gap, kFastShare * pair.thickness);
-    longest = std::min(longest, way / std::max(now.w.norm() + fall, pair.assumed_speed));
+    const double allowed = std::max(now.gap, kFastShare * pair.thickness);
+    longest = std::min(longest, allowed / std::max(now.w.norm() + fall, pair.assumed_speed));
   }
   return longest;
 }

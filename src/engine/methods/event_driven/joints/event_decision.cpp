@@ -54,7 +54,7 @@ void add_by_acting(const EventProblem& problem, const VectorXd& values, VectorXd
 }
 
 // Finds the coordinates that may be held, and the accelerations without forces that hold them.
-// Returns false where a limit has given way that cannot.
+// Returns false where a limit of unlimited force would yield.
 bool find_candidates(const EventMotions& motions, const EventProblem& problem, double t,
                      const List<char>& is_pressed, List<HoldCandidate>* candidates,
                      EventDecision* next) {

@@ -53,7 +53,7 @@ inline WorldOptions by_events(double time_step, double gravity = kGravity) {
 
 /// Returns time steps with a method, and time steps with the default method and tolerance. The
 /// default test run has three of the seven.
-inline std::vector<Carried> each_way(Method method) {
+inline std::vector<Carried> each_setting(Method method) {
   const WorldOptions unsaid;
   if (!kIsLongRun)
     return {{1.0 / 30, method},

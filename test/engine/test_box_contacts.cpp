@@ -32,7 +32,8 @@ double gap_of(const World& world, BodyId a, BodyId b) {
 
 class BoxContactsAt : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(Ticks, BoxContactsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
+INSTANTIATE_TEST_SUITE_P(Ticks, BoxContactsAt,
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 INSTANTIATE_TEST_SUITE_P(Poses, BoxContactsAt, testing::ValuesIn(with_poses()));
 INSTANTIATE_TEST_SUITE_P(Parts, BoxContactsAt, testing::ValuesIn(with_parts()));
 

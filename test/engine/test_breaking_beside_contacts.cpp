@@ -18,7 +18,7 @@ constexpr double kFalls = 1e-10;   // [m]
 class BreakingBesideContactsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, BreakingBesideContactsAt,
-                         testing::ValuesIn(each_way(Method::kEventDriven)));
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 // A box hangs by rods from a mast on another box, which stands on the floor on four corners. The
 // rods' length changes as a sin ωt, so they carry m (g − a ω cos ωt) together; they break where cos

@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 class CompoundEventsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, CompoundEventsAt,
-                         testing::ValuesIn(each_way(Method::kEventDriven)));
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 /// Two balls at a distance, along x of the body.
 Compound two_balls(double radius, double distance) {

@@ -29,7 +29,8 @@ BodyId add_floor(World* world, double friction = 0.0, double restitution = 0.0) 
 
 class ContactEventsAt : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(Ticks, ContactEventsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
+INSTANTIATE_TEST_SUITE_P(Ticks, ContactEventsAt,
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 INSTANTIATE_TEST_SUITE_P(Poses, ContactEventsAt, testing::ValuesIn(with_poses()));
 INSTANTIATE_TEST_SUITE_P(Parts, ContactEventsAt, testing::ValuesIn(with_parts()));
 

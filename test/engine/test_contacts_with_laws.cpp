@@ -27,7 +27,7 @@ Joint slider_along_x(BodyId body, const Vector3d& place) {
 class ContactsWithLawsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, ContactsWithLawsAt,
-                         testing::ValuesIn(each_way(Method::kEventDriven)));
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 // A bob on a taut rope swings from 60° against a wall below its pivot, as on a rod: the first
 // impact is after a quarter of its period, with √(2 g L (1 − cos 60°)), and e of the speed after

@@ -84,7 +84,7 @@ struct RackAndWheel {
 class CoupledContactsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, CoupledContactsAt,
-                         testing::ValuesIn(each_way(Method::kEventDriven)));
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 // A ball on a rack drives a wheel and hits a wall: with the wheel it has the mass m + I/ratio².
 TEST_P(CoupledContactsAt, ARackHitsAWall) {

@@ -524,10 +524,10 @@ class LightLinks {
     motion_.emplace(EquationsOfMotion(all, joints_, ends_, masses_));
   }
 
-  IntegrationResult advance(Integration way, double h) {
+  IntegrationResult advance(Integration integration, double h) {
     const Interval span{t_, h, gravity_, loads_, courses_, false, false};
     t_ += h;
-    return motion_->advance(way, span, {8, 1e-9}, &states_);
+    return motion_->advance(integration, span, {8, 1e-9}, &states_);
   }
   IslandMotion& motion() { return *motion_; }
 
@@ -579,7 +579,7 @@ TEST(EnergyMomentum, KeepsEnergyAndMomentaWhereSubstepsTakeOver) {
     LightLinks kept = links;
     const double energy = links.energy();
     const Vector3d P = links.momentum(), L = links.angular_momentum();
-    kept.motion().change_way();
+    kept.motion().change_method();
     const IntegrationResult result = kept.advance(Integration::kRungeKutta, 1e-9);
     ASSERT_TRUE(result.done);
     EXPECT_NEAR(kept.energy(), energy, 1e-13 * energy);

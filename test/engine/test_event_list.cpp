@@ -30,7 +30,7 @@ std::vector<Event> events_of(World* world, double seconds) {
 
 class EventList : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(AtTicks, EventList, testing::ValuesIn(each_way(Method::kAuto)));
+INSTANTIATE_TEST_SUITE_P(AtTicks, EventList, testing::ValuesIn(each_setting(Method::kAuto)));
 
 TEST_P(EventList, ARopeIsToldWhenItIsTaut) {
   World world(by_events(GetParam()));

@@ -34,7 +34,7 @@ const Island& only(const std::vector<Island>& islands) { return islands.front();
 
 class AtTicks : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(Events, AtTicks, testing::ValuesIn(each_way(Method::kAuto)));
+INSTANTIATE_TEST_SUITE_P(Events, AtTicks, testing::ValuesIn(each_setting(Method::kAuto)));
 
 // ---- inactive elements
 

@@ -133,7 +133,7 @@ class ForceLimitsAt : public testing::TestWithParam<Carried> {
   int steps(double seconds) const { return static_cast<int>(std::lround(seconds / GetParam())); }
 };
 
-INSTANTIATE_TEST_SUITE_P(Ticks, ForceLimitsAt, testing::ValuesIn(each_way(Method::kAuto)));
+INSTANTIATE_TEST_SUITE_P(Ticks, ForceLimitsAt, testing::ValuesIn(each_setting(Method::kAuto)));
 
 // ---- servos and springs
 

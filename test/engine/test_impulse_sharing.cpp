@@ -137,7 +137,7 @@ TEST(ImpulseSharing, VanishesWhereAllCornersStick) {
 class ImpulseSharingAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, ImpulseSharingAt,
-                         testing::ValuesIn(each_way(Method::kEventDriven)));
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 // A box lands on four corners: the step reports the open sharing where it also rotates, and none
 // where it only slides.

@@ -51,7 +51,8 @@ World sent(const Carried& by, const Sent& of, JointId* guide = nullptr) {
 
 class LostCoursesAt : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(Ticks, LostCoursesAt, testing::ValuesIn(each_way(Method::kEventDriven)));
+INSTANTIATE_TEST_SUITE_P(Ticks, LostCoursesAt,
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 // A load pulls a box to its goal faster than the motor's prescribed motion. The motor, which has
 // lost this motion, pushes to the goal at once, too, until it has to brake, for which it is too

@@ -16,7 +16,7 @@ constexpr double kCarriedMass = 2.0;
 class MovingContactsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, MovingContactsAt,
-                         testing::ValuesIn(each_way(Method::kEventDriven)));
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 INSTANTIATE_TEST_SUITE_P(Poses, MovingContactsAt, testing::ValuesIn(with_poses()));
 INSTANTIATE_TEST_SUITE_P(Parts, MovingContactsAt, testing::ValuesIn(with_parts()));
 

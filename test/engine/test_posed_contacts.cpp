@@ -17,7 +17,8 @@ constexpr double kBallMass = 2.0, kBallInertia = 0.03, kBallRadius = 0.2;
 
 class PosedContactsAt : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(Ticks, PosedContactsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
+INSTANTIATE_TEST_SUITE_P(Ticks, PosedContactsAt,
+                         testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 /// A ball with its shape's centre at `offset` from its centre of mass, with isotropic inertia.
 Body lopsided_ball(const Vector3d& offset) {

@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 
 class SlowSlipsAt : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(Ticks, SlowSlipsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
+INSTANTIATE_TEST_SUITE_P(Ticks, SlowSlipsAt, testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 // A force (1 + ε) μ m g pushes a box that stands on its corners: ε μ g t²/2. Stages that follow the
 // direction of the slip would need 1/ε of them; the bound is that of a handful of events.

@@ -17,16 +17,16 @@ constexpr double kMostProjected = 1e-9;
 constexpr int kMostAttempts = 50000, kLeastAttempts = 100;
 constexpr std::size_t kMostAttemptsOfAll = 300000;
 
-/// Advances an island with joints in one way, and lets the island learn from it.
-IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integration way,
+/// Advances an island with joints by one method, and lets the island learn from the result.
+IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integration integration,
                                  const Interval& span, const IntegratorOptions& accuracy) {
   const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
   IslandParts& parts = lists->island_parts[i];
   IslandMotion& motion = lists->motions[parts.motion];
-  IntegrationResult progress = motion.advance(way, span, accuracy, &state->states);
-  switch (way) {
+  IntegrationResult progress = motion.advance(integration, span, accuracy, &state->states);
+  switch (integration) {
     case Integration::kRungeKutta: {
       const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
       if (!learn_from_substeps(cost, state->step_count, model.options, &progress, &parts)) break;
@@ -53,7 +53,7 @@ void switch_method(IslandLists* lists, std::size_t i, Method method, MethodReaso
   ++lists->island_parts[i].changes;
   lists->islands[i].method = method;
   lists->islands[i].why = why;
-  lists->motions[lists->island_parts[i].motion].change_way();
+  lists->motions[lists->island_parts[i].motion].change_method();
   lists->island_parts[i].needs_method_choice = true;
 }
 
@@ -99,8 +99,8 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
                                                            around, &state->states));
   }
   bool is_met = island.why != MethodReason::kInconsistent;
-  const auto by = [&](Integration way, const IntegratorOptions& accuracy) {
-    const IntegrationResult progress = advance_joints(in, i, way, span, accuracy);
+  const auto by = [&](Integration integration, const IntegratorOptions& accuracy) {
+    const IntegrationResult progress = advance_joints(in, i, integration, span, accuracy);
     is_met = !progress.is_inconsistent;
     return add_result(lists, i, progress);
   };
@@ -125,15 +125,15 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
   bounded.most_projected = longer.most_projected = kMostProjected;
   longer.most_halvings *= 2;
   const MethodReason why = island.why;
-  for (const auto& [way, accuracy] : {std::pair{Integration::kEnergyMomentum, ordinary},
-                                      std::pair{Integration::kRungeKutta, bounded},
-                                      std::pair{Integration::kEnergyMomentum, longer},
-                                      std::pair{Integration::kRungeKutta, substeps}}) {
+  for (const auto& [integration, accuracy] : {std::pair{Integration::kEnergyMomentum, ordinary},
+                                              std::pair{Integration::kRungeKutta, bounded},
+                                              std::pair{Integration::kEnergyMomentum, longer},
+                                              std::pair{Integration::kRungeKutta, substeps}}) {
     if (!is_met) break;
     const Method method =
-        way == Integration::kRungeKutta ? Method::kRungeKutta : Method::kEnergyMomentum;
+        integration == Integration::kRungeKutta ? Method::kRungeKutta : Method::kEnergyMomentum;
     if (method != island.method) switch_method(lists, i, method, why);
-    if (by(way, accuracy)) return true;
+    if (by(integration, accuracy)) return true;
   }
   // Soon after a contact, joints may be off by errors that impulses left. The island returns to
   // impulses then, which close these errors.

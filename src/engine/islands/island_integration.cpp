@@ -178,8 +178,8 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     const Method before = island.method;
     island.method = choice.method;
     island.why = choice.why;
-    const bool changes_way = island.method != before || was_in_group != groups->contains(i);
-    if (!changes_way && !parts.is_fresh && !has_woken) continue;
+    const bool changes_method = island.method != before || was_in_group != groups->contains(i);
+    if (!changes_method && !parts.is_fresh && !has_woken) continue;
     changed = true;
     if (!parts.is_fresh && island.method != before) ++report.costs.method_changes;
     parts.energy.has_changed |=
@@ -193,7 +193,7 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
       if (uses_impulses(before) || uses_impulses(island.method))
         motion.forget();
       else
-        motion.change_way();
+        motion.change_method();
     }
     if ((restarts || uses_impulses(before)) && !uses_impulses(island.method))
       entering_.push_back(static_cast<int>(i));

@@ -2,12 +2,12 @@
 
 namespace constraint_sim::engine {
 
-IntegrationResult Borrowers::advance(Integration way, const Interval& span,
+IntegrationResult Borrowers::advance(Integration integration, const Interval& span,
                                      const IntegratorOptions& accuracy,
                                      EquationsOfMotion* equations, List<BodyState>* states) {
   IntegrationResult result;
   for_each_line([&](auto& line) {
-    if (line.kWay != way) return;
+    if (line.kIntegration != integration) return;
     if (!line.method) line.method.emplace(*equations);
     result = line.method->advance(span, accuracy, equations, states);
   });

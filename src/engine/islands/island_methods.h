@@ -24,11 +24,11 @@ enum class Integration {
 inline constexpr std::size_t kIntegrationCount = 3;
 
 /// A method that borrows the equations of an island; constructed when it is first used.
-template <Integration way, class Class>
+template <Integration integration, class Class>
 struct Borrower {
   using Method = Class;
   static_assert(IslandMethod<Method, EquationsOfMotion*>::kIsHeld);
-  static constexpr Integration kWay = way;
+  static constexpr Integration kIntegration = integration;
   std::optional<Method> method;
 };
 
@@ -46,7 +46,7 @@ class Borrowers {
     return found;
   }
   /// Advances the island as IslandMethod describes, by any method but kRungeKutta.
-  IntegrationResult advance(Integration way, const Interval& span,
+  IntegrationResult advance(Integration integration, const Interval& span,
                             const IntegratorOptions& accuracy, EquationsOfMotion* equations,
                             List<BodyState>* states);
   /// Whether any method is constructed.

@@ -11,25 +11,25 @@ IslandMotion& IslandMotion::operator=(const IslandMotion& other) = default;
 IslandMotion& IslandMotion::operator=(IslandMotion&& other) noexcept = default;
 IslandMotion::~IslandMotion() = default;
 
-IntegrationResult IslandMotion::advance(Integration way, const Interval& span,
+IntegrationResult IslandMotion::advance(Integration integration, const Interval& span,
                                         const IntegratorOptions& accuracy,
                                         List<BodyState>* states) {
   const EnergyMomentum* const energy_momentum = lent<EnergyMomentum>();
-  const bool goes_on = way == Integration::kEnergyMomentum && energy_momentum != nullptr &&
+  const bool goes_on = integration == Integration::kEnergyMomentum && energy_momentum != nullptr &&
                        energy_momentum->has_started();
   if (follows_gradients_ && !goes_on && !span.is_edited)
     fit_velocities(span, accuracy.most_projected, &substeps_.equations(), states);
-  const IntegrationResult result = advance_by(way, span, accuracy, states);
-  if (result.done) follows_gradients_ = way == Integration::kEnergyMomentum;
+  const IntegrationResult result = advance_by(integration, span, accuracy, states);
+  if (result.done) follows_gradients_ = integration == Integration::kEnergyMomentum;
   return result;
 }
 
-IntegrationResult IslandMotion::advance_by(Integration way, const Interval& span,
+IntegrationResult IslandMotion::advance_by(Integration integration, const Interval& span,
                                            const IntegratorOptions& accuracy,
                                            List<BodyState>* states) {
-  if (way == Integration::kRungeKutta) return substeps_.advance(span, accuracy, states);
-  if (way == Integration::kInconsistent) change_way();
-  return borrowers_.advance(way, span, accuracy, &substeps_.equations(), states);
+  if (integration == Integration::kRungeKutta) return substeps_.advance(span, accuracy, states);
+  if (integration == Integration::kInconsistent) change_method();
+  return borrowers_.advance(integration, span, accuracy, &substeps_.equations(), states);
 }
 
 bool IslandMotion::follow_laws(const List<Joint>& all_joints) {
@@ -38,14 +38,14 @@ bool IslandMotion::follow_laws(const List<Joint>& all_joints) {
   return events_ ? events_->follow_laws(all_joints, &substeps_) : substeps_.follow_laws(all_joints);
 }
 
-void IslandMotion::change_way() {
+void IslandMotion::change_method() {
   substeps_.forget();
   if (events_) events_->forget();
   borrowers_.forget();
 }
 
 void IslandMotion::forget() {
-  change_way();
+  change_method();
   follows_gradients_ = false;
 }
 

@@ -48,7 +48,7 @@ class IslandMotion {
       substeps_.begin_step(joints);
   }
   /// Advances the bodies by one of the methods, as IslandMethod describes.
-  IntegrationResult advance(Integration way, const Interval& span,
+  IntegrationResult advance(Integration integration, const Interval& span,
                             const IntegratorOptions& accuracy, List<BodyState>* states);
   /// Advances an island with one-sided rows from event to event, the only method of such islands.
   IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
@@ -66,7 +66,7 @@ class IslandMotion {
   /// Clears the memory of all methods, since impulses or an edit moved the bodies.
   void forget();
   /// Clears what methods continue from, since another method of this island continues the motion.
-  void change_way();
+  void change_method();
   /// Returns to the state after compilation.
   void restart();
   /// A method that borrows the equations; nullptr where it was not used since compilation and had
@@ -101,7 +101,7 @@ class IslandMotion {
   }
 
  private:
-  IntegrationResult advance_by(Integration way, const Interval& span,
+  IntegrationResult advance_by(Integration integration, const Interval& span,
                                const IntegratorOptions& accuracy, List<BodyState>* states);
 
   RungeKutta substeps_;  // owns the equations

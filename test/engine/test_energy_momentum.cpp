@@ -525,9 +525,9 @@ class LightLinks {
   }
 
   IntegrationResult advance(Integration integration, double h) {
-    const Interval span{t_, h, gravity_, loads_, courses_, false, false};
+    const Interval interval{t_, h, gravity_, loads_, courses_, false, false};
     t_ += h;
-    return motion_->advance(integration, span, {8, 1e-9}, &states_);
+    return motion_->advance(integration, interval, {8, 1e-9}, &states_);
   }
   IslandMotion& motion() { return *motion_; }
 

@@ -69,14 +69,15 @@ class LoneIsland {
     for (std::size_t j = 0; j < joints.size(); ++j)
       courses.emplace_back(joints[j], step, joint_states[j]);
     equations_->begin_step(joint_states);
-    const Interval span{t, h, gravity_, loads, courses, false, false};
-    const IntegrationResult progress = motion_->advance(span, {8, 0.0}, equations_.get(), &states);
+    const Interval interval{t, h, gravity_, loads, courses, false, false};
+    const IntegrationResult progress =
+        motion_->advance(interval, {8, 0.0}, equations_.get(), &states);
     for (std::size_t i = 0; i < states.size(); ++i)
       if (!masses_[i].is_movable()) states[i].position += h * states[i].linear_velocity;
     for (std::size_t l = 0; l < joints.size(); ++l) {
       const auto j = static_cast<std::size_t>(equations_->joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(t + h) : 0.0;
-      finish_span(joints[j], step, joint_states[j]);
+      finish_interval(joints[j], step, joint_states[j]);
       read_integrated_joint(joints[j], states[ends_[j].first], states[ends_[j].second], step,
                             equations_->forces().impulse(*equations_, l), zeta, joint_states[j]);
     }

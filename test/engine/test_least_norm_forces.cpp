@@ -172,9 +172,9 @@ class OneIsland {
 
   bool step(double h) {
     motion_->begin_step(joint_states_);
-    const Interval span{t_, h, gravity_, loads_, courses_, false, false};
+    const Interval interval{t_, h, gravity_, loads_, courses_, false, false};
     t_ += h;
-    return motion_->advance(span, {8, 1e-10}, &states).done;
+    return motion_->advance(interval, {8, 1e-10}, &states).done;
   }
   const EquationsOfMotion& equations() const { return motion_->equations(); }
 

@@ -44,17 +44,17 @@ MotorRate drive(const CoordinateLaw& law, const JointStep& step, CoordinateState
   return rate;
 }
 
-void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointData& state) {
+void PrescribedMotion::begin(const Joint& joint, const JointStep& step, JointData& state) {
   if (is_closing()) *this = PrescribedMotion{};
   const JointForms& kind = forms(joint.kind);
-  start_ = span.t;
+  start_ = step.t;
   is_driven_ = false;
   rows_ = kind.rows;
   count_ = to_index(kind.coordinates);
   if (const auto* distance = if_distance(joint)) {
     count_ = 1;
     rows_ = 0;
-    const MotorRate motor = drive(*distance, span, joint.motor, state);
+    const MotorRate motor = drive(*distance, step, joint.motor, state);
     hold(0, distance->length.value_or(0.0) + state.travel, motor);
   }
   for (std::size_t i = 0; i < to_index(kind.coordinates); ++i) {
@@ -63,14 +63,14 @@ void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointDat
     held_[i] = Held{};
     const CoordinateLaw& law = joint.coordinates[i];
     if (!law.motor || !law.motor->is_rigid()) continue;
-    const MotorRate motor = drive(law, span, &coordinate);
+    const MotorRate motor = drive(law, step, &coordinate);
     if (!is_held(law)) continue;  // a motor with a force limit prescribes nothing
     hold(i, coordinate.held - joint.coordinates[i].zero, motor);
   }
   if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;
   if (!state.closing) return;
   to_close_ = state.to_close;
-  closing_time_ = span.closing_time;
+  closing_time_ = step.closing_time;
   moves_frame_ = kind.alignment != Alignment::kFree || !to_close_.shift.isZero(0.0);
 }
 
@@ -102,12 +102,12 @@ Prescribed PrescribedMotion::target(int function, double t) const {
   return target;
 }
 
-void finish_span(const Joint& joint, const JointStep& span, JointData& state) {
+void finish_interval(const Joint& joint, const JointStep& step, JointData& state) {
   if (has_length(joint.kind)) {
-    state.travel += state.bias * span.h;
+    state.travel += state.bias * step.h;
     return;
   }
-  for (CoordinateState& coordinate : state.coordinates) coordinate.held += coordinate.bias * span.h;
+  for (CoordinateState& coordinate : state.coordinates) coordinate.held += coordinate.bias * step.h;
 }
 
 }  // namespace constraint_sim::engine

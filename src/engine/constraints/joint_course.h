@@ -24,11 +24,11 @@ MotorRate drive(const CoordinateLaw& law, const JointStep& step, CoordinateState
 class PrescribedMotion {
  public:
   PrescribedMotion() = default;
-  PrescribedMotion(const Joint& joint, const JointStep& span, JointData& state) {
-    begin(joint, span, state);
+  PrescribedMotion(const Joint& joint, const JointStep& step, JointData& state) {
+    begin(joint, step, state);
   }
   /// Begins the next interval. Sets bias (mean over the interval) and saturated of `state`.
-  void begin(const Joint& joint, const JointStep& span, JointData& state);
+  void begin(const Joint& joint, const JointStep& step, JointData& state);
   /// Makes a coordinate brake with `braking` [m/s² or rad/s²], < 0 from below, to rest at its held
   /// position at time `until` [s]. The caller ends this motion there, without which it turns back.
   void brake(int coordinate, double until, double braking) {
@@ -131,6 +131,6 @@ class PrescribedMotion {
 };
 
 /// Adds the motion of the motors in an interval to travel and held positions.
-void finish_span(const Joint& joint, const JointStep& span, JointData& state);
+void finish_interval(const Joint& joint, const JointStep& step, JointData& state);
 
 }  // namespace constraint_sim::engine

@@ -36,16 +36,17 @@ RigidMotion as_one_body(const EquationsOfMotion& equations, const List<BodyState
 
 }  // namespace
 
-void fit_velocities(const Interval& span, double most_moved, EquationsOfMotion* equations,
+void fit_velocities(const Interval& interval, double most_moved, EquationsOfMotion* equations,
                     List<BodyState>* states) {
-  equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
+  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.courses,
+                   interval.since_tick);
   if (equations->inputs().is_time_dependent() || equations->inputs().has_jumped()) return;
   List<double> numbers(2 * equations->size());
   double* const y = numbers.data();
   gather_state(*equations, *states, y);
   const double energy = kinetic_energy(*equations, y);
   equations->keep_impulses();
-  const bool is_met = equations->start(span.t, y, y + equations->size());
+  const bool is_met = equations->start(interval.t, y, y + equations->size());
   equations->restore_impulses();  // later steps start again
   if (!is_met) return;
   const double left = kinetic_energy(*equations, y);

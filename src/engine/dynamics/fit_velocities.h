@@ -22,7 +22,7 @@ inline List<BodyState> states_of(const EquationsOfMotion& equations,
 /// in a free island only relative to its rigid motion, so that both momenta stay.
 /// Changes nothing where joints move with time or something has jumped, where more than
 /// `most_moved` of the kinetic energy would move, or more than a second order error explains.
-void fit_velocities(const Interval& span, double most_moved, EquationsOfMotion* equations,
+void fit_velocities(const Interval& interval, double most_moved, EquationsOfMotion* equations,
                     List<BodyState>* states);
 
 }  // namespace constraint_sim::engine

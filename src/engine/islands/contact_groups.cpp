@@ -330,12 +330,12 @@ double ContactGroups::most_work_of(const WorldOptions& options, const ContactGro
   return std::max(left, kLeastWork);
 }
 
-IntegrationResult ContactGroups::advance(std::size_t group, const Interval& span,
+IntegrationResult ContactGroups::advance(std::size_t group, const Interval& interval,
                                          const IntegratorOptions& accuracy,
                                          const WorldOptions& options, State* state) {
   ContactGroup& of = groups_[group];
-  if (of.spheres != nullptr) return of.spheres->advance(span, accuracy, &state->states);
-  return of.events->advance(span, accuracy, joint_step(options, span.t, span.h),
+  if (of.spheres != nullptr) return of.spheres->advance(interval, accuracy, &state->states);
+  return of.events->advance(interval, accuracy, joint_step(options, interval.t, interval.h),
                             state->joint_states, most_work_of(options, of), &state->states);
 }
 

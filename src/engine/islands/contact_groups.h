@@ -65,7 +65,7 @@ class ContactGroups {
   const std::vector<BodyId>& bodies() const { return bodies_; }
 
   /// Advances a group.
-  IntegrationResult advance(std::size_t group, const Interval& span,
+  IntegrationResult advance(std::size_t group, const Interval& interval,
                             const IntegratorOptions& accuracy, const WorldOptions& options,
                             State* state);
   void mark_failed(std::size_t group) { groups_[group].has_failed = true; }

@@ -96,9 +96,9 @@ ImpulseReport DividedStep::advance(const StepContext& step, const List<ActingWre
     wrench.duration *= share;
     wrenches_now.push_back(wrench);
   }
-  JointStep span = joint_step(model.options, step.tick.start + done, duration);
-  if (!joint_sums_.empty()) span.beta *= share;
-  const ImpulseStep part{span,
+  JointStep interval = joint_step(model.options, step.tick.start + done, duration);
+  if (!joint_sums_.empty()) interval.beta *= share;
+  const ImpulseStep part{interval,
                          contacts,
                          kind,
                          group_.bodies,

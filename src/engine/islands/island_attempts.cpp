@@ -19,13 +19,13 @@ constexpr std::size_t kMostAttemptsOfAll = 300000;
 
 /// Advances an island with joints by one method, and lets the island learn from the result.
 IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integration integration,
-                                 const Interval& span, const IntegratorOptions& accuracy) {
+                                 const Interval& interval, const IntegratorOptions& accuracy) {
   const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
   IslandParts& parts = lists->island_parts[i];
   IslandMotion& motion = lists->motions[parts.motion];
-  IntegrationResult progress = motion.advance(integration, span, accuracy, &state->states);
+  IntegrationResult progress = motion.advance(integration, interval, accuracy, &state->states);
   switch (integration) {
     case Integration::kRungeKutta: {
       const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
@@ -35,8 +35,8 @@ IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integ
     }
     case Integration::kEnergyMomentum: {
       const EnergyMomentum& method = *motion.lent<EnergyMomentum>();
-      const int spans = method.was_first() ? 2 : 1;
-      learn_from_gradients(progress.iterations / spans, method.frequency(), motion.is_simple(),
+      const int intervals = method.was_first() ? 2 : 1;
+      learn_from_gradients(progress.iterations / intervals, method.frequency(), motion.is_simple(),
                            state->step_count, model.options, &parts);
       break;
     }
@@ -84,23 +84,23 @@ IntegratorOptions accuracy_within(const IntegrationStep& in, double most_frequen
   return accuracy;
 }
 
-bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& span) {
+bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& interval) {
   const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
   IslandParts& parts = lists->island_parts[i];
   Island& island = lists->islands[i];
   if (island.method == Method::kEventDriven) {
-    const EventDriven::Surroundings around{joint_step(model.options, span.t, span.h),
+    const EventDriven::Surroundings around{joint_step(model.options, interval.t, interval.h),
                                            state->joint_states, in.rollback.joint_states(),
                                            model.masses};
     return add_result(lists, i,
-                      lists->motions[parts.motion].advance(span, accuracy_within(in, kInfinity),
+                      lists->motions[parts.motion].advance(interval, accuracy_within(in, kInfinity),
                                                            around, &state->states));
   }
   bool is_met = island.why != MethodReason::kInconsistent;
   const auto by = [&](Integration integration, const IntegratorOptions& accuracy) {
-    const IntegrationResult progress = advance_joints(in, i, integration, span, accuracy);
+    const IntegrationResult progress = advance_joints(in, i, integration, interval, accuracy);
     is_met = !progress.is_inconsistent;
     return add_result(lists, i, progress);
   };

@@ -32,6 +32,6 @@ bool add_result(IslandLists* lists, std::size_t i, const IntegrationResult& prog
 /// Advances an island with joints by an interval. The method of the island is tried first; where it
 /// fails, the other method; and where the joints cannot all be met, the motion that comes nearest
 /// to meeting them. False where every method fails.
-bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& span);
+bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& interval);
 
 }  // namespace constraint_sim::engine

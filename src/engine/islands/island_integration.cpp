@@ -261,15 +261,15 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
   split_step(in);
   for (std::size_t k = 0; k + 1 < interval_ends_.size(); ++k) {
     const double t = interval_ends_[k];
-    const JointStep span = joint_step(model.options, t, interval_ends_[k + 1] - t);
+    const JointStep interval = joint_step(model.options, t, interval_ends_[k + 1] - t);
     const bool had_loads = !loads_.empty();
     if (!state->wrenches.empty() || had_loads) find_loads(model, *state, t, interval_ends_[k + 1]);
     const bool is_disturbed = had_loads || !loads_.empty() || k > 0;
     for (const int j : time_varying_joints_)
       if (is_integrated(model, topology, *lists, to_index(j)))
-        courses_[j].begin(model.joints[j], span, state->joint_states[j]);
+        courses_[j].begin(model.joints[j], interval, state->joint_states[j]);
     const double since = t - in.step.tick.start;
-    const Interval continued{t,      span.h,       model.options.gravity,
+    const Interval continued{t,      interval.h,   model.options.gravity,
                              loads_, courses_,     is_disturbed,
                              k > 0,  in.step.stop, since};
     workers_.run(threads, integrated.size(), [&](std::size_t s) {
@@ -287,7 +287,7 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
     if (!groups->is_empty()) advance_groups(in, continued, groups);
     for (const int j : time_varying_joints_)
       if (is_integrated(model, topology, *lists, to_index(j)))
-        finish_span(model.joints[j], span, state->joint_states[j]);
+        finish_interval(model.joints[j], interval, state->joint_states[j]);
   }
   if (!continuous.jointed_pairs().empty()) {
     for (const int i : continuous.find_passing(in.step, *state, in.rollback, *lists)) {
@@ -311,7 +311,7 @@ void IslandIntegration::begin_entering(const IntegrationStep& in) {
   const Topology& topology = in.step.topology;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
-  const JointStep span = joint_step(model.options, in.step.tick.start, model.options.time_step);
+  const JointStep interval = joint_step(model.options, in.step.tick.start, model.options.time_step);
   for (const int i : entering_) {
     IslandParts& parts = lists->island_parts[i];
     // a saved scene knows which joints cannot all be met
@@ -319,26 +319,26 @@ void IslandIntegration::begin_entering(const IntegrationStep& in) {
     for (const int index : parts.members.joints) {
       const std::size_t j = to_index(index);
       if (!is_known_off && is_rigid(model.joints[j]) &&
-          !fits(model.joints[j], topology.state_a(*state, j), topology.state_b(*state, j), span,
+          !fits(model.joints[j], topology.state_a(*state, j), topology.state_b(*state, j), interval,
                 state->joint_states[j]))
-        begin_misfit(model, j, span.t, state);
+        begin_misfit(model, j, interval.t, state);
     }
     compile_if_opened(model, topology, state->joint_states, &parts, &lists->motions);
   }
   courses_.resize(model.joints.size());
   for (const int i : entering_)
     for (const int index : lists->island_parts[i].members.joints)
-      courses_[index].begin(model.joints[index], span, state->joint_states[index]);
+      courses_[index].begin(model.joints[index], interval, state->joint_states[index]);
 }
 
 void IslandIntegration::compile_where_closed(const Model& model, const Topology& topology,
-                                             const JointStep& span, State* state,
+                                             const JointStep& interval, State* state,
                                              IslandLists* lists) {
   for (const int index : time_varying_joints_) {
     const std::size_t j = to_index(index);
     if (state->joint_states[j].closing || forms(model.joints[j].kind).form != RowsForm::kPoint)
       continue;
-    courses_[j].begin(model.joints[j], span, state->joint_states[j]);
+    courses_[j].begin(model.joints[j], interval, state->joint_states[j]);
     compile_if_opened(model, topology, state->joint_states,
                       &lists->island_parts[topology.island_of_joint(model, j)], &lists->motions);
   }
@@ -409,7 +409,7 @@ void IslandIntegration::find_loads(const Model& model, const State& state, doubl
 }
 
 bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t i,
-                                         const Interval& span) {
+                                         const Interval& interval) {
   const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
@@ -420,18 +420,18 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
       if (load.body == body) torque += load.torque;
     if (!FreeRotation::turns(torque, state->states[body])) continue;
     if (!add_result(lists, i,
-                    rotations_[body].advance(span.h, torque, model.masses[body],
-                                             accuracy_within(in, kInfinity), span.stop,
+                    rotations_[body].advance(interval.h, torque, model.masses[body],
+                                             accuracy_within(in, kInfinity), interval.stop,
                                              &state->states[body])))
       return false;
   }
-  if (parts.motion >= 0) return integrate_joints(in, i, span);
+  if (parts.motion >= 0) return integrate_joints(in, i, interval);
 
   const int body = parts.members.bodies.front();
   Vector3d acceleration = model.gravity_on(to_index(body));
   for (const AppliedWrench& load : loads_)
     if (load.body == body) acceleration += model.masses[body].inverse_mass * load.force;
-  integrate_ballistic(span.h, acceleration, &state->states[body]);
+  integrate_ballistic(interval.h, acceleration, &state->states[body]);
   return true;
 }
 
@@ -440,14 +440,14 @@ void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval
   const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
-  Interval span = part;
+  Interval interval = part;
   if (interval_ends_.size() == 2)
-    span.h = model.options.time_step;  // the whole step, however late it is
+    interval.h = model.options.time_step;  // the whole step, however late it is
   for (std::size_t g = 0; g < groups->groups().size(); ++g) {
     const ContactGroup& group = groups->groups()[g];
     if (group.has_failed) continue;
     const IntegrationResult progress =
-        groups->advance(g, span, accuracy_within(in, kInfinity), model.options, state);
+        groups->advance(g, interval, accuracy_within(in, kInfinity), model.options, state);
     const bool is_done = add_result(lists, to_index(group.islands.front()), progress);
     for (const int i : group.islands) {
       if (i != group.islands.front()) lists->islands[i].local_error += progress.local_error;

@@ -65,7 +65,7 @@ class IslandIntegration {
   IntegrationWork integrate(const IntegrationStep& in, const ContinuousCollision& continuous,
                             ContactGroups* groups);
   /// Compiles islands anew whose joints without axes have closed their errors.
-  void compile_where_closed(const Model& model, const Topology& topology, const JointStep& span,
+  void compile_where_closed(const Model& model, const Topology& topology, const JointStep& interval,
                             State* state, IslandLists* lists);
 
   /// Visits everything that the next step goes on from, as support/memory.h says, in three parts.
@@ -100,7 +100,7 @@ class IslandIntegration {
   void list_time_varying_joints(const Model& model, const State& state, const IslandLists& lists);
   void split_step(const IntegrationStep& in);
   void find_loads(const Model& model, const State& state, double from, double to);
-  bool integrate_island(const IntegrationStep& in, std::size_t i, const Interval& span);
+  bool integrate_island(const IntegrationStep& in, std::size_t i, const Interval& interval);
   void advance_groups(const IntegrationStep& in, const Interval& part, ContactGroups* groups);
   void reject(const IntegrationStep& in, std::size_t i, MethodReason why);
   bool report_islands(const IntegrationStep& in, const ContactGroups& groups,

@@ -46,7 +46,7 @@ class Borrowers {
     return found;
   }
   /// Advances the island as IslandMethod describes, by any method but kRungeKutta.
-  IntegrationResult advance(Integration integration, const Interval& span,
+  IntegrationResult advance(Integration integration, const Interval& interval,
                             const IntegratorOptions& accuracy, EquationsOfMotion* equations,
                             List<BodyState>* states);
   /// Whether any method is constructed.

@@ -10,8 +10,9 @@ namespace {
 
 // Largest h ω at which a substep of order 8 or 5 is stable, with a margin.
 constexpr double kStable8 = 5.0, kStable5 = 0.9;
-// Spans in a row with expensive substeps after which an island is stiff. A jerk is over after one
-// or two. A span counts once more for each kOneMore times the cost of a step by energy_momentum.
+// Intervals in a row with expensive substeps after which an island is stiff. A jerk is over after
+// one or two. An interval counts once more for each kOneMore times the cost of a step by
+// energy_momentum.
 constexpr int kStiffFor = 4;
 constexpr double kOneMore = 6.0;
 // An island stops being stiff when h ω stays below kCalmShare of the limit for kCalmFor steps.

@@ -222,14 +222,14 @@ double stretch(double error, double allowed) {
 
 }  // namespace runge_kutta
 
-/// Rest of an interval that substeps go through.
-struct SubstepSpan {
+/// Part of an interval that substeps have yet to advance through.
+struct RemainingInterval {
   double t;      ///< time of the state [s]
   double left;   ///< duration to the end [s]
   double end;    ///< end [s]
   int failures;  ///< number of attempts without any result
 
-  SubstepSpan(double start, double duration)
+  RemainingInterval(double start, double duration)
       : t(start), left(duration), end(start + duration), failures(0) {}
 };
 
@@ -244,32 +244,32 @@ struct SubstepLimits {
 /// gives up. Not inlined, so that the stages, which are inlined here, exist only once.
 template <class Pair, class System>
 [[gnu::noinline]] bool take_substep(System& system, const StageMemory& memory,
-                                    const SubstepLimits& limits, SubstepSpan& span, double& step,
-                                    IntegrationResult& progress) {
+                                    const SubstepLimits& limits, RemainingInterval& rest,
+                                    double& step, IntegrationResult& progress) {
   for (;;) {
-    const bool is_last = span.left <= step;
-    const double h = is_last ? span.left : span.left / std::ceil(span.left / step);
-    if (progress.substeps + progress.rejected > limits.most_attempts || span.t + h == span.t ||
+    const bool is_last = rest.left <= step;
+    const double h = is_last ? rest.left : rest.left / std::ceil(rest.left / step);
+    if (progress.substeps + progress.rejected > limits.most_attempts || rest.t + h == rest.t ||
         is_set(limits.stop)) {
       progress.done = false;
-      progress.is_inconsistent = span.failures > 0 && span.t + h == span.t;
+      progress.is_inconsistent = rest.failures > 0 && rest.t + h == rest.t;
       return false;
     }
-    const double error = runge_kutta::attempt<Pair>(system, memory, span.t, h);
+    const double error = runge_kutta::attempt<Pair>(system, memory, rest.t, h);
     const double allowed =
         limits.tolerance > 0.0 ? std::max(limits.tolerance * h, system.rounding()) : kInfinity;
     step = h * runge_kutta::stretch<Pair>(error, allowed);
     if (error < 0.0 || error > allowed) {
       ++progress.rejected;
-      if (error < 0.0 && ++span.failures > runge_kutta::kMostFailures) {
+      if (error < 0.0 && ++rest.failures > runge_kutta::kMostFailures) {
         progress.done = false;
         progress.is_inconsistent = true;
         return false;
       }
       continue;
     }
-    span.left = is_last ? 0.0 : span.left - h;
-    span.t = span.end - span.left;
+    rest.left = is_last ? 0.0 : rest.left - h;
+    rest.t = rest.end - rest.left;
     ++progress.substeps;
     progress.local_error += error;
     system.template accept<Pair>(h);
@@ -291,10 +291,10 @@ IntegrationResult integrate(System& system, const StageMemory& memory, double t,
                             double tolerance, double& step, int most_attempts = 50000,
                             StopFlag stop = nullptr) {
   IntegrationResult progress;
-  SubstepSpan span(t, duration);
+  RemainingInterval rest(t, duration);
   if (tolerance == 0.0) step = duration;
   const SubstepLimits limits{tolerance, most_attempts, stop};
-  while (span.left > 0.0 && take_substep<Pair>(system, memory, limits, span, step, progress)) {
+  while (rest.left > 0.0 && take_substep<Pair>(system, memory, limits, rest, step, progress)) {
   }
   return progress;
 }

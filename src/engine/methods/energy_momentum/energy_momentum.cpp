@@ -36,7 +36,8 @@ constexpr double kMostStepParts = 32.0;
 // A midpoint step rotates a body by 2 atan(θ/2) instead of θ = h|W|, an error of θ³/kTurnOrder2;
 // composed θ⁵/kTurnOrder4.
 constexpr double kTurnOrder2 = 12.0, kTurnOrder4 = 1075.0;
-constexpr int kSpansUntilLonger = 4;
+// Intervals without a rejected step after which longer steps are tried.
+constexpr int kIntervalsUntilLonger = 4;
 
 // Coefficients of Suzuki's composition.
 constexpr double kOuter = 1.0 / (4.0 - 1.5874010519681994748);  // 1.587… is the cubic root of 4
@@ -44,7 +45,7 @@ constexpr double kInner = 1.0 - 4.0 * kOuter;
 
 }  // namespace
 
-bool EnergyMomentum::start(const Interval& span, EquationsOfMotion* equations,
+bool EnergyMomentum::start(const Interval& interval, EquationsOfMotion* equations,
                            List<BodyState>* states, IntegrationResult* progress) {
   for (auto& unknowns : found_) unknowns.assign(step_equations_.size(), 0.0);
   change_.assign(step_equations_.size(), 0.0);
@@ -52,11 +53,11 @@ bool EnergyMomentum::start(const Interval& span, EquationsOfMotion* equations,
   double* const y = numbers_.data();
   gather_state(*equations, *states, y);
   progress->projected = kinetic_energy(*equations, y);
-  if (!equations->start(span.t, y, y + equations->size())) return false;
+  if (!equations->start(interval.t, y, y + equations->size())) return false;
   progress->projected -= kinetic_energy(*equations, y);
   equations->scatter_state(y, states);
   refinement_ = -1;
-  spans_since_ = 0;
+  intervals_since_ = 0;
   step_before_ = 0.0;
   return true;
 }
@@ -77,32 +78,34 @@ double EnergyMomentum::turn_error(double turn, double tolerance) const {
   return turn * (refinement_ < 0 ? square * square / kTurnOrder4 : square / kTurnOrder2);
 }
 
-IntegrationResult EnergyMomentum::advance(const Interval& span, const IntegratorOptions& accuracy,
+IntegrationResult EnergyMomentum::advance(const Interval& interval,
+                                          const IntegratorOptions& accuracy,
                                           EquationsOfMotion* equations, List<BodyState>* states) {
   IntegrationResult progress;
-  was_first_ = !has_started_ || span.is_edited || accuracy.mode != mode_;
+  was_first_ = !has_started_ || interval.is_edited || accuracy.mode != mode_;
   mode_ = accuracy.mode;
-  stop_ = span.stop;
-  equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
+  stop_ = interval.stop;
+  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.courses,
+                   interval.since_tick);
   was_first_ = was_first_ || equations->inputs().has_jumped();
-  if (was_first_ && !project(span, accuracy.most_projected, equations, states, &progress)) {
+  if (was_first_ && !project(interval, accuracy.most_projected, equations, states, &progress)) {
     progress.done = false;
     progress.is_inconsistent = true;
     return progress;
   }
   const bool composes = mode_ == ImplicitMode::kOrder4 && !step_equations_.has_dampers();
-  if (++spans_since_ > kSpansUntilLonger) {
+  if (++intervals_since_ > kIntervalsUntilLonger) {
     --refinement_;
-    spans_since_ = 0;
+    intervals_since_ = 0;
   }
   refinement_ = std::max(refinement_, composes ? -1 : 0);
   for (; refinement_ <= accuracy.most_halvings; ++refinement_) {
-    if (try_steps(span, accuracy, *states, equations, &progress)) {
+    if (try_steps(interval, accuracy, *states, equations, &progress)) {
       step_equations_.motion().scatter_state(*equations, states);
       return progress;
     }
     ++progress.rejected;
-    spans_since_ = 0;
+    intervals_since_ = 0;
     step_before_ = 0.0;
     for (auto& unknowns : found_) std::fill(unknowns.begin(), unknowns.end(), 0.0);
   }
@@ -115,11 +118,11 @@ IntegrationResult EnergyMomentum::advance(const Interval& span, const Integrator
 // Projects the velocities onto the joints and starts without history. Where more than `most` of the
 // kinetic energy would be lost, keeps the velocities: the midpoint rule can start from
 // velocities that are off the joints.
-bool EnergyMomentum::project(const Interval& span, double most, EquationsOfMotion* equations,
+bool EnergyMomentum::project(const Interval& interval, double most, EquationsOfMotion* equations,
                              List<BodyState>* states, IntegrationResult* progress) {
   List<BodyState> before;
   if (std::isfinite(most)) before = states_of(*equations, *states);
-  has_started_ = start(span, equations, states, progress);
+  has_started_ = start(interval, equations, states, progress);
   if (!has_started_) return false;
   const double left = kinetic_energy(*equations, numbers_.data());
   if (progress->projected > most * (left + progress->projected)) {
@@ -132,26 +135,27 @@ bool EnergyMomentum::project(const Interval& span, double most, EquationsOfMotio
 
 // Advances the interval by steps as refinement_ says. Returns false, without impulses, where the
 // next refinement has to repeat it.
-bool EnergyMomentum::try_steps(const Interval& span, const IntegratorOptions& accuracy,
+bool EnergyMomentum::try_steps(const Interval& interval, const IntegratorOptions& accuracy,
                                const List<BodyState>& states, EquationsOfMotion* equations,
                                IntegrationResult* progress) {
   step_equations_.gather_state(states, *equations);
   const bool composes = refinement_ < 0;
-  int parts = parts_for_turning(span.h, composes, accuracy.tolerance) << std::max(refinement_, 0);
+  int parts = parts_for_turning(interval.h, composes, accuracy.tolerance)
+              << std::max(refinement_, 0);
   if (was_first_) {  // two halves at least, for the estimate
     parts += parts % 2;
     step_equations_.write_points(estimate_.start());
   }
-  const double h = span.h / parts;
+  const double h = interval.h / parts;
   equations->keep_impulses();
   bool done = true;
   for (int k = 0; k < parts && done; ++k) {
-    const double t = span.t + k * h;
+    const double t = interval.t + k * h;
     done = composes ? composition(t, h, equations, progress) : step(t, h, 0, equations, progress);
     if (was_first_ && 2 * (k + 1) == parts) step_equations_.write_points(estimate_.middle());
   }
   const std::size_t redundant = equations->delassus().redundant();
-  if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
+  if (done && !step_equations_.redundant_rows_are_met(interval.t + interval.h, equations)) {
     done = false;
     if (equations->redundant().is_inconsistent()) refinement_ = accuracy.most_halvings;
     // Repeat with all rows that are needed.
@@ -163,8 +167,8 @@ bool EnergyMomentum::try_steps(const Interval& span, const IntegratorOptions& ac
   }
   step_equations_.write_points(estimate_.end());
   const std::size_t bodies = equations->bodies().size();
-  progress->local_error = was_first_ ? estimate_.first(span.h, composes, parts, bodies)
-                                     : estimate_.next(span.h, composes, parts, bodies);
+  progress->local_error = was_first_ ? estimate_.first(interval.h, composes, parts, bodies)
+                                     : estimate_.next(interval.h, composes, parts, bodies);
   return true;
 }
 

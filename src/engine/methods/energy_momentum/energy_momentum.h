@@ -26,7 +26,7 @@ class EnergyMomentum {
 
   /// Advances the island as IslandMethod describes. The tolerance is for the rotation of bodies;
   /// intervals have to be short enough for other motion.
-  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
                             EquationsOfMotion* equations, List<BodyState>* states);
   /// Whether the last interval began without history, as after an edit or a jump. Such an interval
   /// is made of two halves.
@@ -62,7 +62,7 @@ class EnergyMomentum {
     if (!self.has_started_) return;
     visit(self.mode_);
     visit(self.refinement_);
-    visit(self.spans_since_);
+    visit(self.intervals_since_);
     visit(self.step_before_);
     for (auto& unknowns : self.found_) visit(unknowns);
     if constexpr (Visit::kReads) {
@@ -74,11 +74,11 @@ class EnergyMomentum {
  private:
   static constexpr std::size_t kCompositionStages = 5;
 
-  bool start(const Interval& span, EquationsOfMotion* equations, List<BodyState>* states,
+  bool start(const Interval& interval, EquationsOfMotion* equations, List<BodyState>* states,
              IntegrationResult* progress);
-  bool project(const Interval& span, double most, EquationsOfMotion* equations,
+  bool project(const Interval& interval, double most, EquationsOfMotion* equations,
                List<BodyState>* states, IntegrationResult* progress);
-  bool try_steps(const Interval& span, const IntegratorOptions& accuracy,
+  bool try_steps(const Interval& interval, const IntegratorOptions& accuracy,
                  const List<BodyState>& states, EquationsOfMotion* equations,
                  IntegrationResult* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
@@ -99,7 +99,7 @@ class EnergyMomentum {
   ImplicitMode mode_ = ImplicitMode::kOrder4;
   double step_before_ = 0.0;  // length of the step that BDF2 can continue; else 0 [s]
   int refinement_ = 0;        // number of halvings of an interval; -1: composition
-  int spans_since_ = 0;
+  int intervals_since_ = 0;   // intervals since steps were last shortened or lengthened
   StopFlag stop_ = nullptr;
 };
 

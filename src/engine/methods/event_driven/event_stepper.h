@@ -41,11 +41,11 @@ class EventStepper {
   void count_event() { ++events_; }
   std::uint32_t events() const { return events_; }
 
-  /// Returns the span of the next substep: from `start`, and only to the next event where one is
-  /// expected before `step` [s]; 0: none is expected. So a substep ends at its event at once where
-  /// accelerations are constant, and is repeated less often elsewhere. After two expected events in
-  /// a row that were none the next ones are not waited for.
-  SubstepSpan to_next_event(const SubstepSpan& start, double step) {
+  /// Returns the interval of the next substep: from `start`, and only to the next event where one
+  /// is expected before `step` [s]; 0: none is expected. So a substep ends at its event at once
+  /// where accelerations are constant, and is repeated less often elsewhere. After two expected
+  /// events in a row that were none the next ones are not waited for.
+  RemainingInterval to_next_event(const RemainingInterval& start, double step) {
     constexpr int kMostInVain = 2;
     constexpr double kShort = 1.0 / 32;  // of a substep without events; 32⁻⁶ is 1e-9
     const ExpectedEvent next = watched_.expected();
@@ -63,15 +63,15 @@ class EventStepper {
   int order_of_substep(int order) const { return is_short_ ? 5 : order; }
   bool expects_event() const { return expected_.has_value(); }
   /// Returns the rest of `start` once `part` is left of to_next_event().
-  SubstepSpan rest_of(const SubstepSpan& start, const SubstepSpan& part) const {
+  RemainingInterval rest_of(const RemainingInterval& start, const RemainingInterval& part) const {
     return expected_ ? gone_on(start, expected_->time - part.left) : part;
   }
 
   /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
   /// found, or where the states at the event have no solution.
   template <class Repeat, class Watch, class Accept, class Change>
-  bool end_substep(const SubstepSpan& start, const Repeat& repeat, const Watch& watch,
-                   const Accept& accept, const Change& change, SubstepSpan* left) {
+  bool end_substep(const RemainingInterval& start, const Repeat& repeat, const Watch& watch,
+                   const Accept& accept, const Change& change, RemainingInterval* left) {
     const double h = start.left - left->left;
     watch(&watched_.after);
     std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);

@@ -68,8 +68,8 @@ inline signed char sign_of(double x) {
 
 /// Rest of a substep that began at `start`, after `done` [s]. The rest is zero where the time
 /// cannot resolve it, as at an event at the end of a tick.
-inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
-  SubstepSpan now = start;
+inline RemainingInterval gone_on(const RemainingInterval& start, double done) {
+  RemainingInterval now = start;
   now.left = start.left - done;
   now.t = start.end - now.left;
   if (now.t + now.left == now.t) now.left = 0.0;

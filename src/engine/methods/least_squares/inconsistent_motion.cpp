@@ -94,14 +94,15 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
 
 // ---- an interval
 
-IntegrationResult InconsistentMotion::advance(const Interval& span, const IntegratorOptions&,
+IntegrationResult InconsistentMotion::advance(const Interval& interval, const IntegratorOptions&,
                                               EquationsOfMotion* equations,
                                               List<BodyState>* states) {
   IntegrationResult progress;
-  equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
-  equations->add_custom_loads(span.t, *states);
+  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.courses,
+                   interval.since_tick);
+  equations->add_custom_loads(interval.t, *states);
   bodies_.gather_state(*states, &end_, &velocity_);
-  targets_.set(span.t, rows_, equations, &end_);
+  targets_.set(interval.t, rows_, equations, &end_);
   rows_.measure(end_, &at_end_);
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
   spring_energy_ = springs_.energy(rows_, targets_, at_end_);
@@ -109,17 +110,17 @@ IntegrationResult InconsistentMotion::advance(const Interval& span, const Integr
   work_ = rate_fit_.fit(targets_, end_, at_end_, &rows_, &velocity_, &impulses_);
   progress.projected = before + work_ - kinetic_energy();
 
-  const int parts = number_of_parts(*equations, span.h);
-  const double h = span.h / parts;
+  const int parts = number_of_parts(*equations, interval.h);
+  const double h = interval.h / parts;
   for (int k = 0; k < parts; ++k) {
     const double energy = kinetic_energy() + spring_energy_;
     start_ = end_;  // end_ stays valid: the scale depends on positions of bodies
     at_start_ = at_end_;
-    targets_.set(span.t + (k + 1) * h, rows_, equations, &end_);
+    targets_.set(interval.t + (k + 1) * h, rows_, equations, &end_);
     step(*equations, h, energy, &progress);
     ++progress.substeps;
     equations->coordinates().add_turns(
-        *equations, equations->inputs(), span.t + (k + 1) * h, h,
+        *equations, equations->inputs(), interval.t + (k + 1) * h, h,
         [&](std::size_t body) { return displacement_.angular[body]; },
         [&](std::size_t l, std::size_t end) { return at_start_[l].axes[end].col(2); });
     targets_.write_positions(rows_, at_end_, equations);

@@ -119,14 +119,14 @@ void ElasticSpheres::have_hit(const Expected& hit, double start) {
   hits_.push_back({start + hit.time, spheres_[hit.a].body, spheres_[hit.b].body, impulse});
 }
 
-IntegrationResult ElasticSpheres::advance(const Interval& span, const IntegratorOptions&,
+IntegrationResult ElasticSpheres::advance(const Interval& interval, const IntegratorOptions&,
                                           List<BodyState>* states) {
   const std::size_t n = spheres_.size();
   const auto state_of = [&](std::size_t i) -> BodyState& {
     return (*states)[static_cast<std::size_t>(spheres_[i].body)];
   };
-  gravity_ = span.gravity;
-  end_ = span.h;
+  gravity_ = interval.gravity;
+  end_ = interval.h;
   expected_ = {};
   flights_.clear();
   for (std::size_t i = 0; i < n; ++i)
@@ -145,11 +145,11 @@ IntegrationResult ElasticSpheres::advance(const Interval& span, const Integrator
     if (hit.version_a != flights_[hit.a].version ||
         (hit.b < n && hit.version_b != flights_[hit.b].version))
       continue;
-    have_hit(hit, span.t);
+    have_hit(hit, interval.t);
     const bool lies = hit.b >= n && planes_[hit.b - n].normal.dot(flights_[hit.a].v) <= lowest;
     const bool is_too_fast = flights_[hit.a].v.norm() > most_speed_ ||
                              (hit.b < n && flights_[hit.b].v.norm() > most_speed_);
-    if (lies || is_too_fast || hits_.size() > most || is_set(span.stop)) {
+    if (lies || is_too_fast || hits_.size() > most || is_set(interval.stop)) {
       progress.done = false;
       return progress;
     }

@@ -54,28 +54,28 @@ auto RungeKutta::with_system(Act act) {
   return act(chain);
 }
 
-IntegrationResult RungeKutta::begin(const Interval& span, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::begin(const Interval& interval, const IntegratorOptions& accuracy,
                                     const List<BodyState>& states) {
   const bool has_other_forces = std::exchange(has_other_forces_, false) ||
-                                (span.is_disturbed && !equations_.has_loads(span.loads));
-  if (span.is_edited || (has_other_forces && !tree_.is_current())) forget();
+                                (interval.is_disturbed && !equations_.has_loads(interval.loads));
+  if (interval.is_edited || (has_other_forces && !tree_.is_current())) forget();
   if (has_other_forces && tree_.is_current()) {
-    equations_.set_loads(span.gravity, span.loads);
+    equations_.set_loads(interval.gravity, interval.loads);
     tree_.set_placed(false);
   }
-  const IntegrationResult begun = begin_equations(span, accuracy, states);
+  const IntegrationResult begun = begin_equations(interval, accuracy, states);
   if (!begun.done || !tree_.can_advance(equations_)) return begun;
   TreeSystem system = TreeSystem::for_impulses(equations_, tree_, accuracy.order);
   const bool goes_on = tree_.is_current();
-  if (!goes_on) system.read(span.t);
-  if (tree_.is_current()) system.begin(span.t);
-  if (goes_on && has_other_forces) system.start(span.t);
+  if (!goes_on) system.read(interval.t);
+  if (tree_.is_current()) system.begin(interval.t);
+  if (goes_on && has_other_forces) system.start(interval.t);
   return begun;
 }
 
 // Begins an interval in the state of the equations. Where joint coordinates go on, sets only the
 // inputs of the interval.
-IntegrationResult RungeKutta::begin_equations(const Interval& span,
+IntegrationResult RungeKutta::begin_equations(const Interval& interval,
                                               const IntegratorOptions& accuracy,
                                               const List<BodyState>& states) {
   const StageMemory memory(numbers_.data(), equations_.size());
@@ -83,7 +83,8 @@ IntegrationResult RungeKutta::begin_equations(const Interval& span,
   if (!has_started_) gather_state(equations_, states, y);
   const bool begins = !has_started_ || equations_.inputs().is_time_dependent();
   if (begins)
-    equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
+    equations_.begin(interval.t, states, interval.gravity, interval.loads, interval.courses,
+                     interval.since_tick);
   // has_jumped() is of the last begin(): without a begin() now, an earlier interval handled it.
   const bool has_jumped = begins && equations_.inputs().has_jumped();
   if (tree_.is_current() && (has_jumped || !tree_.can_advance(equations_))) {
@@ -93,39 +94,39 @@ IntegrationResult RungeKutta::begin_equations(const Interval& span,
   }
   if (tree_.is_current()) return {};
   if (!has_started_ || has_jumped || tree_.can_advance(equations_) ||
-      !equations_.satisfies_velocity_constraints(span.t, y))
-    return start(span, accuracy, memory);
+      !equations_.satisfies_velocity_constraints(interval.t, y))
+    return start(interval, accuracy, memory);
   return {};
 }
 
-IntegrationResult RungeKutta::advance(const Interval& span, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::advance(const Interval& interval, const IntegratorOptions& accuracy,
                                       List<BodyState>* states) {
   equations_.keep_impulses();
-  const IntegrationResult result = integrate_span(span, accuracy, states);
+  const IntegrationResult result = integrate_interval(interval, accuracy, states);
   if (!result.done) equations_.restore_impulses();
   return result;
 }
 
-IntegrationResult RungeKutta::integrate_span(const Interval& span,
-                                             const IntegratorOptions& accuracy,
-                                             List<BodyState>* states) {
-  const IntegrationResult begun = begin(span, accuracy, *states);
+IntegrationResult RungeKutta::integrate_interval(const Interval& interval,
+                                                 const IntegratorOptions& accuracy,
+                                                 List<BodyState>* states) {
+  const IntegrationResult begun = begin(interval, accuracy, *states);
   if (!begun.done) return begun;
   if (tree_.is_current()) {
-    IntegrationResult progress = integrate_tree(span, accuracy, states);
+    IntegrationResult progress = integrate_tree(interval, accuracy, states);
     progress.projected += begun.projected;
     if (!tree_.is_left_to_rows()) return progress;
     equations_.restore_impulses();
-    return integrate_span(span, accuracy, states);
+    return integrate_interval(interval, accuracy, states);
   }
   const StageMemory memory(numbers_.data(), equations_.size());
   const double momentary = equations_.redundant().momentary_error();
-  IntegrationResult progress = integrate_equations(memory, span, accuracy);
+  IntegrationResult progress = integrate_equations(memory, interval, accuracy);
   progress.local_error += equations_.redundant().momentary_error() - momentary;
   progress.projected = begun.projected + equations_.take_projected_energy();
   progress.is_inconsistent =
       !progress.done && (progress.is_inconsistent || equations_.redundant().is_inconsistent());
-  if (may_be_stiff(span, accuracy, progress.substeps)) note_stiffness(accuracy, &progress);
+  if (may_be_stiff(interval, accuracy, progress.substeps)) note_stiffness(accuracy, &progress);
   if (progress.done)
     equations_.scatter_state(memory.state(), states);
   else
@@ -134,10 +135,10 @@ IntegrationResult RungeKutta::integrate_span(const Interval& span,
 }
 
 // Whether so many substeps were taken that the frequency of the joints' forces matters.
-bool RungeKutta::may_be_stiff(const Interval& span, const IntegratorOptions& accuracy,
+bool RungeKutta::may_be_stiff(const Interval& interval, const IntegratorOptions& accuracy,
                               int substeps) const {
   return std::isfinite(accuracy.most_frequency) &&
-         kMostStable * substeps >= accuracy.most_frequency * span.h;
+         kMostStable * substeps >= accuracy.most_frequency * interval.h;
 }
 
 void RungeKutta::note_stiffness(const IntegratorOptions& accuracy, IntegrationResult* progress) {
@@ -146,12 +147,12 @@ void RungeKutta::note_stiffness(const IntegratorOptions& accuracy, IntegrationRe
 }
 
 // Integrates in joint coordinates. The bodies are unchanged where that fails, or a pivot is lost.
-IntegrationResult RungeKutta::integrate_tree(const Interval& span,
+IntegrationResult RungeKutta::integrate_tree(const Interval& interval,
                                              const IntegratorOptions& accuracy,
                                              List<BodyState>* states) {
   TreeSystem system = TreeSystem::for_impulses(equations_, tree_, accuracy.order);
   IntegrationResult progress =
-      integrate(system, tree_.memory(), span.t, span.h, accuracy, span.stop, step_);
+      integrate(system, tree_.memory(), interval.t, interval.h, accuracy, interval.stop, step_);
   if (!progress.done) {
     tree_.note_failure(progress);
     forget();
@@ -160,9 +161,9 @@ IntegrationResult RungeKutta::integrate_tree(const Interval& span,
   progress.projected = system.projected();
   system.note_coordinates();
   system.scatter(states);
-  if (may_be_stiff(span, accuracy, progress.substeps)) {
+  if (may_be_stiff(interval, accuracy, progress.substeps)) {
     system.write_state(numbers_.data());
-    equations_.place_bodies(span.t + span.h, numbers_.data());
+    equations_.place_bodies(interval.t + interval.h, numbers_.data());
     note_stiffness(accuracy, &progress);
   }
   return progress;
@@ -170,12 +171,12 @@ IntegrationResult RungeKutta::integrate_tree(const Interval& span,
 
 // ---- substep by substep
 
-bool RungeKutta::advance_substep(const Interval& span, const IntegratorOptions& accuracy,
-                                 SubstepSpan* left, IntegrationResult* progress) {
-  if (tree_.is_current()) return advance_in_coordinates(span, accuracy, left, progress);
+bool RungeKutta::advance_substep(const Interval& interval, const IntegratorOptions& accuracy,
+                                 RemainingInterval* left, IntegrationResult* progress) {
+  if (tree_.is_current()) return advance_in_coordinates(interval, accuracy, left, progress);
   const StageMemory memory(numbers_.data(), equations_.size());
   if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
-  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, span.stop};
+  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, interval.stop};
   has_started_ = with_system([&](auto& system) {
     return accuracy.order == 5
                ? take_substep<DormandPrince5>(system, memory, limits, *left, step_, *progress)
@@ -187,16 +188,16 @@ bool RungeKutta::advance_substep(const Interval& span, const IntegratorOptions& 
 
 // Takes a substep in joint coordinates. Where a pivot is lost, the substep begins again by rows:
 // from the state at its start, and with the impulses saved there by keep_start().
-bool RungeKutta::advance_in_coordinates(const Interval& span, const IntegratorOptions& accuracy,
-                                        SubstepSpan* left, IntegrationResult* progress) {
+bool RungeKutta::advance_in_coordinates(const Interval& interval, const IntegratorOptions& accuracy,
+                                        RemainingInterval* left, IntegrationResult* progress) {
   TreeSystem system(equations_, tree_);
   system.begin(left->t);
   if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
-  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, span.stop};
+  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, interval.stop};
   const auto take = [&](auto pair) {
     return take_substep<decltype(pair)>(system, tree_.memory(), limits, *left, step_, *progress);
   };
-  const SubstepSpan start = *left;
+  const RemainingInterval start = *left;
   const IntegrationResult before = *progress;
   if (accuracy.order == 5 ? take(DormandPrince5{}) : take(DormandPrince8{})) {
     progress->projected += system.projected();
@@ -213,7 +214,7 @@ bool RungeKutta::advance_in_coordinates(const Interval& span, const IntegratorOp
                                   numbers_.data() + StageMemory::kDerivatives * equations_.size());
   if (!has_started_) return false;
   keep_start();
-  return advance_substep(span, accuracy, left, progress);
+  return advance_substep(interval, accuracy, left, progress);
 }
 
 void RungeKutta::scatter(List<BodyState>* states) {
@@ -259,15 +260,15 @@ void RungeKutta::return_to_start() {
   TreeSystem(equations_, tree_).place_start(equations_.coordinates().time());
 }
 
-bool RungeKutta::repeat_substep(const Interval& span, const IntegratorOptions& accuracy, double t,
-                                double h) {
+bool RungeKutta::repeat_substep(const Interval& interval, const IntegratorOptions& accuracy,
+                                double t, double h) {
   return_to_start();
   IntegratorOptions whatever = accuracy;
   whatever.tolerance = 0.0;
-  SubstepSpan left(t, h);
+  RemainingInterval left(t, h);
   IntegrationResult progress;
   const double step = step_;
-  const bool is_done = advance_substep(span, whatever, &left, &progress);
+  const bool is_done = advance_substep(interval, whatever, &left, &progress);
   step_ = step;
   return is_done && progress.rejected == 0;
 }
@@ -279,11 +280,11 @@ bool RungeKutta::is_far_too_stiff(const IntegratorOptions& accuracy) {
   return std::isfinite(most) && equations_.frequency() > most;
 }
 
-IntegrationResult RungeKutta::start(const Interval& span, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::start(const Interval& interval, const IntegratorOptions& accuracy,
                                     const StageMemory& memory) {
   IntegrationResult progress;
   const double before = kinetic_energy(equations_, memory.state());
-  has_started_ = equations_.start(span.t, memory.state(), memory.derivatives());
+  has_started_ = equations_.start(interval.t, memory.state(), memory.derivatives());
   progress.projected = before - kinetic_energy(equations_, memory.state());
   equations_.take_projected_energy();  // part of `projected`
   progress.is_inconsistent = !has_started_;
@@ -296,10 +297,11 @@ IntegrationResult RungeKutta::start(const Interval& span, const IntegratorOption
   return progress;
 }
 
-IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory, const Interval& span,
+IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory,
+                                                  const Interval& interval,
                                                   const IntegratorOptions& accuracy) {
   return with_system([&](auto& system) {
-    return integrate(system, memory, span.t, span.h, accuracy, span.stop, step_);
+    return integrate(system, memory, interval.t, interval.h, accuracy, interval.stop, step_);
   });
 }
 

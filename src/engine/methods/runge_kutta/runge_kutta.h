@@ -33,21 +33,22 @@ class RungeKutta {
   }
   /// Advances the island as IslandMethod describes, with its own equations. Impulses and angles of
   /// a failed attempt do not count.
-  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
                             List<BodyState>* states);
   /// First part of advance(), for methods that look at every substep.
-  IntegrationResult begin(const Interval& span, const IntegratorOptions& accuracy,
+  IntegrationResult begin(const Interval& interval, const IntegratorOptions& accuracy,
                           const List<BodyState>& states);
   /// Makes one substep of the rest of the interval and adds to `progress`. Evaluates the forces of
   /// all stages, which impulses do not need. Returns false where it gives up.
-  bool advance_substep(const Interval& span, const IntegratorOptions& accuracy, SubstepSpan* left,
-                       IntegrationResult* progress);
+  bool advance_substep(const Interval& interval, const IntegratorOptions& accuracy,
+                       RemainingInterval* left, IntegrationResult* progress);
   /// Saves the start of a substep.
   void keep_start();
   /// Returns to the saved start.
   void return_to_start();
   /// Repeats a substep with length h from the saved start at time t. Returns false where it fails.
-  bool repeat_substep(const Interval& span, const IntegratorOptions& accuracy, double t, double h);
+  bool repeat_substep(const Interval& interval, const IntegratorOptions& accuracy, double t,
+                      double h);
   /// Writes the bodies at the present state.
   void scatter(List<BodyState>* states);
   /// Accelerations of the bodies at the present state, at time t [s].
@@ -84,23 +85,24 @@ class RungeKutta {
   }
 
  private:
-  IntegrationResult start(const Interval& span, const IntegratorOptions& accuracy,
+  IntegrationResult start(const Interval& interval, const IntegratorOptions& accuracy,
                           const StageMemory& memory);
 
-  IntegrationResult begin_equations(const Interval& span, const IntegratorOptions& accuracy,
+  IntegrationResult begin_equations(const Interval& interval, const IntegratorOptions& accuracy,
                                     const List<BodyState>& states);
-  bool advance_in_coordinates(const Interval& span, const IntegratorOptions& accuracy,
-                              SubstepSpan* left, IntegrationResult* progress);
-  IntegrationResult integrate_tree(const Interval& span, const IntegratorOptions& accuracy,
+  bool advance_in_coordinates(const Interval& interval, const IntegratorOptions& accuracy,
+                              RemainingInterval* left, IntegrationResult* progress);
+  IntegrationResult integrate_tree(const Interval& interval, const IntegratorOptions& accuracy,
                                    List<BodyState>* states);
-  bool may_be_stiff(const Interval& span, const IntegratorOptions& accuracy, int substeps) const;
+  bool may_be_stiff(const Interval& interval, const IntegratorOptions& accuracy,
+                    int substeps) const;
   void note_stiffness(const IntegratorOptions& accuracy, IntegrationResult* progress);
-  IntegrationResult integrate_span(const Interval& span, const IntegratorOptions& accuracy,
-                                   List<BodyState>* states);
+  IntegrationResult integrate_interval(const Interval& interval, const IntegratorOptions& accuracy,
+                                       List<BodyState>* states);
   bool is_far_too_stiff(const IntegratorOptions& accuracy);
   template <class Act>
   auto with_system(Act act);
-  IntegrationResult integrate_equations(const StageMemory& memory, const Interval& span,
+  IntegrationResult integrate_equations(const StageMemory& memory, const Interval& interval,
                                         const IntegratorOptions& accuracy);
 
   EquationsOfMotion equations_;

@@ -89,7 +89,7 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
         solver_.update_positions(step.bodies, model.masses, model.options.gravity, state->states);
     if (is_solved)
       for (const int body : step.bodies)
-        state->states[body].position -= step.span.h * by_mean(to_index(body));
+        state->states[body].position -= step.interval.h * by_mean(to_index(body));
   }
   return report;
 }
@@ -109,7 +109,7 @@ Eigen::Vector3d SequentialImpulses::off_mean(std::size_t body) const {
 // moves its body as if it acted for all of it.
 void SequentialImpulses::add_errors(const Model& model, const ImpulseStep& step, const State& state,
                                     const ImpulseReport& report) {
-  const double h = step.span.h;
+  const double h = step.interval.h;
   const bool is_solved = solves_impulses(model.options);
   error_.note_impulses(rows_);
   for (const int index : step.bodies) {
@@ -174,9 +174,9 @@ RowSolver::Outcome SequentialImpulses::solve_rows(const Model& model, const Impu
   }
   converged_.allow_gains(step.bodies, rows_, rest, by_mean, &solver_);
   const SteppedJoints joints{
-      step.joints,        model.joints, step.joint_ends,
-      joint_rows_,        state.states, model.masses,
-      state.joint_states, step.span,    step.kind == ImpulseStepKind::kWhole};
+      step.joints,        model.joints,  step.joint_ends,
+      joint_rows_,        state.states,  model.masses,
+      state.joint_states, step.interval, step.kind == ImpulseStepKind::kWhole};
   converged.add(curvature_.correct(joints, rest, step.stop, &converged_, &solver_, &rows_));
   report->iterations = static_cast<std::uint32_t>(converged.iterations);
   report->has_swept = converged.has_swept;
@@ -204,7 +204,7 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
     joint_rows_.push_back(first);
     if (!model.options.warm_starting) forget_impulses(&state->joint_states[j]);
     const auto [a, b] = step.joint_ends[j];
-    prepare_joint(model.joints[j], state->states[a], state->states[b], step.span,
+    prepare_joint(model.joints[j], state->states[a], state->states[b], step.interval,
                   state->joint_states[j], &rows_);
     const bool is_in_loop =
         model.options.warm_starting && step.is_in_loop[j] && is_always_rigid(model.joints[j]);
@@ -256,7 +256,7 @@ std::array<Jacobian, 2> SequentialImpulses::coupled_jacobians(const Model& model
     const std::size_t of = terms[k].joint;
     const auto [a, b] = step.joint_ends[of];
     const Jacobian gradient =
-        coordinate_jacobian(model.joints[of], state.states[a], state.states[b], step.span,
+        coordinate_jacobian(model.joints[of], state.states[a], state.states[b], step.interval,
                             state.joint_states[of], terms[k].coordinate, at_end);
     J[k] = combined(terms[k].ratio, gradient, 0.0, gradient);
   }
@@ -265,7 +265,7 @@ std::array<Jacobian, 2> SequentialImpulses::coupled_jacobians(const Model& model
 
 void SequentialImpulses::add_coupling(const Model& model, const ImpulseStep& step,
                                       const State& state, std::size_t j) {
-  prepare_coupling(model.joints[j], step.span, state.joint_states[j],
+  prepare_coupling(model.joints[j], step.interval, state.joint_states[j],
                    coupled_jacobians(model, step, state, j, false), &rows_);
   const CoupledTerms terms = model.terms_of(j);
   for (std::size_t k = 0; k < 2; ++k) {
@@ -301,7 +301,7 @@ void SequentialImpulses::update_velocities(const Model& model, const ImpulseStep
   solver_.begin(step.bodies, state->states);
   if (!step.wrenches.empty()) apply_wrenches(step.wrenches, model.masses, &state->states);
   solver_.update_velocities(step.bodies, state->states, model.masses, model.options.gravity,
-                            step.span.h, rows_);
+                            step.interval.h, rows_);
   if (!loop_rows_.empty()) lose_self_stress(model.options, state->self_stress);
 }
 
@@ -330,7 +330,7 @@ double SequentialImpulses::finish(const Model& model, const ImpulseStep& step, S
     JointData& of_joint = state->joint_states[j];
     const bool is_coupling = info(model.joints[j].kind).couples_joints;
     if (is_coupling) read_coupling(model.terms_of(j), state->joint_states, &of_joint.coupling);
-    read_joint(model.joints[j], state->states[a], state->states[b], step.span,
+    read_joint(model.joints[j], state->states[a], state->states[b], step.interval,
                rows_.data() + joint_rows_[k], count, of_joint);
     if (is_coupling)
       add_coupled_effort(model.terms_of(j), of_joint.coupling.effort, &state->joint_states);
@@ -348,7 +348,7 @@ double SequentialImpulses::finish_corrections(const Model& model, const ImpulseS
     const std::size_t first = joint_rows_[k];
     const int count = static_cast<int>(joint_rows_[k + 1] - first);
     const JointData& of_joint = state->joint_states[j];
-    joint_jacobians(model.joints[j], state->states[a], state->states[b], step.span, of_joint,
+    joint_jacobians(model.joints[j], state->states[a], state->states[b], step.interval, of_joint,
                     rows_.data() + first, count, J.data());
     if (info(model.joints[j].kind).couples) {
       const std::array<Jacobian, 2> coupled = coupled_jacobians(model, step, *state, j, true);

@@ -45,7 +45,7 @@ enum class ImpulseStepKind {
 
 /// Bodies and joints of the method in a step, and their loads; all by index.
 struct ImpulseStep {
-  JointStep span;
+  JointStep interval;
   ContactStep contacts;
   ImpulseStepKind kind;
   const List<int>& bodies;                                      ///< dynamic bodies

@@ -92,9 +92,9 @@ void JointCurvature::begin(const SteppedJoints& step, const ConvergedRows& conve
   for (const std::size_t k : curved_) {
     const std::size_t j = to_index(step.acting[k]), first = step.first_rows[k];
     const auto [a, b] = step.ends[j];
-    joint_values(step.joints[j], step.states[a], step.states[b], step.span, step.joint_states[j],
-                 rows->data() + first, static_cast<int>(step.first_rows[k + 1] - first),
-                 at_start_.data() + first);
+    joint_values(step.joints[j], step.states[a], step.states[b], step.interval,
+                 step.joint_states[j], rows->data() + first,
+                 static_cast<int>(step.first_rows[k + 1] - first), at_start_.data() + first);
   }
   find_corrections(step, solver, *rows);
   set_corrections(solver, rows);
@@ -106,7 +106,7 @@ void JointCurvature::leave_out_fast(const SteppedJoints& step) {
     const std::size_t j = to_index(step.acting[k]);
     const auto [a, b] = step.ends[j];
     const Joint& joint = step.joints[j];
-    return turns_too_far(ends_[a], step.span.h) || turns_too_far(ends_[b], step.span.h) ||
+    return turns_too_far(ends_[a], step.interval.h) || turns_too_far(ends_[b], step.interval.h) ||
            (has_length(joint.kind) &&
             swings_too_far(AnchorPair(joint, step.states[a], step.states[b]),
                            AnchorPair(joint, ends_[a], ends_[b])));
@@ -127,7 +127,7 @@ void JointCurvature::find_ends(const SteppedJoints& step, const RowSolver& solve
 // Finds the corrections by the errors at the start and by the curvature of the present motion.
 void JointCurvature::find_corrections(const SteppedJoints& step, const RowSolver& solver,
                                       const List<Row>& rows) {
-  const double h = step.span.h;
+  const double h = step.interval.h;
   by_both_ = by_errors_;
   for (const std::size_t k : curved_) {
     const std::size_t j = to_index(step.acting[k]), first = step.first_rows[k];
@@ -135,8 +135,8 @@ void JointCurvature::find_corrections(const SteppedJoints& step, const RowSolver
     const Joint& joint = step.joints[j];
     const int count = static_cast<int>(step.first_rows[k + 1] - first);
     std::array<double, kMostRowsOfJoint> at_end;
-    joint_values(joint, ends_[a], ends_[b], step.span, step.joint_states[j], rows.data() + first,
-                 count, at_end.data());
+    joint_values(joint, ends_[a], ends_[b], step.interval, step.joint_states[j],
+                 rows.data() + first, count, at_end.data());
     const double least = kRounded * kEpsilon * size_of(joint, ends_[a], ends_[b]);
     for (std::size_t r = first; r < step.first_rows[k + 1]; ++r) {
       if (!holds_value(rows[r])) continue;

@@ -23,7 +23,7 @@ struct SteppedJoints {
   const List<BodyState>& states;        ///< at the start of the step
   const List<MassProperties>& masses;
   const List<JointData>& joint_states;
-  JointStep span;
+  JointStep interval;
   bool move_by_end_velocity;  ///< whether bodies on joints move by h v₁
 };
 

@@ -44,62 +44,63 @@ bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
 
 // Starts the prescribed motions of joints.
 void ContactEvents::begin_joints(const JointStep& step, const List<JointData>& states) {
-  equations_.joints().begin_interval(equations_.bodies(), step, states, !done_.spans);
-  if (!done_.spans) reports_.begin_step(equations_);
-  done_.spans = true;
+  equations_.joints().begin_interval(equations_.bodies(), step, states, !done_.has_advanced);
+  if (!done_.has_advanced) reports_.begin_step(equations_);
+  done_.has_advanced = true;
 }
 
-IntegrationResult ContactEvents::advance(const Interval& all, const IntegratorOptions& accuracy,
+IntegrationResult ContactEvents::advance(const Interval& interval,
+                                         const IntegratorOptions& accuracy,
                                          const JointStep& joint_step,
                                          const List<JointData>& joint_states, double most_work,
                                          List<BodyState>* states) {
-  solver_.begin_interval(most_work, all.stop);
-  Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};
+  solver_.begin_interval(most_work, interval.stop);
+  Run run{interval, accuracy, RemainingInterval(0.0, interval.h), {}};
   const bool has_closed = closes_;
-  equations_.bodies().gather(*states, all.since_tick);
-  equations_.bodies().begin_interval(all.t, all.gravity, all.loads);
+  equations_.bodies().gather(*states, interval.since_tick);
+  equations_.bodies().begin_interval(interval.t, interval.gravity, interval.loads);
   if (closes_) {
     equations_.prepare_stages();
     begin_joints(joint_step, joint_states);
-    span.progress.done = closing_.close(pairs_, &solver_, &equations_, &span.progress.corrected);
-    if (!span.progress.done) return span.progress;
+    run.progress.done = closing_.close(pairs_, &solver_, &equations_, &run.progress.corrected);
+    if (!run.progress.done) return run.progress;
     equations_.bodies().scatter(states);
-    span.progress.done = begin(*states, false);
-    if (!span.progress.done) return span.progress;
+    run.progress.done = begin(*states, false);
+    if (!run.progress.done) return run.progress;
   }
-  const bool is_first = !done_.spans && !has_closed;  // closing overlaps is work of its own
+  const bool is_first = !done_.has_advanced && !has_closed;  // closing overlaps is work of its own
   equations_.prepare_stages();
   begin_joints(joint_step, joint_states);
-  if (is_first && unchanged_.is_repeated_by(all, equations_, pairs_.list())) {
+  if (is_first && unchanged_.is_repeated_by(interval, equations_, pairs_.list())) {
     for (ContactPair& pair : pairs_.list()) pair.forget();  // as after reporting
     unchanged_.repeat(&equations_);
-    span.progress = unchanged_.progress();
+    run.progress = unchanged_.progress();
     solver_.add(unchanged_.work());
   } else {
-    if (is_first) unchanged_.begin(all, equations_, pairs_.list());
-    integrate(&span);
-    if (is_first && span.progress.done && span.progress.substeps + span.progress.rejected == 0 &&
+    if (is_first) unchanged_.begin(interval, equations_, pairs_.list());
+    integrate(&run);
+    if (is_first && run.progress.done && run.progress.substeps + run.progress.rejected == 0 &&
         reports_.list().empty() && stepper_.events() == 0)
-      unchanged_.end(equations_, span.progress, solver_.work());
+      unchanged_.end(equations_, run.progress, solver_.work());
   }
   equations_.joints().integrate_angles(equations_.bodies());
   reports_.end_interval(equations_);
   equations_.joints().move_yielding_limits(equations_.bodies());
   equations_.bodies().scatter(states);
-  return span.progress;
+  return run.progress;
 }
 
 // Integrates from the start of an interval to its end.
-void ContactEvents::integrate(Span* span) {
+void ContactEvents::integrate(Run* run) {
   const std::size_t n = equations_.size();
   numbers_.assign(StageMemory::kRows * n, 0.0);
   std::copy(equations_.bodies().numbers().begin(), equations_.bodies().numbers().end(),
             numbers_.begin());
-  step_ = span->all.h;
+  step_ = run->interval.h;
   stepper_.begin_interval();
-  bool is_done = settle(span, {}, true);
-  while (is_done && span->left.left > 0.0) is_done = advance_to_event(span);
-  span->progress.done = is_done;
+  bool is_done = settle(run, {}, true);
+  while (is_done && run->left.left > 0.0) is_done = advance_to_event(run);
+  run->progress.done = is_done;
 }
 
 double* ContactEvents::derivative() {
@@ -112,23 +113,22 @@ void ContactEvents::watch(List<Watched>* list) {
   watch_.list(equations_, pairs_, derivative(), last_, list);
 }
 
-bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double* step) {
+bool ContactEvents::take(Run* run, RemainingInterval* left, double tolerance, double* step) {
   const auto acting = static_cast<double>(
       std::count_if(equations_.contacts().begin(), equations_.contacts().end(),
                     [](const auto& contact) { return contact.acts != Acts::kOpen; }));
   solver_.add(1.0 + acting * acting / 16.0);
   const StageMemory memory(numbers_.data(), equations_.size());
-  const SubstepLimits limits{tolerance, span->accuracy.most_attempts, span->all.stop};
-  return stepper_.order_of_substep(span->accuracy.order) == 5
-             ? take_substep<DormandPrince5>(equations_, memory, limits, *left, *step,
-                                            span->progress)
+  const SubstepLimits limits{tolerance, run->accuracy.most_attempts, run->interval.stop};
+  return stepper_.order_of_substep(run->accuracy.order) == 5
+             ? take_substep<DormandPrince5>(equations_, memory, limits, *left, *step, run->progress)
              : take_substep<DormandPrince8>(equations_, memory, limits, *left, *step,
-                                            span->progress);
+                                            run->progress);
 }
 
 // Repeats a substep of length h from the start of the last one, at time t. `is_start`: only returns
 // to the start.
-bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
+bool ContactEvents::repeat(Run* run, double t, double h, bool is_start) {
   if (solver_.is_used_up()) return false;
   const std::size_t n = equations_.size();
   std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
@@ -137,13 +137,13 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
   equations_.bodies().set_time(t);
   equations_.bodies().place(numbers_.data());
   if (is_start) return true;
-  SubstepSpan left(t, h);
+  RemainingInterval left(t, h);
   double step = h;
-  const int rejected = span->progress.rejected;
-  const double error = span->progress.local_error;
+  const int rejected = run->progress.rejected;
+  const double error = run->progress.local_error;
   const bool is_taken =
-      take(span, &left, 0.0, &step) && left.left == 0.0 && span->progress.rejected == rejected;
-  error_ = span->progress.local_error - error;
+      take(run, &left, 0.0, &step) && left.left == 0.0 && run->progress.rejected == rejected;
+  error_ = run->progress.local_error - error;
   return is_taken;
 }
 
@@ -156,110 +156,110 @@ bool ContactEvents::go_straight(bool is_straight) {
 
 // Takes the substep in which events are then searched, from the state in kept_. Where slips were
 // assumed straight and are not, takes it again with slips that turn.
-bool ContactEvents::take_first(Span* span, double* step) {
-  const double tolerance = span->accuracy.tolerance, first = *step;
+bool ContactEvents::take_first(Run* run, double* step) {
+  const double tolerance = run->accuracy.tolerance, first = *step;
   if (equations_.is_straight()) {
-    const SubstepSpan start = span->left;
-    if (take(span, &span->left, tolerance, step) &&
-        was_straight(equations_, pairs_.tolerances(), start.left - span->left.left, tolerance))
+    const RemainingInterval start = run->left;
+    if (take(run, &run->left, tolerance, step) &&
+        was_straight(equations_, pairs_.tolerances(), start.left - run->left.left, tolerance))
       return true;
     const auto n = static_cast<std::ptrdiff_t>(equations_.size());
     std::copy(kept_.begin(), kept_.begin() + n, numbers_.begin());
     equations_.restore();
     equations_.bodies().set_time(start.t);
     equations_.bodies().place(numbers_.data());
-    span->left = start;
-    span->progress.is_inconsistent = false;
+    run->left = start;
+    run->progress.is_inconsistent = false;
     *step = first;
     if (!go_straight(false)) return false;
     watch(stepper_.before());
     std::copy(derivative(), derivative() + n, kept_.begin() + n);
   }
-  return take(span, &span->left, tolerance, step);
+  return take(run, &run->left, tolerance, step);
 }
 
-bool ContactEvents::advance_to_event(Span* span) {
+bool ContactEvents::advance_to_event(Run* run) {
   if (solver_.is_stopped() || solver_.is_used_up()) return false;
   pairs_.find_features(false, false, &equations_);
   set_directions(pairs_.tolerances(), &equations_);
   equations_.joints().integrate_angles(equations_.bodies());
   if (!equations_.bodies().has_movers() && !equations_.joints().depends_on_time() &&
       equations_.bodies().is_still(derivative())) {  // nothing will move in the interval
-    equations_.accept_stillness(span->left.left);
-    span->left.left = 0.0;
+    equations_.accept_stillness(run->left.left);
+    run->left.left = 0.0;
     return true;
   }
   last_ = {};
-  double step = std::min({step_, pairs_.longest_substep(span->left.left, equations_),
+  double step = std::min({step_, pairs_.longest_substep(run->left.left, equations_),
                           longest_substep(equations_.joints())});
-  if (!go_straight(span->accuracy.tolerance > 0.0 && turns_fast(equations_, step))) return false;
+  if (!go_straight(run->accuracy.tolerance > 0.0 && turns_fast(equations_, step))) return false;
   watch(stepper_.before());
   const std::size_t n = equations_.size();
   kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
   kept_.insert(kept_.end(), derivative(), derivative() + n);
   equations_.keep();
-  const SubstepSpan start = span->left;
+  const RemainingInterval start = run->left;
   const double longest = step;
-  const int rejected = span->progress.rejected;
-  span->left = stepper_.to_next_event(start, span->accuracy.tolerance > 0.0 ? step : 0.0);
-  const bool is_taken = take_first(span, &step);
-  span->left = stepper_.rest_of(start, span->left);
-  if (!is_taken) return end_jam(span);
-  step_ = stepper_.expects_event() && span->progress.rejected == rejected ? std::max(step, longest)
-                                                                          : step;
+  const int rejected = run->progress.rejected;
+  run->left = stepper_.to_next_event(start, run->accuracy.tolerance > 0.0 ? step : 0.0);
+  const bool is_taken = take_first(run, &step);
+  run->left = stepper_.rest_of(start, run->left);
+  if (!is_taken) return end_jam(run);
+  step_ = stepper_.expects_event() && run->progress.rejected == rejected ? std::max(step, longest)
+                                                                         : step;
   error_ = 0.0;
   const auto repeat_to = [&](double length, bool is_start) {
-    return repeat(span, start.t, length, is_start);
+    return repeat(run, start.t, length, is_start);
   };
   const auto look = [&](List<Watched>* list) {
     pairs_.find_features(false, true, &equations_);
-    last_ = {start.left - span->left.left, stepper_.order_of_substep(span->accuracy.order)};
+    last_ = {start.left - run->left.left, stepper_.order_of_substep(run->accuracy.order)};
     watch(list);
   };
   const auto accept = [&](double length) {
     // Where a slip is about to end or turn, a substep may be accepted by luck; the error of its
     // repeated part shows it.
-    const double tolerance = span->accuracy.tolerance;
+    const double tolerance = run->accuracy.tolerance;
     const bool is_poor =
         tolerance > 0.0 && error_ > std::max(tolerance * length, equations_.rounding());
     if (!is_poor && !pairs_.has_missed(equations_)) return true;
-    step_ = 0.5 * (start.left - span->left.left);
+    step_ = 0.5 * (start.left - run->left.left);
     ++done_.missed;
     return false;
   };
   const auto change = [&](const Watched& event, bool* is_changed) {
-    return change_states(span, event, is_changed);
+    return change_states(run, event, is_changed);
   };
-  return stepper_.end_substep(start, repeat_to, look, accept, change, &span->left) &&
+  return stepper_.end_substep(start, repeat_to, look, accept, change, &run->left) &&
          done_.missed <= kMostMissed;
 }
 
 // Handles substeps that become ever shorter: forces grow without bound where friction is about to
 // jam.
-bool ContactEvents::end_jam(Span* span) {
+bool ContactEvents::end_jam(Run* run) {
   const bool any_slips = std::any_of(
       equations_.contacts().begin(), equations_.contacts().end(),
       [](const auto& contact) { return contact.acts == Acts::kSlips && contact.friction > 0.0; });
   if (solver_.is_stopped() || !any_slips || ++done_.jams > kMostJams) return false;
   stepper_.count_event();
-  span->left.failures = 0;
-  span->progress.is_inconsistent = false;
+  run->left.failures = 0;
+  run->progress.is_inconsistent = false;
   equations_.restore();
-  equations_.bodies().set_time(span->left.t);
+  equations_.bodies().set_time(run->left.t);
   equations_.bodies().place(numbers_.data());
-  return settle(span, {}, false, true);
+  return settle(run, {}, false, true);
 }
 
 // ---- at events
 
 // Changes the states at the event of a watched value.
-bool ContactEvents::change_states(Span* span, const Watched& event, bool* is_changed) {
+bool ContactEvents::change_states(Run* run, const Watched& event, bool* is_changed) {
   solver_.add(1.0);
   equations_.joints().integrate_angles(equations_.bodies());
-  end_rattling(span, event);
+  end_rattling(run, event);
   const std::uint32_t impacts = impacts_.count(), breaks = done_.breaks;
-  if (event.kind == Watched::Kind::kBreak) break_joint(*span, event.joint);
-  if (!settle(span, event, false)) return false;
+  if (event.kind == Watched::Kind::kBreak) break_joint(*run, event.joint);
+  if (!settle(run, event, false)) return false;
   *is_changed = impacts != impacts_.count() || breaks != done_.breaks ||
                 states_.has_changed(equations_) ||
                 (event.kind == Watched::Kind::kSlip && !pairs_.tolerances().is_coarsest());
@@ -267,7 +267,7 @@ bool ContactEvents::change_states(Span* span, const Watched& event, bool* is_cha
 }
 
 // Looks whether events go on without end, at speeds that no longer matter.
-void ContactEvents::end_rattling(Span* span, const Watched& event) {
+void ContactEvents::end_rattling(Run* run, const Watched& event) {
   double speed = 0.0;
   switch (event.kind) {
     case Watched::Kind::kLimit:
@@ -290,35 +290,36 @@ void ContactEvents::end_rattling(Span* span, const Watched& event) {
       return;
   }
   const ContactTolerances& within = pairs_.tolerances();
-  coarsen(rattling_.zero_speed(span->all.t + span->left.t, speed, within.resting, within.rattling),
-          span);
+  coarsen(
+      rattling_.zero_speed(run->interval.t + run->left.t, speed, within.resting, within.rattling),
+      run);
 }
 
 // Counts speeds up to `least` [m/s] as zero. Velocities are then off by as much. Returns false
 // where that is too much, or no more than before.
-bool ContactEvents::coarsen(double least, Span* span) {
+bool ContactEvents::coarsen(double least, Run* run) {
   if (least <= pairs_.tolerances().resting || !pairs_.coarsen(least)) return false;
-  span->progress.local_error += least * span->left.left;
+  run->progress.local_error += least * run->left.left;
   return true;
 }
 
 // Decides the states of all contacts and laws at an event. `event`: the watched value that passed
 // zero and ended the last substep; kNothing at the start of an interval. `jams`: slipping contacts
 // have no motion to continue.
-bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
+bool ContactEvents::settle(Run* run, const Watched& event, bool is_begin, bool jams) {
   double* const y = numbers_.data();
-  const double t = span->all.t + span->left.t;
+  const double t = run->interval.t + run->left.t;
   last_ = {};
   equations_.set_straight(false);
   for (GroupJoint& joint : equations_.joints().list()) joint.impact = {};
   if (is_begin && !equations_.joints().list().empty()) {  // else rates may be those of no motion
     const std::optional<double> lost = equations_.fit_joints(y, pairs_.tolerances().resting);
     if (!lost) return false;
-    span->progress.projected += *lost;
+    run->progress.projected += *lost;
   }
   states_.begin_event(equations_);
   pairs_.find_features(!is_begin && event.kind == Watched::Kind::kMargin, false, &equations_);
-  states_.note_bounds(t, span->all.h, event, pairs_, equations_);
+  states_.note_bounds(t, run->interval.h, event, pairs_, equations_);
   impacts_.begin_event(equations_);
   const auto decide = [&](const Watched& at) {
     return states_.decide(at, y, pairs_, &solver_, &equations_);
@@ -326,37 +327,37 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   const auto have_jam = [&] { return impacts_.have_jam(pairs_, &solver_, &equations_, y); };
   if (jams && !have_jam()) return false;
   const auto have_impacts = [&] {
-    return impacts_.have_impacts(span->left.left, is_begin, pairs_, &states_, &solver_, &equations_,
+    return impacts_.have_impacts(run->left.left, is_begin, pairs_, &states_, &solver_, &equations_,
                                  y);
   };
-  if (!have_impacts() && !(coarsen(impacts_.approach(), span) && have_impacts())) return false;
+  if (!have_impacts() && !(coarsen(impacts_.approach(), run) && have_impacts())) return false;
   if (!decide(event) && !(have_jam() && decide({}))) return false;
-  span->progress.local_error += impacts_.indeterminate() * span->all.h;
-  span->progress.local_error += 0.5 * states_.indeterminate() * span->left.left * span->left.left;
+  run->progress.local_error += impacts_.indeterminate() * run->interval.h;
+  run->progress.local_error += 0.5 * states_.indeterminate() * run->left.left * run->left.left;
   states_.hold_coordinates(is_begin, &equations_);
   const double kinetic = equations_.bodies().kinetic_energy(),
                potential = equations_.potential_energy();
   before_projection_.assign(y, y + equations_.size());
-  if (!equations_.project(span->left.t, y)) return false;
+  if (!equations_.project(run->left.t, y)) return false;
   const bool is_known = equations_.joints().coordinates().empty() &&
                         have_same_bits(before_projection_.data(), y, equations_.size());
   if (!equations_.restart(y, derivative(), is_known ? states_.derivative() : nullptr)) return false;
-  span->progress.projected += kinetic - equations_.bodies().kinetic_energy();
-  span->progress.corrected += equations_.potential_energy() - potential;
-  reports_.add({span->all.t, t, is_begin, states_.acts_before(), states_.coordinates_before(),
+  run->progress.projected += kinetic - equations_.bodies().kinetic_energy();
+  run->progress.corrected += equations_.potential_energy() - potential;
+  reports_.add({run->interval.t, t, is_begin, states_.acts_before(), states_.coordinates_before(),
                 impacts_.impulses(), impacts_.rests_in()},
                equations_, &pairs_);
-  return break_hit(span) ? settle(span, {}, false) : break_overloaded(span);
+  return break_hit(run) ? settle(run, {}, false) : break_overloaded(run);
 }
 
 // Breaks a joint and the couplings on it.
-void ContactEvents::break_joint(const Span& span, std::size_t joint) {
+void ContactEvents::break_joint(const Run& run, std::size_t joint) {
   GroupJoints& joints = equations_.joints();
   const auto break_one = [&](std::size_t j) {
     if (joints[j].is_broken) return;
     ++done_.breaks;
     joints.break_joint(j);
-    reports_.add_break(span.all.t + span.left.t, j);
+    reports_.add_break(run.interval.t + run.left.t, j);
   };
   break_one(joint);
   for (std::size_t j = 0; j < joints.list().size(); ++j)
@@ -366,7 +367,7 @@ void ContactEvents::break_joint(const Span& span, std::size_t joint) {
 }
 
 // Breaks joints whose impulses by impacts are more than they bear. Returns whether any broke.
-bool ContactEvents::break_hit(Span* span) {
+bool ContactEvents::break_hit(Run* run) {
   const GroupBodies& bodies = equations_.bodies();
   const List<GroupJoint>& joints = equations_.joints().list();
   bool any = false;
@@ -376,7 +377,7 @@ bool ContactEvents::break_hit(Span* span) {
     const JointLoad load = load_of(of.joint, bodies.state(of.a), bodies.state(of.b), of.impact.rows,
                                    of.impact.coupling);
     if (!load.breaks(of.joint, 1.0 / kImpactDuration)) continue;
-    break_joint(*span, j);
+    break_joint(*run, j);
     any = true;
   }
   if (any) stepper_.count_event();
@@ -385,7 +386,7 @@ bool ContactEvents::break_hit(Span* span) {
 
 // Breaks joints that are overloaded, as after another joint let go. The most overloaded joint
 // breaks first, since it may relieve the others.
-bool ContactEvents::break_overloaded(Span* span) {
+bool ContactEvents::break_overloaded(Run* run) {
   List<Watched> loads;
   for (std::size_t j = 0; j < equations_.joints().list().size(); ++j)
     watch_breaking(equations_, j, {}, &loads);
@@ -395,8 +396,8 @@ bool ContactEvents::break_overloaded(Span* span) {
       });
   if (worst == loads.end() || worst->value >= -worst->tolerance) return true;
   stepper_.count_event();
-  break_joint(*span, worst->joint);
-  return settle(span, {}, false);
+  break_joint(*run, worst->joint);
+  return settle(run, {}, false);
 }
 
 }  // namespace constraint_sim::engine

@@ -40,7 +40,7 @@ class ContactEvents {
   /// without a solution; the states are then those of any time in the interval. `joint_step`,
   /// `joint_states`: step that contains the interval, and states of all joints. `most_work`: limit
   /// for the step, as work().
-  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
                             const JointStep& joint_step, const List<JointData>& joint_states,
                             double most_work, List<BodyState>* states);
 
@@ -57,37 +57,38 @@ class ContactEvents {
   /// Counts since begin().
   struct Done {
     std::uint32_t breaks = 0, jams = 0;
-    int missed = 0;      ///< substeps rejected for overlaps of boxes or for poor accuracy
-    bool spans = false;  ///< an interval was advanced
+    int missed = 0;             ///< substeps rejected for overlaps of boxes or for poor accuracy
+    bool has_advanced = false;  ///< an interval was advanced
   };
-  struct Span {
-    const Interval& all;
+  /// State of advance().
+  struct Run {
+    const Interval& interval;
     const IntegratorOptions& accuracy;
-    SubstepSpan left;
+    RemainingInterval left;
     IntegrationResult progress;
   };
 
   void begin_joints(const JointStep& step, const List<JointData>& states);
-  void integrate(Span* span);
+  void integrate(Run* run);
   double* derivative();
 
   // ---- between events
   void watch(List<Watched>* list);
-  bool take(Span* span, SubstepSpan* left, double tolerance, double* step);
-  bool repeat(Span* span, double t, double h, bool is_start);
-  bool advance_to_event(Span* span);
-  bool end_jam(Span* span);
+  bool take(Run* run, RemainingInterval* left, double tolerance, double* step);
+  bool repeat(Run* run, double t, double h, bool is_start);
+  bool advance_to_event(Run* run);
+  bool end_jam(Run* run);
   bool go_straight(bool is_straight);
-  bool take_first(Span* span, double* step);
+  bool take_first(Run* run, double* step);
 
   // ---- at events
-  bool change_states(Span* span, const Watched& event, bool* is_changed);
-  void end_rattling(Span* span, const Watched& event);
-  bool coarsen(double least, Span* span);
-  bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
-  void break_joint(const Span& span, std::size_t joint);
-  bool break_hit(Span* span);
-  bool break_overloaded(Span* span);
+  bool change_states(Run* run, const Watched& event, bool* is_changed);
+  void end_rattling(Run* run, const Watched& event);
+  bool coarsen(double least, Run* run);
+  bool settle(Run* run, const Watched& event, bool is_begin, bool jams = false);
+  void break_joint(const Run& run, std::size_t joint);
+  bool break_hit(Run* run);
+  bool break_overloaded(Run* run);
 
   ContactEquations equations_;
   ContactPairs pairs_;

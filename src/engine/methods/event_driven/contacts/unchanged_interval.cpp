@@ -87,12 +87,12 @@ void list_numbers(const ContactEquations& equations, List<double>* numbers) {
 
 }  // namespace
 
-bool UnchangedInterval::is_repeated_by(const Interval& span, const ContactEquations& equations,
+bool UnchangedInterval::is_repeated_by(const Interval& interval, const ContactEquations& equations,
                                        const List<ContactPair>& pairs) {
   const GroupBodies& bodies = equations.bodies();
   const GroupJoints& joints = equations.joints();
-  if (!is_known_ || bodies.has_movers() || span.h != h_ || !joints.are_at_rest() ||
-      !have_same_bits(span.gravity, gravity_) || !are_all_same(bodies.list(), bodies_) ||
+  if (!is_known_ || bodies.has_movers() || interval.h != h_ || !joints.are_at_rest() ||
+      !have_same_bits(interval.gravity, gravity_) || !are_all_same(bodies.list(), bodies_) ||
       !are_all_same(bodies.shapes().list(), shapes_) || !are_all_same(pairs, pairs_) ||
       !are_all_same(joints.list(), joints_))
     return false;
@@ -105,12 +105,12 @@ bool UnchangedInterval::is_repeated_by(const Interval& span, const ContactEquati
   return true;
 }
 
-void UnchangedInterval::begin(const Interval& span, const ContactEquations& equations,
+void UnchangedInterval::begin(const Interval& interval, const ContactEquations& equations,
                               const List<ContactPair>& pairs) {
   const GroupBodies& bodies = equations.bodies();
   is_known_ = false;
-  gravity_ = span.gravity;
-  h_ = span.h;
+  gravity_ = interval.gravity;
+  h_ = interval.h;
   list_numbers(equations, &numbers_);
   bodies_ = bodies.list();
   shapes_ = bodies.shapes().list();

@@ -11,13 +11,13 @@ namespace constraint_sim::engine {
 /// same bits ends with the same bits, and is not computed again.
 class UnchangedInterval {
  public:
-  /// Whether `span` starts like the remembered interval. Called after
+  /// Whether `interval` starts like the remembered interval. Called after
   /// GroupJoints::begin_interval().
-  bool is_repeated_by(const Interval& span, const ContactEquations& equations,
+  bool is_repeated_by(const Interval& interval, const ContactEquations& equations,
                       const List<ContactPair>& pairs);
-  /// Forgets the remembered interval, and notes the start of `span`, after
+  /// Forgets the remembered interval, and notes the start of `interval`, after
   /// GroupJoints::begin_interval().
-  void begin(const Interval& span, const ContactEquations& equations,
+  void begin(const Interval& interval, const ContactEquations& equations,
              const List<ContactPair>& pairs);
   /// Remembers the interval that begin() noted, in which nothing has moved. `work`:
   /// CountedSolver::work() of the interval.

@@ -9,18 +9,18 @@
 
 namespace constraint_sim::engine {
 /// State of EventDriven::advance().
-struct EventDriven::Span {
-  const Interval& all;
+struct EventDriven::Run {
+  const Interval& interval;
   const IntegratorOptions& accuracy;
   const Surroundings& around;
   RungeKutta* motion;
   List<BodyState>* states;  ///< all bodies of the world; bodies of the island are at `left.t`
-  SubstepSpan left;
+  RemainingInterval left;
   IntegrationResult progress;
   bool begins = true;  ///< true until bodies move in the interval
 
   double t() const { return left.t; }
-  EventBodies bodies() const { return {*states, around.masses, all.t - all.since_tick}; }
+  EventBodies bodies() const { return {*states, around.masses, interval.t - interval.since_tick}; }
 };
 
 EventDriven::EventDriven(const EventDriven& other) = default;
@@ -58,149 +58,151 @@ void EventDriven::collect(const List<BodyState>& states, RungeKutta* motion) {
   motion->begin_step(motions_.joint_states());
 }
 
-Interval EventDriven::rest_of(const Span& span) const {
-  return {span.left.t,    span.left.left,     span.all.gravity,
-          span.all.loads, motions_.courses(), true,
-          true,           span.all.stop,      span.all.since_tick + (span.left.t - span.all.t)};
+Interval EventDriven::rest_of(const Run& run) const {
+  const Interval& whole = run.interval;
+  const double since_tick = whole.since_tick + (run.left.t - whole.t);
+  return {run.left.t, run.left.left, whole.gravity, whole.loads, motions_.courses(),
+          true,       true,          whole.stop,    since_tick};
 }
 
-IntegrationResult EventDriven::advance(const Interval& all, const IntegratorOptions& accuracy,
+IntegrationResult EventDriven::advance(const Interval& interval, const IntegratorOptions& accuracy,
                                        const Surroundings& around, RungeKutta* motion,
                                        List<BodyState>* states) {
-  Span span{all, accuracy, around, motion, states, SubstepSpan(all.t, all.h), {}};
-  bool is_done = begin_span(&span);
-  while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
+  Run run{interval, accuracy, around, motion, states, RemainingInterval(interval.t, interval.h),
+          {}};
+  bool is_done = begin_run(&run);
+  while (is_done && run.left.left > 0.0) is_done = advance_to_event(&run);
   if (is_done) {
-    motions_.finish(span.bodies(), motion->equations(), rates_);
+    motions_.finish(run.bodies(), motion->equations(), rates_);
   } else {
     motions_.set_started(false);
     motion->forget();
   }
-  span.progress.done = is_done;
-  return span.progress;
+  run.progress.done = is_done;
+  return run.progress;
 }
 
-bool EventDriven::begin_span(Span* span) {
+bool EventDriven::begin_run(Run* run) {
   if (motions_.mend_rejected())
-    variants_.compile_bare(motions_.joints(), motions_.broken(), span->around.masses);
-  const bool goes_on = motions_.begin_interval(span->around.joint_states, span->around.step,
-                                               span->all.t, span->left.end);
+    variants_.compile_bare(motions_.joints(), motions_.broken(), run->around.masses);
+  const bool goes_on = motions_.begin_interval(run->around.joint_states, run->around.step,
+                                               run->interval.t, run->left.end);
   stepper_.begin_interval();
   const bool is_pushed =
-      span->motion->has_other_forces() ||
-      (span->all.is_disturbed && !span->motion->equations().has_loads(span->all.loads));
+      run->motion->has_other_forces() ||
+      (run->interval.is_disturbed && !run->motion->equations().has_loads(run->interval.loads));
   const auto decide_again = [&] {
     bool had_impacts = false;
-    const bool is_done = settle(span, {}, true, &had_impacts);
-    span->begins = false;
+    const bool is_done = settle(run, {}, true, &had_impacts);
+    run->begins = false;
     return is_done;
   };
-  if (!motions_.has_started() || !goes_on || span->all.is_edited) return decide_again();
+  if (!motions_.has_started() || !goes_on || run->interval.is_edited) return decide_again();
   if (is_pushed && !motions_.joints().breaking().empty()) return decide_again();
-  Interval now = rest_of(*span);
+  Interval now = rest_of(*run);
   now.is_disturbed = is_pushed;
   now.is_edited = false;
-  const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);
-  span->progress.projected += begun.projected;
+  const IntegrationResult begun = run->motion->begin(now, run->accuracy, *run->states);
+  run->progress.projected += begun.projected;
   if (!begun.done) return false;
-  watch(*span, 0.0, stepper_.before());
+  watch(*run, 0.0, stepper_.before());
   // Other forces change how laws act only where a value reaches its bound.
   if (is_pushed && !std::all_of(stepper_.before()->begin(), stepper_.before()->end(), is_clear))
     return decide_again();
-  span->begins = false;
+  run->begins = false;
   return true;
 }
 
 // ---- between events
 
 // Watches at the end of a substep of length h [s], or with h = 0 at a start.
-void EventDriven::watch(const Span& span, double h, List<WatchedByJoints>* list) {
-  const StagedSubstep last(h, stepper_.order_of_substep(span.accuracy.order));
-  watch_joints(motions_, span.bodies(), span.t(), last, span.motion, &rates_, list);
+void EventDriven::watch(const Run& run, double h, List<WatchedByJoints>* list) {
+  const StagedSubstep last(h, stepper_.order_of_substep(run.accuracy.order));
+  watch_joints(motions_, run.bodies(), run.t(), last, run.motion, &rates_, list);
 }
 
-IntegratorOptions EventDriven::of_substep(const Span& span) const {
-  IntegratorOptions options = span.accuracy;
+IntegratorOptions EventDriven::of_substep(const Run& run) const {
+  IntegratorOptions options = run.accuracy;
   options.order = stepper_.order_of_substep(options.order);
   return options;
 }
 
 // Makes the next substep, or the part of it before an event.
-bool EventDriven::advance_to_event(Span* span) {
-  if (span->progress.substeps + span->progress.rejected + static_cast<double>(stepper_.events()) >
-      span->accuracy.most_work)
+bool EventDriven::advance_to_event(Run* run) {
+  if (run->progress.substeps + run->progress.rejected + static_cast<double>(stepper_.events()) >
+      run->accuracy.most_work)
     return false;
-  RungeKutta& motion = *span->motion;
-  const SubstepSpan start = span->left;
+  RungeKutta& motion = *run->motion;
+  const RemainingInterval start = run->left;
   motion.keep_start();
   motion.set_step(std::min(motion.step(), longest_substep(motions_)));
-  if (!take_substep(span)) return false;
-  motion.scatter(span->states);
+  if (!take_substep(run)) return false;
+  motion.scatter(run->states);
   const auto repeat = [&](double h, bool is_start) {
     if (is_start)
       motion.return_to_start();
-    else if (!motion.repeat_substep(rest_of(*span), of_substep(*span), start.t, h))
+    else if (!motion.repeat_substep(rest_of(*run), of_substep(*run), start.t, h))
       return false;
-    motion.scatter(span->states);
+    motion.scatter(run->states);
     return true;
   };
-  const auto list_watched = [&](auto* list) { watch(*span, start.left - span->left.left, list); };
+  const auto list_watched = [&](auto* list) { watch(*run, start.left - run->left.left, list); };
   const auto accept = [&](double) {
-    motions_.note_positions(span->bodies(), span->t(), motion.equations());
+    motions_.note_positions(run->bodies(), run->t(), motion.equations());
     return true;
   };
   const auto change = [&](const WatchedByJoints& watched, bool* is_changed) {
-    return change_states(span, watched, is_changed);
+    return change_states(run, watched, is_changed);
   };
-  return stepper_.end_substep(start, repeat, list_watched, accept, change, &span->left);
+  return stepper_.end_substep(start, repeat, list_watched, accept, change, &run->left);
 }
 
 // Takes a substep, up to the next expected event. The next substep is not shorter for it.
-bool EventDriven::take_substep(Span* span) {
-  RungeKutta& motion = *span->motion;
-  const SubstepSpan start = span->left;
+bool EventDriven::take_substep(Run* run) {
+  RungeKutta& motion = *run->motion;
+  const RemainingInterval start = run->left;
   const double step = motion.step();
-  SubstepSpan part = stepper_.to_next_event(start, span->accuracy.tolerance > 0.0 ? step : 0.0);
-  const int rejected = span->progress.rejected;
-  if (!motion.advance_substep(rest_of(*span), of_substep(*span), &part, &span->progress))
-    return false;
-  span->left = stepper_.rest_of(start, part);
-  if (stepper_.expects_event() && span->progress.rejected == rejected)
+  RemainingInterval part =
+      stepper_.to_next_event(start, run->accuracy.tolerance > 0.0 ? step : 0.0);
+  const int rejected = run->progress.rejected;
+  if (!motion.advance_substep(rest_of(*run), of_substep(*run), &part, &run->progress)) return false;
+  run->left = stepper_.rest_of(start, part);
+  if (stepper_.expects_event() && run->progress.rejected == rejected)
     motion.set_step(std::max(motion.step(), step));
   return true;
 }
 
 // ---- at events
 
-bool EventDriven::change_states(Span* span, const WatchedByJoints& watched, bool* is_changed) {
+bool EventDriven::change_states(Run* run, const WatchedByJoints& watched, bool* is_changed) {
   const bool breaks = watched.breaks >= 0;
-  end_rattling(span, watched);
-  if (breaks) break_joint(span, static_cast<std::size_t>(watched.breaks));
+  end_rattling(run, watched);
+  if (breaks) break_joint(run, static_cast<std::size_t>(watched.breaks));
   const EventRelease release{watched.known == 0 && watched.law >= 0 ? watched.law : -1,
                              watched.side};
   const List<OneSidedState> states = motions_.states();
   bool had_impacts = false;
-  if (!settle(span, release, breaks, &had_impacts)) return false;
+  if (!settle(run, release, breaks, &had_impacts)) return false;
   *is_changed = had_impacts || breaks || !(states == motions_.states());
   return true;
 }
 
 // Looks whether events go on without end, at speeds that no longer matter. Velocities are then off
 // by the speed that counts as zero.
-void EventDriven::end_rattling(Span* span, const WatchedByJoints& watched) {
+void EventDriven::end_rattling(Run* run, const WatchedByJoints& watched) {
   const double speed =
       watched.known == 2 ? std::abs(watched.rate) : 0.0;  // only gaps close at a speed
-  const double least = rattling_.zero_speed(span->t(), speed, resting_, Rattling::kMostOfLaws);
+  const double least = rattling_.zero_speed(run->t(), speed, resting_, Rattling::kMostOfLaws);
   if (least <= resting_) return;
   resting_ = least;
-  span->progress.local_error += least * span->left.left;
+  run->progress.local_error += least * run->left.left;
 }
 
-void EventDriven::break_joint(Span* span, std::size_t joint) {
-  collect(*span->states, span->motion);
+void EventDriven::break_joint(Run* run, std::size_t joint) {
+  collect(*run->states, run->motion);
   const EventJoints& joints = motions_.joints();
   const auto break_one = [&](std::size_t l) {
-    if (!motions_.is_broken(l)) told_.push_back({EventKind::kBroken, span->t(), l, -1, 0.0});
+    if (!motions_.is_broken(l)) told_.push_back({EventKind::kBroken, run->t(), l, -1, 0.0});
     motions_.break_joint(l);
   };
   break_one(joint);
@@ -208,46 +210,45 @@ void EventDriven::break_joint(Span* span, std::size_t joint) {
     if (info(joints[l].kind).couples_joints)
       for (const CoupledTerm& term : joints.terms(l))
         if (term.joint == joint) break_one(l);
-  variants_.compile_bare(joints, motions_.broken(), span->around.masses);
+  variants_.compile_bare(joints, motions_.broken(), run->around.masses);
 }
 
 // Decides how the laws act from now on, after the impacts of limits that are hit.
-bool EventDriven::settle(Span* span, const EventRelease& release, bool is_changed,
+bool EventDriven::settle(Run* run, const EventRelease& release, bool is_changed,
                          bool* had_impacts) {
   EventProblem problem(motions_.laws().size(), resting_);
   EventImpulses::Sums before;
   if (!motions_.joints().breaking().empty()) before = impulses_.sums();
   bool any = false;
-  if (!load(span, &problem) || !have_impacts(span, &problem, &any)) return false;
+  if (!load(run, &problem) || !have_impacts(run, &problem, &any)) return false;
   *had_impacts = *had_impacts || any;
-  const std::optional<EventDecision> next = decide_states(*span, problem, release);
+  const std::optional<EventDecision> next = decide_states(*run, problem, release);
   if (!next) return false;
   if (!is_changed && !any && next->states == motions_.states()) return true;
   List<std::size_t> broken;
-  if (any) broken = broken_by_impacts(*span, before);
-  report(*span, problem, next->states);
-  motions_.change_states(problem, next->states, span->t());
-  if (!switch_to_states(span)) return false;
+  if (any) broken = broken_by_impacts(*run, before);
+  report(*run, problem, next->states);
+  motions_.change_states(problem, next->states, run->t());
+  if (!switch_to_states(run)) return false;
   if (broken.empty()) add_overloaded(&broken);
   if (broken.empty()) return true;
-  for (const std::size_t joint : broken) break_joint(span, joint);
-  return settle(span, {}, true, had_impacts);
+  for (const std::size_t joint : broken) break_joint(run, joint);
+  return settle(run, {}, true, had_impacts);
 }
 
 // Decides how the laws act next. Motors that lose their prescribed motions take the direction to
 // their positions at once.
-std::optional<EventDecision> EventDriven::decide_states(const Span& span,
-                                                        const EventProblem& problem,
+std::optional<EventDecision> EventDriven::decide_states(const Run& run, const EventProblem& problem,
                                                         const EventRelease& release) {
   while (true) {
     std::optional<EventDecision> next =
-        decide(motions_, problem, span.t(), release, bare().largest_force());
+        decide(motions_, problem, run.t(), release, bare().largest_force());
     if (!next || !motions_.note_lost(problem, *next)) return next;
   }
 }
 
 // Joints whose impulses since `before` are more than they bear.
-List<std::size_t> EventDriven::broken_by_impacts(const Span& span,
+List<std::size_t> EventDriven::broken_by_impacts(const Run& run,
                                                  const EventImpulses::Sums& before) const {
   const EventJoints& joints = motions_.joints();
   List<std::size_t> broken;
@@ -256,7 +257,7 @@ List<std::size_t> EventDriven::broken_by_impacts(const Span& span,
     if (motions_.is_broken(l)) continue;
     const auto [a, b] = joints.ends(l);
     const JointLoad load =
-        load_of(joints[l], span.bodies().at(a, span.t()), span.bodies().at(b, span.t()),
+        load_of(joints[l], run.bodies().at(a, run.t()), run.bodies().at(b, run.t()),
                 impulses_.sums().joint[l] - before.joint[l],
                 impulses_.sums().coupled[l] - before.coupled[l]);
     if (load.breaks(joints[l], 1.0 / kImpactDuration)) broken.push_back(l);
@@ -274,17 +275,17 @@ void EventDriven::add_overloaded(List<std::size_t>* broken) const {
   if (worst != nullptr) broken->push_back(static_cast<std::size_t>(worst->breaks));
 }
 
-bool EventDriven::load(Span* span, EventProblem* problem) {
-  if (!problem->load(motions_, span->all, span->bodies(), span->t(), &variants_.bare(),
-                     span->states, &span->progress))
+bool EventDriven::load(Run* run, EventProblem* problem) {
+  if (!problem->load(motions_, run->interval, run->bodies(), run->t(), &variants_.bare(),
+                     run->states, &run->progress))
     return false;
-  motions_.find_lost(*problem, span->t());
+  motions_.find_lost(*problem, run->t());
   return true;
 }
 
 // Solves impacts one after the other until no limit is hit. Limits whose bounces are too low to be
 // followed lose their restitution; then all impacts are repeated.
-bool EventDriven::have_impacts(Span* span, EventProblem* problem, bool* any) {
+bool EventDriven::have_impacts(Run* run, EventProblem* problem, bool* any) {
   const List<OneSidedLaw>& laws = motions_.laws();
   const List<double> start = problem->state();
   const EventImpulses::Sums impulses = impulses_.sums();
@@ -295,7 +296,7 @@ bool EventDriven::have_impacts(Span* span, EventProblem* problem, bool* any) {
     List<char> bounced(laws.size(), 0);
     int count = 0;
     for (; count < kMostImpacts; ++count) {
-      const List<EventHit> hits = find_hits(motions_, *problem, span->t(), rests);
+      const List<EventHit> hits = find_hits(motions_, *problem, run->t(), rests);
       if (hits.empty()) break;
       List<double> impulse;
       if (!solve_impact(*problem, hits, &impulse)) return false;
@@ -311,29 +312,28 @@ bool EventDriven::have_impacts(Span* span, EventProblem* problem, bool* any) {
     *any = true;
     // Continue with the motion after the impacts.
     impulses_.collect_bare(motions_.joints(), bare);
-    bare.scatter_state(problem->state().data(), span->states);
-    if (!load(span, problem) || !let_rest(*span, bounced, problem, &rests, &is_settled))
-      return false;
+    bare.scatter_state(problem->state().data(), run->states);
+    if (!load(run, problem) || !let_rest(*run, bounced, problem, &rests, &is_settled)) return false;
     if (is_settled) {
       // Projection turns the rounding of heavy bodies into rates of light ones, which hit again.
       is_settled =
-          ++passes == kMostImpactPasses || find_hits(motions_, *problem, span->t(), rests).empty();
+          ++passes == kMostImpactPasses || find_hits(motions_, *problem, run->t(), rests).empty();
       continue;
     }
     impulses_.restore(impulses);
     problem->clear_hits();
-    bare.scatter_state(start.data(), span->states);
-    if (!load(span, problem)) return false;
+    bare.scatter_state(start.data(), run->states);
+    if (!load(run, problem)) return false;
   }
   return true;
 }
 
 // Finds the limits whose bounces are too low to be followed.
-bool EventDriven::let_rest(const Span& span, const List<char>& bounced, EventProblem* problem,
+bool EventDriven::let_rest(const Run& run, const List<char>& bounced, EventProblem* problem,
                            List<char>* rests, bool* is_settled) {
   *is_settled = true;
   if (std::find(bounced.begin(), bounced.end(), 1) == bounced.end()) return true;
-  const std::optional<EventDecision> next = decide_states(span, *problem, {});
+  const std::optional<EventDecision> next = decide_states(run, *problem, {});
   if (!next) return false;
   const List<OneSidedLaw>& laws = motions_.laws();
   for (std::size_t c = 0; c < laws.size(); ++c) {
@@ -341,13 +341,13 @@ bool EventDriven::let_rest(const Span& span, const List<char>& bounced, EventPro
     const EventReading& reading = problem->reading(c);
     for (const bool upper_one : {false, true}) {
       if (!std::isfinite(laws[c].limit(upper_one))) continue;
-      const Prescribed at_limit = motions_.limit(c, upper_one, span.t());
+      const Prescribed at_limit = motions_.limit(c, upper_one, run.t());
       const double direction = upper_one ? -1.0 : 1.0;
       const double rate = direction * (reading.rate - at_limit.rate);
       const double fall = -direction * (next->acceleration[eigen_index(c)] - at_limit.acceleration);
       if (direction * (reading.q - at_limit.value) > kTouching) continue;
       const std::optional<double> rests_in =
-          time_to_rest(rate, fall, laws[c].restitution, span.left.left);
+          time_to_rest(rate, fall, laws[c].restitution, run.left.left);
       if (!rests_in) continue;
       problem->set_rests_in(c, *rests_in);
       (*rests)[c] = 1;
@@ -358,9 +358,9 @@ bool EventDriven::let_rest(const Span& span, const List<char>& bounced, EventPro
 }
 
 // Whether the law was saturated at the end of the last step, as reported.
-bool EventDriven::was_saturated(const Span& span, std::size_t c, const EventReading& now) const {
-  const double t = span.t();
-  return span.around.told[joints()[motions_.laws()[c].joint]].saturated &&
+bool EventDriven::was_saturated(const Run& run, std::size_t c, const EventReading& now) const {
+  const double t = run.t();
+  return run.around.told[joints()[motions_.laws()[c].joint]].saturated &&
          was_at_force_limit(
              motions_.laws()[c], motions_.laws(),
              [](const OneSidedLaw& law) -> const OneSidedLaw& { return law; }, now,
@@ -368,17 +368,17 @@ bool EventDriven::was_saturated(const Span& span, std::size_t c, const EventRead
 }
 
 // Reports the events of the change from the current states to the next ones.
-void EventDriven::report(const Span& span, const EventProblem& problem,
+void EventDriven::report(const Run& run, const EventProblem& problem,
                          const List<OneSidedState>& next) {
-  const double t = span.t();
-  const bool is_new = span.begins && span.all.since_tick == 0.0;  // start of a step
+  const double t = run.t();
+  const bool is_new = run.begins && run.interval.since_tick == 0.0;  // start of a step
   for (std::size_t c = 0; c < motions_.laws().size(); ++c) {
     const OneSidedLaw& law = motions_.laws()[c];
     if (motions_.is_broken(law.joint)) continue;
     const EventReading& now = problem.reading(c);
     OneSidedState before = motions_.states()[c];
     const bool was =
-        is_new ? was_saturated(span, c, now) : motions_.is_saturated(c, before, t, now.q);
+        is_new ? was_saturated(run, c, now) : motions_.is_saturated(c, before, t, now.q);
     if (!motions_.has_started()) {
       before = state_of_motion(law, now, was, motions_.rest(c, t),
                                [&](bool upper_one) { return motions_.limit(c, upper_one, t); });
@@ -395,25 +395,25 @@ void EventDriven::report(const Span& span, const EventProblem& problem,
     };
     add_changes(law, before, next[c], problem.hit(c), was,
                 motions_.is_saturated(c, next[c], t, now.q),
-                !motions_.has_started() && span.all.t <= 0.0, add);
+                !motions_.has_started() && run.interval.t <= 0.0, add);
   }
 }
 
 // Continues with the equations of the rows that act now.
-bool EventDriven::switch_to_states(Span* span) {
-  RungeKutta& motion = *span->motion;
-  collect(*span->states, &motion);
+bool EventDriven::switch_to_states(Run* run) {
+  RungeKutta& motion = *run->motion;
+  collect(*run->states, &motion);
   if (variants_.switch_to(motions_.joints(), motions_.states(), motions_.broken(),
-                          span->around.masses, &motion))
+                          run->around.masses, &motion))
     impulses_.forget_equations();
   motion.begin_step(motions_.joint_states());
   motion.forget();
-  const IntegrationResult begun = motion.begin(rest_of(*span), span->accuracy, *span->states);
-  span->progress.projected += begun.projected;
+  const IntegrationResult begun = motion.begin(rest_of(*run), run->accuracy, *run->states);
+  run->progress.projected += begun.projected;
   if (!begun.done) return false;
-  motion.scatter(span->states);
+  motion.scatter(run->states);
   motions_.set_started(true);
-  watch(*span, 0.0, stepper_.before());
+  watch(*run, 0.0, stepper_.before());
   return true;
 }
 

@@ -75,7 +75,7 @@ class EventDriven {
   void begin_step(const List<JointData>& joint_states, RungeKutta* motion);
   /// Advances the island as IslandMethod describes; `motion` has the equations of the rows that act
   /// now.
-  IntegrationResult advance(const Interval& span, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
                             const Surroundings& around, RungeKutta* motion,
                             List<BodyState>* states);
   /// Whether the next interval continues with the states of rows.
@@ -136,32 +136,32 @@ class EventDriven {
   }
 
  private:
-  struct Span;  // state of advance()
+  struct Run;  // state of advance()
 
   // ---- between events
-  bool begin_span(Span* span);
-  bool advance_to_event(Span* span);
-  bool take_substep(Span* span);
-  IntegratorOptions of_substep(const Span& span) const;
-  void watch(const Span& span, double h, List<WatchedByJoints>* list);
-  Interval rest_of(const Span& span) const;
+  bool begin_run(Run* run);
+  bool advance_to_event(Run* run);
+  bool take_substep(Run* run);
+  IntegratorOptions of_substep(const Run& run) const;
+  void watch(const Run& run, double h, List<WatchedByJoints>* list);
+  Interval rest_of(const Run& run) const;
 
   // ---- at events
-  void end_rattling(Span* span, const WatchedByJoints& watched);
-  bool change_states(Span* span, const WatchedByJoints& watched, bool* is_changed);
-  void break_joint(Span* span, std::size_t joint);
-  bool settle(Span* span, const EventRelease& release, bool is_changed, bool* had_impacts);
-  List<std::size_t> broken_by_impacts(const Span& span, const EventImpulses::Sums& before) const;
+  void end_rattling(Run* run, const WatchedByJoints& watched);
+  bool change_states(Run* run, const WatchedByJoints& watched, bool* is_changed);
+  void break_joint(Run* run, std::size_t joint);
+  bool settle(Run* run, const EventRelease& release, bool is_changed, bool* had_impacts);
+  List<std::size_t> broken_by_impacts(const Run& run, const EventImpulses::Sums& before) const;
   void add_overloaded(List<std::size_t>* broken) const;
-  bool load(Span* span, EventProblem* problem);
-  bool have_impacts(Span* span, EventProblem* problem, bool* any);
-  bool let_rest(const Span& span, const List<char>& bounced, EventProblem* problem,
-                List<char>* rests, bool* is_settled);
-  std::optional<EventDecision> decide_states(const Span& span, const EventProblem& problem,
+  bool load(Run* run, EventProblem* problem);
+  bool have_impacts(Run* run, EventProblem* problem, bool* any);
+  bool let_rest(const Run& run, const List<char>& bounced, EventProblem* problem, List<char>* rests,
+                bool* is_settled);
+  std::optional<EventDecision> decide_states(const Run& run, const EventProblem& problem,
                                              const EventRelease& release);
-  bool was_saturated(const Span& span, std::size_t law, const EventReading& now) const;
-  void report(const Span& span, const EventProblem& problem, const List<OneSidedState>& next);
-  bool switch_to_states(Span* span);
+  bool was_saturated(const Run& run, std::size_t law, const EventReading& now) const;
+  void report(const Run& run, const EventProblem& problem, const List<OneSidedState>& next);
+  bool switch_to_states(Run* run);
 
   EventMotions motions_;
   EventVariants variants_;

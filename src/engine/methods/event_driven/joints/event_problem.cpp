@@ -27,16 +27,16 @@ void add_unit(std::pair<std::size_t, std::size_t> ends, const Jacobian& J, BodyI
 
 }  // namespace
 
-bool EventProblem::load(const EventMotions& motions, const Interval& all, const EventBodies& bodies,
-                        double t, EquationsOfMotion* bare, List<BodyState>* states,
-                        IntegrationResult* progress) {
+bool EventProblem::load(const EventMotions& motions, const Interval& interval,
+                        const EventBodies& bodies, double t, EquationsOfMotion* bare,
+                        List<BodyState>* states, IntegrationResult* progress) {
   y_.resize(bare->size());
   dydt_.resize(bare->size());
   bare->forget_redundant_rows();
   bare->begin_step(motions.joint_states());
   gather_state(*bare, *states, y_.data());
-  bare->begin(t, *states, all.gravity, all.loads, motions.bare_courses(),
-              all.since_tick + (t - all.t));
+  bare->begin(t, *states, interval.gravity, interval.loads, motions.bare_courses(),
+              interval.since_tick + (t - interval.t));
   const double before = kinetic_energy(*bare, y_.data());
   if (!bare->start(t, y_.data(), dydt_.data())) return false;
   progress->projected += before - kinetic_energy(*bare, y_.data());

@@ -27,11 +27,12 @@ class EventProblem {
   EventProblem(std::size_t laws, double resting)
       : resting_(resting), hit_(laws, 0.0), rests_in_(laws, 0.0) {}
 
-  /// Loads the problem at time t of the interval `all`: projects the velocities of `states` onto
-  /// the rigid joints, and finds readings and responses. Adds the removed energy to `progress`.
+  /// Loads the problem at time t of `interval`: projects the velocities of `states` onto the
+  /// rigid joints, and finds readings and responses. Adds the removed energy to `progress`.
   /// Returns false where the equations have no solution.
-  bool load(const EventMotions& motions, const Interval& all, const EventBodies& bodies, double t,
-            EquationsOfMotion* bare, List<BodyState>* states, IntegrationResult* progress);
+  bool load(const EventMotions& motions, const Interval& interval, const EventBodies& bodies,
+            double t, EquationsOfMotion* bare, List<BodyState>* states,
+            IntegrationResult* progress);
 
   double resting() const { return resting_; }
   /// Coordinate of a law, without one-sided forces.

@@ -331,12 +331,12 @@ double ContactGroups::most_work_of(const WorldOptions& options, const ContactGro
 }
 
 IntegrationResult ContactGroups::advance(std::size_t group, const Interval& interval,
-                                         const IntegratorOptions& accuracy,
-                                         const WorldOptions& options, State* state) {
+                                         const IntegratorOptions& options,
+                                         const WorldOptions& world_options, State* state) {
   ContactGroup& of = groups_[group];
-  if (of.spheres != nullptr) return of.spheres->advance(interval, accuracy, &state->states);
-  return of.events->advance(interval, accuracy, joint_step(options, interval.t, interval.h),
-                            state->joint_states, most_work_of(options, of), &state->states);
+  if (of.spheres != nullptr) return of.spheres->advance(interval, options, &state->states);
+  return of.events->advance(interval, options, joint_step(world_options, interval.t, interval.h),
+                            state->joint_states, most_work_of(world_options, of), &state->states);
 }
 
 void ContactGroups::take_out_contacts(const Topology& topology,

@@ -66,7 +66,7 @@ class ContactGroups {
 
   /// Advances a group.
   IntegrationResult advance(std::size_t group, const Interval& interval,
-                            const IntegratorOptions& accuracy, const WorldOptions& options,
+                            const IntegratorOptions& options, const WorldOptions& world_options,
                             State* state);
   void mark_failed(std::size_t group) { groups_[group].has_failed = true; }
   /// Takes contacts of groups out of the contacts of impulses.

@@ -19,13 +19,13 @@ constexpr std::size_t kMostAttemptsOfAll = 300000;
 
 /// Advances an island with joints by one method, and lets the island learn from the result.
 IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integration integration,
-                                 const Interval& interval, const IntegratorOptions& accuracy) {
+                                 const Interval& interval, const IntegratorOptions& options) {
   const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
   IslandParts& parts = lists->island_parts[i];
   IslandMotion& motion = lists->motions[parts.motion];
-  IntegrationResult progress = motion.advance(integration, interval, accuracy, &state->states);
+  IntegrationResult progress = motion.advance(integration, interval, options, &state->states);
   switch (integration) {
     case Integration::kRungeKutta: {
       const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
@@ -71,17 +71,17 @@ bool add_result(IslandLists* lists, std::size_t i, const IntegrationResult& prog
   return true;
 }
 
-IntegratorOptions accuracy_within(const IntegrationStep& in, double most_frequency) {
+IntegratorOptions integrator_options(const IntegrationStep& in, double most_frequency) {
   const Model& model = in.step.model;
   ImplicitMode mode =
       model.options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
   if (model.options.dissipation) mode = ImplicitMode::kDissipate;
-  IntegratorOptions accuracy{model.options.order, model.options.tolerance, mode, most_frequency};
+  IntegratorOptions options{model.options.order, model.options.tolerance, mode, most_frequency};
   const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, in.awake.bodies.size());
-  accuracy.most_attempts =
+  options.most_attempts =
       static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
-  accuracy.most_work = model.options.event_work;
-  return accuracy;
+  options.most_work = model.options.event_work;
+  return options;
 }
 
 bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& interval) {
@@ -95,12 +95,12 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
                                            state->joint_states, in.rollback.joint_states(),
                                            model.masses};
     return add_result(lists, i,
-                      lists->motions[parts.motion].advance(interval, accuracy_within(in, kInfinity),
-                                                           around, &state->states));
+                      lists->motions[parts.motion].advance(
+                          interval, integrator_options(in, kInfinity), around, &state->states));
   }
   bool is_met = island.why != MethodReason::kInconsistent;
-  const auto by = [&](Integration integration, const IntegratorOptions& accuracy) {
-    const IntegrationResult progress = advance_joints(in, i, integration, interval, accuracy);
+  const auto by = [&](Integration integration, const IntegratorOptions& options) {
+    const IntegrationResult progress = advance_joints(in, i, integration, interval, options);
     is_met = !progress.is_inconsistent;
     return add_result(lists, i, progress);
   };
@@ -108,7 +108,7 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
     const bool chooses = model.options.method == Method::kAuto;
     const double limit =
         chooses ? stiffness_limit(model.options) / model.options.time_step : kInfinity;
-    if (by(Integration::kRungeKutta, accuracy_within(in, limit))) return true;
+    if (by(Integration::kRungeKutta, integrator_options(in, limit))) return true;
     const MethodReason why =
         chooses && parts.is_stiff ? MethodReason::kStiff : MethodReason::kRefused;
     if (is_met) switch_method(lists, i, Method::kEnergyMomentum, why);
@@ -116,7 +116,7 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
   // A jerk that no step of ordinary length gets across: substeps begin with velocities that fit the
   // joints, and the energy that this takes is bounded. Steps as short as needed take no such
   // velocities. Only where these fail, too, an unbounded energy is taken, and reported.
-  const IntegratorOptions ordinary = accuracy_within(in, kInfinity);
+  const IntegratorOptions ordinary = integrator_options(in, kInfinity);
   IntegratorOptions substeps = ordinary, longer = ordinary;
   // tolerance 0 asks runge_kutta for one substep a step, and no method that it stands in for
   if (substeps.tolerance == 0.0 && model.options.method != Method::kRungeKutta)
@@ -125,15 +125,15 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
   bounded.most_projected = longer.most_projected = kMostProjected;
   longer.most_halvings *= 2;
   const MethodReason why = island.why;
-  for (const auto& [integration, accuracy] : {std::pair{Integration::kEnergyMomentum, ordinary},
-                                              std::pair{Integration::kRungeKutta, bounded},
-                                              std::pair{Integration::kEnergyMomentum, longer},
-                                              std::pair{Integration::kRungeKutta, substeps}}) {
+  for (const auto& [integration, options] : {std::pair{Integration::kEnergyMomentum, ordinary},
+                                             std::pair{Integration::kRungeKutta, bounded},
+                                             std::pair{Integration::kEnergyMomentum, longer},
+                                             std::pair{Integration::kRungeKutta, substeps}}) {
     if (!is_met) break;
     const Method method =
         integration == Integration::kRungeKutta ? Method::kRungeKutta : Method::kEnergyMomentum;
     if (method != island.method) switch_method(lists, i, method, why);
-    if (by(integration, accuracy)) return true;
+    if (by(integration, options)) return true;
   }
   // Soon after a contact, joints may be off by errors that impulses left. The island returns to
   // impulses then, which close these errors.

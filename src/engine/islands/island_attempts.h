@@ -24,7 +24,7 @@ struct IntegrationStep {
 
 /// Options of an integration. The limit on substeps falls with the number of awake bodies.
 /// `most_frequency`: frequency from which an island is stiff [rad/s].
-IntegratorOptions accuracy_within(const IntegrationStep& in, double most_frequency);
+IntegratorOptions integrator_options(const IntegrationStep& in, double most_frequency);
 
 /// Adds the results of an attempt to the report of an island; false where the attempt failed.
 bool add_result(IslandLists* lists, std::size_t i, const IntegrationResult& progress);

@@ -421,7 +421,7 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
     if (!FreeRotation::turns(torque, state->states[body])) continue;
     if (!add_result(lists, i,
                     rotations_[body].advance(interval.h, torque, model.masses[body],
-                                             accuracy_within(in, kInfinity), interval.stop,
+                                             integrator_options(in, kInfinity), interval.stop,
                                              &state->states[body])))
       return false;
   }
@@ -447,7 +447,7 @@ void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval
     const ContactGroup& group = groups->groups()[g];
     if (group.has_failed) continue;
     const IntegrationResult progress =
-        groups->advance(g, interval, accuracy_within(in, kInfinity), model.options, state);
+        groups->advance(g, interval, integrator_options(in, kInfinity), model.options, state);
     const bool is_done = add_result(lists, to_index(group.islands.front()), progress);
     for (const int i : group.islands) {
       if (i != group.islands.front()) lists->islands[i].local_error += progress.local_error;

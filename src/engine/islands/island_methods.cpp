@@ -3,13 +3,13 @@
 namespace constraint_sim::engine {
 
 IntegrationResult Borrowers::advance(Integration integration, const Interval& interval,
-                                     const IntegratorOptions& accuracy,
-                                     EquationsOfMotion* equations, List<BodyState>* states) {
+                                     const IntegratorOptions& options, EquationsOfMotion* equations,
+                                     List<BodyState>* states) {
   IntegrationResult result;
   for_each_line([&](auto& line) {
     if (line.kIntegration != integration) return;
     if (!line.method) line.method.emplace(*equations);
-    result = line.method->advance(interval, accuracy, equations, states);
+    result = line.method->advance(interval, options, equations, states);
   });
   return result;
 }

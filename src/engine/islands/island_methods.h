@@ -47,7 +47,7 @@ class Borrowers {
   }
   /// Advances the island as IslandMethod describes, by any method but kRungeKutta.
   IntegrationResult advance(Integration integration, const Interval& interval,
-                            const IntegratorOptions& accuracy, EquationsOfMotion* equations,
+                            const IntegratorOptions& options, EquationsOfMotion* equations,
                             List<BodyState>* states);
   /// Whether any method is constructed.
   bool any() const {

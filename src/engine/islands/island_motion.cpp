@@ -12,24 +12,23 @@ IslandMotion& IslandMotion::operator=(IslandMotion&& other) noexcept = default;
 IslandMotion::~IslandMotion() = default;
 
 IntegrationResult IslandMotion::advance(Integration integration, const Interval& interval,
-                                        const IntegratorOptions& accuracy,
-                                        List<BodyState>* states) {
+                                        const IntegratorOptions& options, List<BodyState>* states) {
   const EnergyMomentum* const energy_momentum = lent<EnergyMomentum>();
   const bool goes_on = integration == Integration::kEnergyMomentum && energy_momentum != nullptr &&
                        energy_momentum->has_started();
   if (follows_gradients_ && !goes_on && !interval.is_edited)
-    fit_velocities(interval, accuracy.most_projected, &substeps_.equations(), states);
-  const IntegrationResult result = advance_by(integration, interval, accuracy, states);
+    fit_velocities(interval, options.most_projected, &substeps_.equations(), states);
+  const IntegrationResult result = advance_by(integration, interval, options, states);
   if (result.done) follows_gradients_ = integration == Integration::kEnergyMomentum;
   return result;
 }
 
 IntegrationResult IslandMotion::advance_by(Integration integration, const Interval& interval,
-                                           const IntegratorOptions& accuracy,
+                                           const IntegratorOptions& options,
                                            List<BodyState>* states) {
-  if (integration == Integration::kRungeKutta) return substeps_.advance(interval, accuracy, states);
+  if (integration == Integration::kRungeKutta) return substeps_.advance(interval, options, states);
   if (integration == Integration::kInconsistent) change_method();
-  return borrowers_.advance(integration, interval, accuracy, &substeps_.equations(), states);
+  return borrowers_.advance(integration, interval, options, &substeps_.equations(), states);
 }
 
 bool IslandMotion::follow_laws(const List<Joint>& all_joints) {

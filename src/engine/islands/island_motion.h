@@ -49,11 +49,11 @@ class IslandMotion {
   }
   /// Advances the bodies by one of the methods, as IslandMethod describes.
   IntegrationResult advance(Integration integration, const Interval& interval,
-                            const IntegratorOptions& accuracy, List<BodyState>* states);
+                            const IntegratorOptions& options, List<BodyState>* states);
   /// Advances an island with one-sided rows from event to event, the only method of such islands.
-  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& options,
                             const EventDriven::Surroundings& around, List<BodyState>* states) {
-    return events_->advance(interval, accuracy, around, &substeps_, states);
+    return events_->advance(interval, options, around, &substeps_, states);
   }
   /// Returns the results of the event-driven step; nullptr for an island without one-sided rows.
   const EventDriven* finish_events(const List<BodyState>& states) {
@@ -102,7 +102,7 @@ class IslandMotion {
 
  private:
   IntegrationResult advance_by(Integration integration, const Interval& interval,
-                               const IntegratorOptions& accuracy, List<BodyState>* states);
+                               const IntegratorOptions& options, List<BodyState>* states);
 
   RungeKutta substeps_;  // owns the equations
   std::optional<EventDriven> events_;

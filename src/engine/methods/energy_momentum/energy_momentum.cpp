@@ -79,16 +79,16 @@ double EnergyMomentum::turn_error(double turn, double tolerance) const {
 }
 
 IntegrationResult EnergyMomentum::advance(const Interval& interval,
-                                          const IntegratorOptions& accuracy,
+                                          const IntegratorOptions& options,
                                           EquationsOfMotion* equations, List<BodyState>* states) {
   IntegrationResult progress;
-  was_first_ = !has_started_ || interval.is_edited || accuracy.mode != mode_;
-  mode_ = accuracy.mode;
+  was_first_ = !has_started_ || interval.is_edited || options.mode != mode_;
+  mode_ = options.mode;
   stop_ = interval.stop;
   equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.courses,
                    interval.since_tick);
   was_first_ = was_first_ || equations->inputs().has_jumped();
-  if (was_first_ && !project(interval, accuracy.most_projected, equations, states, &progress)) {
+  if (was_first_ && !project(interval, options.most_projected, equations, states, &progress)) {
     progress.done = false;
     progress.is_inconsistent = true;
     return progress;
@@ -99,8 +99,8 @@ IntegrationResult EnergyMomentum::advance(const Interval& interval,
     intervals_since_ = 0;
   }
   refinement_ = std::max(refinement_, composes ? -1 : 0);
-  for (; refinement_ <= accuracy.most_halvings; ++refinement_) {
-    if (try_steps(interval, accuracy, *states, equations, &progress)) {
+  for (; refinement_ <= options.most_halvings; ++refinement_) {
+    if (try_steps(interval, options, *states, equations, &progress)) {
       step_equations_.motion().scatter_state(*equations, states);
       return progress;
     }
@@ -135,12 +135,12 @@ bool EnergyMomentum::project(const Interval& interval, double most, EquationsOfM
 
 // Advances the interval by steps as refinement_ says. Returns false, without impulses, where the
 // next refinement has to repeat it.
-bool EnergyMomentum::try_steps(const Interval& interval, const IntegratorOptions& accuracy,
+bool EnergyMomentum::try_steps(const Interval& interval, const IntegratorOptions& options,
                                const List<BodyState>& states, EquationsOfMotion* equations,
                                IntegrationResult* progress) {
   step_equations_.gather_state(states, *equations);
   const bool composes = refinement_ < 0;
-  int parts = parts_for_turning(interval.h, composes, accuracy.tolerance)
+  int parts = parts_for_turning(interval.h, composes, options.tolerance)
               << std::max(refinement_, 0);
   if (was_first_) {  // two halves at least, for the estimate
     parts += parts % 2;
@@ -157,7 +157,7 @@ bool EnergyMomentum::try_steps(const Interval& interval, const IntegratorOptions
   const std::size_t redundant = equations->delassus().redundant();
   if (done && !step_equations_.redundant_rows_are_met(interval.t + interval.h, equations)) {
     done = false;
-    if (equations->redundant().is_inconsistent()) refinement_ = accuracy.most_halvings;
+    if (equations->redundant().is_inconsistent()) refinement_ = options.most_halvings;
     // Repeat with all rows that are needed.
     if (equations->delassus().redundant() < redundant) --refinement_;
   }

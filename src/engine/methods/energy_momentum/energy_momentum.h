@@ -26,7 +26,7 @@ class EnergyMomentum {
 
   /// Advances the island as IslandMethod describes. The tolerance is for the rotation of bodies;
   /// intervals have to be short enough for other motion.
-  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& options,
                             EquationsOfMotion* equations, List<BodyState>* states);
   /// Whether the last interval began without history, as after an edit or a jump. Such an interval
   /// is made of two halves.
@@ -78,7 +78,7 @@ class EnergyMomentum {
              IntegrationResult* progress);
   bool project(const Interval& interval, double most, EquationsOfMotion* equations,
                List<BodyState>* states, IntegrationResult* progress);
-  bool try_steps(const Interval& interval, const IntegratorOptions& accuracy,
+  bool try_steps(const Interval& interval, const IntegratorOptions& options,
                  const List<BodyState>& states, EquationsOfMotion* equations,
                  IntegrationResult* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,

@@ -39,7 +39,7 @@ class InconsistentMotion {
 
   /// Advances the island as IslandMethod describes, whatever the options: errors of unmet rows are
   /// larger than a tolerance.
-  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& options,
                             EquationsOfMotion* equations, List<BodyState>* states);
   /// Every interval begins from the bodies alone.
   bool has_started() const { return false; }

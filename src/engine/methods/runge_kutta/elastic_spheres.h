@@ -40,7 +40,7 @@ class ElasticSpheres {
   bool begin(const List<BodyState>& states, double most);
   /// Advances the spheres as IntervalMethod describes, exactly whatever the options. Gives up after
   /// too many hits, as of spheres that come to rest, or where a sphere is too fast.
-  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& options,
                             List<BodyState>* states);
 
   const List<Hit>& hits() const { return hits_; }

@@ -59,7 +59,7 @@ class Turning {
 
 IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,
                                         const MassProperties& mass,
-                                        const IntegratorOptions& accuracy, StopFlag stop,
+                                        const IntegratorOptions& options, StopFlag stop,
                                         BodyState* state) {
   const bool is_driven = !torque.isZero(0.0);
   if (!is_driven && mass.is_isotropic()) {
@@ -81,7 +81,7 @@ IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,
     first_derivative = first_derivative_;
   else
     turning.derivative(0, 0.0, memory.state(), memory.derivatives());
-  const IntegrationResult progress = integrate(turning, memory, 0.0, h, accuracy, stop, step_);
+  const IntegrationResult progress = integrate(turning, memory, 0.0, h, options, stop, step_);
   if (!progress.done) return progress;
   state->orientation.coeffs() = q;
   momentum_ = momentum + h * torque;

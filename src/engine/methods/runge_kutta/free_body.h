@@ -18,7 +18,7 @@ class FreeRotation {
     return !(state.angular_velocity.isZero(0.0) && torque.isZero(0.0));
   }
   IntegrationResult advance(double h, const Eigen::Vector3d& torque, const MassProperties& mass,
-                            const IntegratorOptions& accuracy, StopFlag stop, BodyState* state);
+                            const IntegratorOptions& options, StopFlag stop, BodyState* state);
   /// Whether there is memory of the last interval.
   bool has_memory() const { return step_ != 0.0; }
   /// Visits the memory of the last interval, except the body, as engine/support/memory.h describes.

@@ -6,16 +6,16 @@
 
 namespace constraint_sim::engine {
 
-/// Integrates an interval of length h from t [s] by the pair of the order in `accuracy`. `step`:
+/// Integrates an interval of length h from t [s] by the pair of the order in `options`. `step`:
 /// first guess of a substep; 0: h [s].
 template <class System>
 IntegrationResult integrate(System& system, const StageMemory& memory, double t, double h,
-                            const IntegratorOptions& accuracy, StopFlag stop, double& step) {
+                            const IntegratorOptions& options, StopFlag stop, double& step) {
   if (step == 0.0) step = h;
-  return accuracy.order == 5 ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance,
-                                                         step, accuracy.most_attempts, stop)
-                             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance,
-                                                         step, accuracy.most_attempts, stop);
+  return options.order == 5 ? integrate<DormandPrince5>(system, memory, t, h, options.tolerance,
+                                                        step, options.most_attempts, stop)
+                            : integrate<DormandPrince8>(system, memory, t, h, options.tolerance,
+                                                        step, options.most_attempts, stop);
 }
 
 }  // namespace constraint_sim::engine

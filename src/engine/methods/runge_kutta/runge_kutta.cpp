@@ -54,7 +54,7 @@ auto RungeKutta::with_system(Act act) {
   return act(chain);
 }
 
-IntegrationResult RungeKutta::begin(const Interval& interval, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::begin(const Interval& interval, const IntegratorOptions& options,
                                     const List<BodyState>& states) {
   const bool has_other_forces = std::exchange(has_other_forces_, false) ||
                                 (interval.is_disturbed && !equations_.has_loads(interval.loads));
@@ -63,9 +63,9 @@ IntegrationResult RungeKutta::begin(const Interval& interval, const IntegratorOp
     equations_.set_loads(interval.gravity, interval.loads);
     tree_.set_placed(false);
   }
-  const IntegrationResult begun = begin_equations(interval, accuracy, states);
+  const IntegrationResult begun = begin_equations(interval, options, states);
   if (!begun.done || !tree_.can_advance(equations_)) return begun;
-  TreeSystem system = TreeSystem::for_impulses(equations_, tree_, accuracy.order);
+  TreeSystem system = TreeSystem::for_impulses(equations_, tree_, options.order);
   const bool goes_on = tree_.is_current();
   if (!goes_on) system.read(interval.t);
   if (tree_.is_current()) system.begin(interval.t);
@@ -76,7 +76,7 @@ IntegrationResult RungeKutta::begin(const Interval& interval, const IntegratorOp
 // Begins an interval in the state of the equations. Where joint coordinates go on, sets only the
 // inputs of the interval.
 IntegrationResult RungeKutta::begin_equations(const Interval& interval,
-                                              const IntegratorOptions& accuracy,
+                                              const IntegratorOptions& options,
                                               const List<BodyState>& states) {
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
@@ -95,38 +95,38 @@ IntegrationResult RungeKutta::begin_equations(const Interval& interval,
   if (tree_.is_current()) return {};
   if (!has_started_ || has_jumped || tree_.can_advance(equations_) ||
       !equations_.satisfies_velocity_constraints(interval.t, y))
-    return start(interval, accuracy, memory);
+    return start(interval, options, memory);
   return {};
 }
 
-IntegrationResult RungeKutta::advance(const Interval& interval, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::advance(const Interval& interval, const IntegratorOptions& options,
                                       List<BodyState>* states) {
   equations_.keep_impulses();
-  const IntegrationResult result = integrate_interval(interval, accuracy, states);
+  const IntegrationResult result = integrate_interval(interval, options, states);
   if (!result.done) equations_.restore_impulses();
   return result;
 }
 
 IntegrationResult RungeKutta::integrate_interval(const Interval& interval,
-                                                 const IntegratorOptions& accuracy,
+                                                 const IntegratorOptions& options,
                                                  List<BodyState>* states) {
-  const IntegrationResult begun = begin(interval, accuracy, *states);
+  const IntegrationResult begun = begin(interval, options, *states);
   if (!begun.done) return begun;
   if (tree_.is_current()) {
-    IntegrationResult progress = integrate_tree(interval, accuracy, states);
+    IntegrationResult progress = integrate_tree(interval, options, states);
     progress.projected += begun.projected;
     if (!tree_.is_left_to_rows()) return progress;
     equations_.restore_impulses();
-    return integrate_interval(interval, accuracy, states);
+    return integrate_interval(interval, options, states);
   }
   const StageMemory memory(numbers_.data(), equations_.size());
   const double momentary = equations_.redundant().momentary_error();
-  IntegrationResult progress = integrate_equations(memory, interval, accuracy);
+  IntegrationResult progress = integrate_equations(memory, interval, options);
   progress.local_error += equations_.redundant().momentary_error() - momentary;
   progress.projected = begun.projected + equations_.take_projected_energy();
   progress.is_inconsistent =
       !progress.done && (progress.is_inconsistent || equations_.redundant().is_inconsistent());
-  if (may_be_stiff(interval, accuracy, progress.substeps)) note_stiffness(accuracy, &progress);
+  if (may_be_stiff(interval, options, progress.substeps)) note_stiffness(options, &progress);
   if (progress.done)
     equations_.scatter_state(memory.state(), states);
   else
@@ -135,24 +135,24 @@ IntegrationResult RungeKutta::integrate_interval(const Interval& interval,
 }
 
 // Whether so many substeps were taken that the frequency of the joints' forces matters.
-bool RungeKutta::may_be_stiff(const Interval& interval, const IntegratorOptions& accuracy,
+bool RungeKutta::may_be_stiff(const Interval& interval, const IntegratorOptions& options,
                               int substeps) const {
-  return std::isfinite(accuracy.most_frequency) &&
-         kMostStable * substeps >= accuracy.most_frequency * interval.h;
+  return std::isfinite(options.most_frequency) &&
+         kMostStable * substeps >= options.most_frequency * interval.h;
 }
 
-void RungeKutta::note_stiffness(const IntegratorOptions& accuracy, IntegrationResult* progress) {
+void RungeKutta::note_stiffness(const IntegratorOptions& options, IntegrationResult* progress) {
   progress->frequency = equations_.frequency();
-  progress->is_stiff = progress->frequency > accuracy.most_frequency;
+  progress->is_stiff = progress->frequency > options.most_frequency;
 }
 
 // Integrates in joint coordinates. The bodies are unchanged where that fails, or a pivot is lost.
 IntegrationResult RungeKutta::integrate_tree(const Interval& interval,
-                                             const IntegratorOptions& accuracy,
+                                             const IntegratorOptions& options,
                                              List<BodyState>* states) {
-  TreeSystem system = TreeSystem::for_impulses(equations_, tree_, accuracy.order);
+  TreeSystem system = TreeSystem::for_impulses(equations_, tree_, options.order);
   IntegrationResult progress =
-      integrate(system, tree_.memory(), interval.t, interval.h, accuracy, interval.stop, step_);
+      integrate(system, tree_.memory(), interval.t, interval.h, options, interval.stop, step_);
   if (!progress.done) {
     tree_.note_failure(progress);
     forget();
@@ -161,24 +161,24 @@ IntegrationResult RungeKutta::integrate_tree(const Interval& interval,
   progress.projected = system.projected();
   system.note_coordinates();
   system.scatter(states);
-  if (may_be_stiff(interval, accuracy, progress.substeps)) {
+  if (may_be_stiff(interval, options, progress.substeps)) {
     system.write_state(numbers_.data());
     equations_.place_bodies(interval.t + interval.h, numbers_.data());
-    note_stiffness(accuracy, &progress);
+    note_stiffness(options, &progress);
   }
   return progress;
 }
 
 // ---- substep by substep
 
-bool RungeKutta::advance_substep(const Interval& interval, const IntegratorOptions& accuracy,
+bool RungeKutta::advance_substep(const Interval& interval, const IntegratorOptions& options,
                                  RemainingInterval* left, IntegrationResult* progress) {
-  if (tree_.is_current()) return advance_in_coordinates(interval, accuracy, left, progress);
+  if (tree_.is_current()) return advance_in_coordinates(interval, options, left, progress);
   const StageMemory memory(numbers_.data(), equations_.size());
-  if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
-  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, interval.stop};
+  if (options.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
+  const SubstepLimits limits{options.tolerance, options.most_attempts, interval.stop};
   has_started_ = with_system([&](auto& system) {
-    return accuracy.order == 5
+    return options.order == 5
                ? take_substep<DormandPrince5>(system, memory, limits, *left, step_, *progress)
                : take_substep<DormandPrince8>(system, memory, limits, *left, step_, *progress);
   });
@@ -188,18 +188,18 @@ bool RungeKutta::advance_substep(const Interval& interval, const IntegratorOptio
 
 // Takes a substep in joint coordinates. Where a pivot is lost, the substep begins again by rows:
 // from the state at its start, and with the impulses saved there by keep_start().
-bool RungeKutta::advance_in_coordinates(const Interval& interval, const IntegratorOptions& accuracy,
+bool RungeKutta::advance_in_coordinates(const Interval& interval, const IntegratorOptions& options,
                                         RemainingInterval* left, IntegrationResult* progress) {
   TreeSystem system(equations_, tree_);
   system.begin(left->t);
-  if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
-  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, interval.stop};
+  if (options.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
+  const SubstepLimits limits{options.tolerance, options.most_attempts, interval.stop};
   const auto take = [&](auto pair) {
     return take_substep<decltype(pair)>(system, tree_.memory(), limits, *left, step_, *progress);
   };
   const RemainingInterval start = *left;
   const IntegrationResult before = *progress;
-  if (accuracy.order == 5 ? take(DormandPrince5{}) : take(DormandPrince8{})) {
+  if (options.order == 5 ? take(DormandPrince5{}) : take(DormandPrince8{})) {
     progress->projected += system.projected();
     system.note_coordinates();
     return true;
@@ -214,7 +214,7 @@ bool RungeKutta::advance_in_coordinates(const Interval& interval, const Integrat
                                   numbers_.data() + StageMemory::kDerivatives * equations_.size());
   if (!has_started_) return false;
   keep_start();
-  return advance_substep(interval, accuracy, left, progress);
+  return advance_substep(interval, options, left, progress);
 }
 
 void RungeKutta::scatter(List<BodyState>* states) {
@@ -260,10 +260,10 @@ void RungeKutta::return_to_start() {
   TreeSystem(equations_, tree_).place_start(equations_.coordinates().time());
 }
 
-bool RungeKutta::repeat_substep(const Interval& interval, const IntegratorOptions& accuracy,
+bool RungeKutta::repeat_substep(const Interval& interval, const IntegratorOptions& options,
                                 double t, double h) {
   return_to_start();
-  IntegratorOptions whatever = accuracy;
+  IntegratorOptions whatever = options;
   whatever.tolerance = 0.0;
   RemainingInterval left(t, h);
   IntegrationResult progress;
@@ -274,13 +274,13 @@ bool RungeKutta::repeat_substep(const Interval& interval, const IntegratorOption
 }
 
 // Whether the island is too stiff even to try a few intervals.
-bool RungeKutta::is_far_too_stiff(const IntegratorOptions& accuracy) {
+bool RungeKutta::is_far_too_stiff(const IntegratorOptions& options) {
   const double most =
-      accuracy.tolerance > 0.0 ? kFarTooStiff * accuracy.most_frequency : accuracy.most_frequency;
+      options.tolerance > 0.0 ? kFarTooStiff * options.most_frequency : options.most_frequency;
   return std::isfinite(most) && equations_.frequency() > most;
 }
 
-IntegrationResult RungeKutta::start(const Interval& interval, const IntegratorOptions& accuracy,
+IntegrationResult RungeKutta::start(const Interval& interval, const IntegratorOptions& options,
                                     const StageMemory& memory) {
   IntegrationResult progress;
   const double before = kinetic_energy(equations_, memory.state());
@@ -288,10 +288,10 @@ IntegrationResult RungeKutta::start(const Interval& interval, const IntegratorOp
   progress.projected = before - kinetic_energy(equations_, memory.state());
   equations_.take_projected_energy();  // part of `projected`
   progress.is_inconsistent = !has_started_;
-  if (std::isfinite(accuracy.most_projected))
-    has_started_ = has_started_ && progress.projected <= accuracy.most_projected * before;
+  if (std::isfinite(options.most_projected))
+    has_started_ = has_started_ && progress.projected <= options.most_projected * before;
   if (!has_started_) progress.rejected = 1;
-  progress.is_stiff = has_started_ && is_far_too_stiff(accuracy);
+  progress.is_stiff = has_started_ && is_far_too_stiff(options);
   has_started_ = has_started_ && !progress.is_stiff;
   progress.done = has_started_;
   return progress;
@@ -299,9 +299,9 @@ IntegrationResult RungeKutta::start(const Interval& interval, const IntegratorOp
 
 IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory,
                                                   const Interval& interval,
-                                                  const IntegratorOptions& accuracy) {
+                                                  const IntegratorOptions& options) {
   return with_system([&](auto& system) {
-    return integrate(system, memory, interval.t, interval.h, accuracy, interval.stop, step_);
+    return integrate(system, memory, interval.t, interval.h, options, interval.stop, step_);
   });
 }
 

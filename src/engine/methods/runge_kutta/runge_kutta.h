@@ -33,21 +33,21 @@ class RungeKutta {
   }
   /// Advances the island as IslandMethod describes, with its own equations. Impulses and angles of
   /// a failed attempt do not count.
-  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& options,
                             List<BodyState>* states);
   /// First part of advance(), for methods that look at every substep.
-  IntegrationResult begin(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult begin(const Interval& interval, const IntegratorOptions& options,
                           const List<BodyState>& states);
   /// Makes one substep of the rest of the interval and adds to `progress`. Evaluates the forces of
   /// all stages, which impulses do not need. Returns false where it gives up.
-  bool advance_substep(const Interval& interval, const IntegratorOptions& accuracy,
+  bool advance_substep(const Interval& interval, const IntegratorOptions& options,
                        RemainingInterval* left, IntegrationResult* progress);
   /// Saves the start of a substep.
   void keep_start();
   /// Returns to the saved start.
   void return_to_start();
   /// Repeats a substep with length h from the saved start at time t. Returns false where it fails.
-  bool repeat_substep(const Interval& interval, const IntegratorOptions& accuracy, double t,
+  bool repeat_substep(const Interval& interval, const IntegratorOptions& options, double t,
                       double h);
   /// Writes the bodies at the present state.
   void scatter(List<BodyState>* states);
@@ -85,25 +85,24 @@ class RungeKutta {
   }
 
  private:
-  IntegrationResult start(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult start(const Interval& interval, const IntegratorOptions& options,
                           const StageMemory& memory);
 
-  IntegrationResult begin_equations(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult begin_equations(const Interval& interval, const IntegratorOptions& options,
                                     const List<BodyState>& states);
-  bool advance_in_coordinates(const Interval& interval, const IntegratorOptions& accuracy,
+  bool advance_in_coordinates(const Interval& interval, const IntegratorOptions& options,
                               RemainingInterval* left, IntegrationResult* progress);
-  IntegrationResult integrate_tree(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult integrate_tree(const Interval& interval, const IntegratorOptions& options,
                                    List<BodyState>* states);
-  bool may_be_stiff(const Interval& interval, const IntegratorOptions& accuracy,
-                    int substeps) const;
-  void note_stiffness(const IntegratorOptions& accuracy, IntegrationResult* progress);
-  IntegrationResult integrate_interval(const Interval& interval, const IntegratorOptions& accuracy,
+  bool may_be_stiff(const Interval& interval, const IntegratorOptions& options, int substeps) const;
+  void note_stiffness(const IntegratorOptions& options, IntegrationResult* progress);
+  IntegrationResult integrate_interval(const Interval& interval, const IntegratorOptions& options,
                                        List<BodyState>* states);
-  bool is_far_too_stiff(const IntegratorOptions& accuracy);
+  bool is_far_too_stiff(const IntegratorOptions& options);
   template <class Act>
   auto with_system(Act act);
   IntegrationResult integrate_equations(const StageMemory& memory, const Interval& interval,
-                                        const IntegratorOptions& accuracy);
+                                        const IntegratorOptions& options);
 
   EquationsOfMotion equations_;
   ArticulatedTree tree_;           // state in joint coordinates, where it is used

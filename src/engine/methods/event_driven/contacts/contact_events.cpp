@@ -49,13 +49,12 @@ void ContactEvents::begin_joints(const JointStep& step, const List<JointData>& s
   done_.has_advanced = true;
 }
 
-IntegrationResult ContactEvents::advance(const Interval& interval,
-                                         const IntegratorOptions& accuracy,
+IntegrationResult ContactEvents::advance(const Interval& interval, const IntegratorOptions& options,
                                          const JointStep& joint_step,
                                          const List<JointData>& joint_states, double most_work,
                                          List<BodyState>* states) {
   solver_.begin_interval(most_work, interval.stop);
-  Run run{interval, accuracy, RemainingInterval(0.0, interval.h), {}};
+  Run run{interval, options, RemainingInterval(0.0, interval.h), {}};
   const bool has_closed = closes_;
   equations_.bodies().gather(*states, interval.since_tick);
   equations_.bodies().begin_interval(interval.t, interval.gravity, interval.loads);
@@ -119,8 +118,8 @@ bool ContactEvents::take(Run* run, RemainingInterval* left, double tolerance, do
                     [](const auto& contact) { return contact.acts != Acts::kOpen; }));
   solver_.add(1.0 + acting * acting / 16.0);
   const StageMemory memory(numbers_.data(), equations_.size());
-  const SubstepLimits limits{tolerance, run->accuracy.most_attempts, run->interval.stop};
-  return stepper_.order_of_substep(run->accuracy.order) == 5
+  const SubstepLimits limits{tolerance, run->options.most_attempts, run->interval.stop};
+  return stepper_.order_of_substep(run->options.order) == 5
              ? take_substep<DormandPrince5>(equations_, memory, limits, *left, *step, run->progress)
              : take_substep<DormandPrince8>(equations_, memory, limits, *left, *step,
                                             run->progress);
@@ -157,7 +156,7 @@ bool ContactEvents::go_straight(bool is_straight) {
 // Takes the substep in which events are then searched, from the state in kept_. Where slips were
 // assumed straight and are not, takes it again with slips that turn.
 bool ContactEvents::take_first(Run* run, double* step) {
-  const double tolerance = run->accuracy.tolerance, first = *step;
+  const double tolerance = run->options.tolerance, first = *step;
   if (equations_.is_straight()) {
     const RemainingInterval start = run->left;
     if (take(run, &run->left, tolerance, step) &&
@@ -192,7 +191,7 @@ bool ContactEvents::advance_to_event(Run* run) {
   last_ = {};
   double step = std::min({step_, pairs_.longest_substep(run->left.left, equations_),
                           longest_substep(equations_.joints())});
-  if (!go_straight(run->accuracy.tolerance > 0.0 && turns_fast(equations_, step))) return false;
+  if (!go_straight(run->options.tolerance > 0.0 && turns_fast(equations_, step))) return false;
   watch(stepper_.before());
   const std::size_t n = equations_.size();
   kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
@@ -201,7 +200,7 @@ bool ContactEvents::advance_to_event(Run* run) {
   const RemainingInterval start = run->left;
   const double longest = step;
   const int rejected = run->progress.rejected;
-  run->left = stepper_.to_next_event(start, run->accuracy.tolerance > 0.0 ? step : 0.0);
+  run->left = stepper_.to_next_event(start, run->options.tolerance > 0.0 ? step : 0.0);
   const bool is_taken = take_first(run, &step);
   run->left = stepper_.rest_of(start, run->left);
   if (!is_taken) return end_jam(run);
@@ -213,13 +212,13 @@ bool ContactEvents::advance_to_event(Run* run) {
   };
   const auto look = [&](List<Watched>* list) {
     pairs_.find_features(false, true, &equations_);
-    last_ = {start.left - run->left.left, stepper_.order_of_substep(run->accuracy.order)};
+    last_ = {start.left - run->left.left, stepper_.order_of_substep(run->options.order)};
     watch(list);
   };
   const auto accept = [&](double length) {
     // Where a slip is about to end or turn, a substep may be accepted by luck; the error of its
     // repeated part shows it.
-    const double tolerance = run->accuracy.tolerance;
+    const double tolerance = run->options.tolerance;
     const bool is_poor =
         tolerance > 0.0 && error_ > std::max(tolerance * length, equations_.rounding());
     if (!is_poor && !pairs_.has_missed(equations_)) return true;

@@ -40,7 +40,7 @@ class ContactEvents {
   /// without a solution; the states are then those of any time in the interval. `joint_step`,
   /// `joint_states`: step that contains the interval, and states of all joints. `most_work`: limit
   /// for the step, as work().
-  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& options,
                             const JointStep& joint_step, const List<JointData>& joint_states,
                             double most_work, List<BodyState>* states);
 
@@ -63,7 +63,7 @@ class ContactEvents {
   /// State of advance().
   struct Run {
     const Interval& interval;
-    const IntegratorOptions& accuracy;
+    const IntegratorOptions& options;
     RemainingInterval left;
     IntegrationResult progress;
   };

@@ -11,7 +11,7 @@ namespace constraint_sim::engine {
 /// State of EventDriven::advance().
 struct EventDriven::Run {
   const Interval& interval;
-  const IntegratorOptions& accuracy;
+  const IntegratorOptions& options;
   const Surroundings& around;
   RungeKutta* motion;
   List<BodyState>* states;  ///< all bodies of the world; bodies of the island are at `left.t`
@@ -65,11 +65,10 @@ Interval EventDriven::rest_of(const Run& run) const {
           true,       true,          whole.stop,    since_tick};
 }
 
-IntegrationResult EventDriven::advance(const Interval& interval, const IntegratorOptions& accuracy,
+IntegrationResult EventDriven::advance(const Interval& interval, const IntegratorOptions& options,
                                        const Surroundings& around, RungeKutta* motion,
                                        List<BodyState>* states) {
-  Run run{interval, accuracy, around, motion, states, RemainingInterval(interval.t, interval.h),
-          {}};
+  Run run{interval, options, around, motion, states, RemainingInterval(interval.t, interval.h), {}};
   bool is_done = begin_run(&run);
   while (is_done && run.left.left > 0.0) is_done = advance_to_event(&run);
   if (is_done) {
@@ -102,7 +101,7 @@ bool EventDriven::begin_run(Run* run) {
   Interval now = rest_of(*run);
   now.is_disturbed = is_pushed;
   now.is_edited = false;
-  const IntegrationResult begun = run->motion->begin(now, run->accuracy, *run->states);
+  const IntegrationResult begun = run->motion->begin(now, run->options, *run->states);
   run->progress.projected += begun.projected;
   if (!begun.done) return false;
   watch(*run, 0.0, stepper_.before());
@@ -117,12 +116,12 @@ bool EventDriven::begin_run(Run* run) {
 
 // Watches at the end of a substep of length h [s], or with h = 0 at a start.
 void EventDriven::watch(const Run& run, double h, List<WatchedByJoints>* list) {
-  const StagedSubstep last(h, stepper_.order_of_substep(run.accuracy.order));
+  const StagedSubstep last(h, stepper_.order_of_substep(run.options.order));
   watch_joints(motions_, run.bodies(), run.t(), last, run.motion, &rates_, list);
 }
 
 IntegratorOptions EventDriven::of_substep(const Run& run) const {
-  IntegratorOptions options = run.accuracy;
+  IntegratorOptions options = run.options;
   options.order = stepper_.order_of_substep(options.order);
   return options;
 }
@@ -130,7 +129,7 @@ IntegratorOptions EventDriven::of_substep(const Run& run) const {
 // Makes the next substep, or the part of it before an event.
 bool EventDriven::advance_to_event(Run* run) {
   if (run->progress.substeps + run->progress.rejected + static_cast<double>(stepper_.events()) >
-      run->accuracy.most_work)
+      run->options.most_work)
     return false;
   RungeKutta& motion = *run->motion;
   const RemainingInterval start = run->left;
@@ -162,8 +161,7 @@ bool EventDriven::take_substep(Run* run) {
   RungeKutta& motion = *run->motion;
   const RemainingInterval start = run->left;
   const double step = motion.step();
-  RemainingInterval part =
-      stepper_.to_next_event(start, run->accuracy.tolerance > 0.0 ? step : 0.0);
+  RemainingInterval part = stepper_.to_next_event(start, run->options.tolerance > 0.0 ? step : 0.0);
   const int rejected = run->progress.rejected;
   if (!motion.advance_substep(rest_of(*run), of_substep(*run), &part, &run->progress)) return false;
   run->left = stepper_.rest_of(start, part);
@@ -408,7 +406,7 @@ bool EventDriven::switch_to_states(Run* run) {
     impulses_.forget_equations();
   motion.begin_step(motions_.joint_states());
   motion.forget();
-  const IntegrationResult begun = motion.begin(rest_of(*run), run->accuracy, *run->states);
+  const IntegrationResult begun = motion.begin(rest_of(*run), run->options, *run->states);
   run->progress.projected += begun.projected;
   if (!begun.done) return false;
   motion.scatter(run->states);

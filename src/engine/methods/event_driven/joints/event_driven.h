@@ -75,7 +75,7 @@ class EventDriven {
   void begin_step(const List<JointData>& joint_states, RungeKutta* motion);
   /// Advances the island as IslandMethod describes; `motion` has the equations of the rows that act
   /// now.
-  IntegrationResult advance(const Interval& interval, const IntegratorOptions& accuracy,
+  IntegrationResult advance(const Interval& interval, const IntegratorOptions& options,
                             const Surroundings& around, RungeKutta* motion,
                             List<BodyState>* states);
   /// Whether the next interval continues with the states of rows.

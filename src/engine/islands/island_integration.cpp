@@ -136,7 +136,7 @@ void IslandIntegration::choose_methods(const IntegrationStep& in, bool may_chang
                                        const ContactReach& reach, Sleep* sleep,
                                        ContactGroups* groups) {
   entering_.clear();
-  if (may_change || !in.lists->fresh_islands.empty() || any_refused_ || any_needs_choice_ ||
+  if (may_change || !in.lists->fresh_islands.empty() || any_rejected_ || any_needs_choice_ ||
       groups->had_groups() || !groups->is_empty())
     sort_islands(in, reach, sleep, groups);
   groups->end_choice();
@@ -158,7 +158,7 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
 
   bool changed = !lists->fresh_islands.empty() || sleep->has_changed();
   sleep->forget_change();
-  any_refused_ = any_needs_choice_ = false;
+  any_rejected_ = any_needs_choice_ = false;
   for (const int index : in.awake.islands) {
     const std::size_t i = to_index(index);
     Island& island = lists->islands[i];
@@ -166,8 +166,8 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     const bool has_woken = island.why == MethodReason::kAtRest;
     const bool was_in_group = island.why == MethodReason::kFewContacts;
     const MethodChoice choice = choose_method(in, i, in_contact_[i], reach, *groups);
-    any_refused_ = any_refused_ || choice.why == MethodReason::kRefused ||
-                   state->step_count < parts.contacts_refused_until;
+    any_rejected_ = any_rejected_ || choice.why == MethodReason::kRefused ||
+                    state->step_count < parts.contacts_refused_until;
     any_needs_choice_ =
         any_needs_choice_ || choice.why == MethodReason::kInconsistent ||
         (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
@@ -518,7 +518,7 @@ void IslandIntegration::reject(const IntegrationStep& in, std::size_t i, MethodR
     hand_over(in, i, why);
   else if (why != MethodReason::kContact)
     learn_from_refusal(state->step_count, &lists->island_parts[i]);
-  any_refused_ = true;
+  any_rejected_ = true;
   ++lists->island_parts[i].changes;
   lists->island_parts[i].energy.has_changed = true;
   report.costs.rejected += lists->islands[i].rejected;

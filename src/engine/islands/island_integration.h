@@ -77,7 +77,7 @@ class IslandIntegration {
   }
   template <class Self, class Visit>
   static void visit_choice(Self& self, Visit& visit) {
-    visit(self.any_refused_);
+    visit(self.any_rejected_);
     visit(self.any_needs_choice_);
   }
   template <class Self, class Visit>
@@ -107,7 +107,7 @@ class IslandIntegration {
                       IntegrationWork* work);
 
   MethodPartition partition_;
-  bool any_refused_ = false;       // an island is left to impulses for a while
+  bool any_rejected_ = false;      // an island is left to impulses for a while
   bool any_needs_choice_ = false;  // the method of an island has to be chosen again
   List<bool> in_contact_;          // by island
   List<int> entering_;             // islands that begin to be integrated, or were edited

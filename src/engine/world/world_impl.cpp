@@ -20,10 +20,10 @@ void release(JointState* state) {
 
 /// Adds the events of an island that joint events divided.
 void add_joint_events(const Model& model, const EventDriven& from, std::vector<Event>* events) {
-  for (const EventDriven::Told& told : from.told()) {
-    const std::size_t j = to_index(from.joints()[told.joint]);
-    events->push_back({told.kind, told.time, model.joints[j].body_a, model.joints[j].body_b,
-                       model.joint_ids[j], told.coordinate, told.impulse});
+  for (const EventDriven::Reported& reported : from.reported()) {
+    const std::size_t j = to_index(from.joints()[reported.joint]);
+    events->push_back({reported.kind, reported.time, model.joints[j].body_a, model.joints[j].body_b,
+                       model.joint_ids[j], reported.coordinate, reported.impulse});
   }
 }
 

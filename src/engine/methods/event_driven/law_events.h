@@ -125,14 +125,14 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     const Prescribed at_limit = limit(upper_one);
     const double direction = upper_one ? -1.0 : 1.0;
     // The yielding limit is at the current length.
-    const bool gave_way = before.yield == -direction;
+    const bool has_yielded = before.yield == -direction;
     const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);
     if (rules.is_carried && !is_lost && gap >= -kTouching && gap <= kTouching &&
         leads_off(law, upper_one, zeta()))
       continue;
     const bool has_yet_to_hit = gap > 0.0 && rate < -resting && !std::isfinite(law.limit_force);
-    if (!gave_way && (gap > kTouching || has_yet_to_hit)) continue;
+    if (!has_yielded && (gap > kTouching || has_yet_to_hit)) continue;
     if (std::abs(rate) <= resting) return upper_one ? Hold::kUpper : Hold::kLower;
     if (rate < 0.0) state->yield = sign_of(-direction);
   }

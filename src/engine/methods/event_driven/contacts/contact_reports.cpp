@@ -155,7 +155,7 @@ void ContactReports::write(const ContactEquations& equations, std::size_t c,
   } else if (law.drive > 0.0)
     state->travel = q - joints[of.joint].joint.distance.length.value_or(0.0);
   else
-    state->travel += of.given_way;
+    state->travel += of.yield_displacement;
 }
 
 }  // namespace constraint_sim::engine

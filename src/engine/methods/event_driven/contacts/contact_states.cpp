@@ -297,9 +297,9 @@ void ContactStates::choose_holds(const ContactWatched& event, ContactEquations* 
     const double least = std::max(kAtRest * largest * root(i), kAtRest * kLeastScale);
     signed char side = std::abs(solved_[i]) > least ? sign_of(solved_[i]) : sign_of(0.0);
     const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
-    const bool gives_way =
+    const bool yields_here =
         event.kind == ContactWatched::Kind::kHeld && event.coordinate == row.coordinate;
-    if (side == 0 && gives_way &&
+    if (side == 0 && yields_here &&
         std::abs(problem_.force[i] - bound) <=
             kAtBound * std::max({std::abs(bound), std::abs(problem_.force[i]), largest_force}))
       side = static_cast<signed char>(-event.side);
@@ -370,7 +370,7 @@ void ContactStates::hold_coordinates(bool is_begin, ContactEquations* equations)
       of.until = of.held_at + std::abs(now.rate) / of.braking;
     }
     if (before.yield != 0)
-      of.given_way += of.held - joints.limit(bodies, of, before.yield > 0).value;
+      of.yield_displacement += of.held - joints.limit(bodies, of, before.yield > 0).value;
   }
 }
 

@@ -74,7 +74,7 @@ struct GroupCoordinate {
   double held = 0.0;
   double held_at = 0.0;  ///< time when the hold began, simulated [s]
   /// Displacement of a yielding limit of a length since the step began [m].
-  double given_way = 0.0;
+  double yield_displacement = 0.0;
   double reference = 0.0;  ///< admissible force, as reference of λ [N or N m]
   double braking = 0.0;    ///< deceleration, see CoordinateState
   double until = 0.0;      ///< end of braking by the motor, simulated [s]

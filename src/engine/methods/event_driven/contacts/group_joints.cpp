@@ -125,7 +125,8 @@ void GroupJoints::integrate_angles(const GroupBodies& bodies) {
 void GroupJoints::move_yielding_limits(const GroupBodies& bodies) {
   for (GroupCoordinate& of : coordinates_)
     if (of.state.yield != 0)
-      of.given_way += read(bodies, of, nullptr).q - limit(bodies, of, of.state.yield > 0).value;
+      of.yield_displacement +=
+          read(bodies, of, nullptr).q - limit(bodies, of, of.state.yield > 0).value;
 }
 
 void GroupJoints::break_joint(std::size_t j) {
@@ -234,7 +235,7 @@ Prescribed GroupJoints::limit(const GroupBodies& bodies, const GroupCoordinate& 
   if (of.law.is_distance) {
     at_limit = read_course(bodies, [&](double t) { return joint.course.length(t); });
     if (!is_open) at_limit = at_limit - error;
-    at_limit.value += of.given_way - joint.joint.distance.length.value_or(0.0);
+    at_limit.value += of.yield_displacement - joint.joint.distance.length.value_or(0.0);
   } else if (is_open) {
     at_limit = error;
   }

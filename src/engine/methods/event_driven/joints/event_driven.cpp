@@ -49,7 +49,7 @@ void EventDriven::begin_step(const List<JointData>& joint_states, RungeKutta* mo
   stepper_.begin_step();
   rattling_.begin_step();
   resting_ = kResting;
-  told_.clear();
+  reported_.clear();
   motion->begin_step(motions_.joint_states());
 }
 
@@ -200,7 +200,7 @@ void EventDriven::break_joint(Run* run, std::size_t joint) {
   collect(*run->states, run->motion);
   const EventJoints& joints = motions_.joints();
   const auto break_one = [&](std::size_t l) {
-    if (!motions_.is_broken(l)) told_.push_back({EventKind::kBroken, run->t(), l, -1, 0.0});
+    if (!motions_.is_broken(l)) reported_.push_back({EventKind::kBroken, run->t(), l, -1, 0.0});
     motions_.break_joint(l);
   };
   break_one(joint);
@@ -358,7 +358,7 @@ bool EventDriven::let_rest(const Run& run, const List<char>& bounced, EventProbl
 // Whether the law was saturated at the end of the last step, as reported.
 bool EventDriven::was_saturated(const Run& run, std::size_t c, const EventReading& now) const {
   const double t = run.t();
-  return run.around.told[joints()[motions_.laws()[c].joint]].saturated &&
+  return run.around.reported[joints()[motions_.laws()[c].joint]].saturated &&
          was_at_force_limit(
              motions_.laws()[c], motions_.laws(),
              [](const OneSidedLaw& law) -> const OneSidedLaw& { return law; }, now,
@@ -384,11 +384,11 @@ void EventDriven::report(const Run& run, const EventProblem& problem,
     }
     const int coordinate = law.is_rope() ? -1 : law.coordinate;
     const auto add = [&](EventKind kind, double impulse) {
-      for (Told& told : told_)  // a rest reported for later does not come
-        if (told.joint == law.joint && told.coordinate == coordinate)
-          told.time = std::min(told.time, t);
+      for (Reported& reported : reported_)  // a rest reported for later does not come
+        if (reported.joint == law.joint && reported.coordinate == coordinate)
+          reported.time = std::min(reported.time, t);
       const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;
-      told_.push_back(
+      reported_.push_back(
           {kind, t + (rests ? problem.rests_in(c) : 0.0), law.joint, coordinate, impulse});
     };
     add_changes(law, before, next[c], problem.hit(c), was,

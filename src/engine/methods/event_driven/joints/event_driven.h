@@ -67,7 +67,7 @@ class EventDriven {
   struct Surroundings {
     JointStep step;  ///< step that contains the interval
     const List<JointData>& joint_states;
-    const List<JointData>& told;  ///< joint states as reported by the last step
+    const List<JointData>& reported;  ///< joint states as reported by the last step
     const List<MassProperties>& masses;
   };
 
@@ -92,14 +92,14 @@ class EventDriven {
   // ---- results since begin_step(), complete at the end of the step
   std::uint32_t events() const { return stepper_.events(); }
   /// Reported event.
-  struct Told {
+  struct Reported {
     EventKind kind;
     double time;        ///< simulated [s]
     std::size_t joint;  ///< index in joints()
     int coordinate;     ///< -1: a distance joint, a coupling, or a joint that broke
     double impulse;     ///< impulse of an impact, ≥ 0 [N s or N m s]
   };
-  const List<Told>& told() const { return told_; }
+  const List<Reported>& reported() const { return reported_; }
   /// Adds the impulses of the rows that act now.
   void collect(const List<BodyState>& states, RungeKutta* motion);
   const List<int>& joints() const { return motions_.joints().members(); }
@@ -170,7 +170,7 @@ class EventDriven {
   EventStepper<WatchedByJoints> stepper_;
   Rattling rattling_;
   double resting_ = kResting;  // rate that counts as zero [m/s or rad/s]
-  List<Told> told_;
+  List<Reported> reported_;
   Motions rates_;  // accelerations of the bodies when values were last watched
 };
 static_assert(IslandMethod<EventDriven, const EventDriven::Surroundings&, RungeKutta*>::kIsHeld);

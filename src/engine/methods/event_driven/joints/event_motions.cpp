@@ -86,9 +86,9 @@ bool EventMotions::begin_interval(const List<JointData>& world, const JointStep&
     begin_course(l, t);
     goes_on = goes_on && courses_[l].is_driven_as(before) &&
               courses_[l].is_closing() == before.is_closing();
-    JointData told = joint_states_[l];
-    bare_courses_[l].begin(bare_joints_[l], step, told);
-    is_at_end_[l] = has_length(joints_[l].kind) && told.saturated ? 1 : 0;
+    JointData joint_state = joint_states_[l];
+    bare_courses_[l].begin(bare_joints_[l], step, joint_state);
+    is_at_end_[l] = has_length(joints_[l].kind) && joint_state.saturated ? 1 : 0;
   }
   return goes_on;
 }
@@ -116,29 +116,29 @@ void EventMotions::set_rows(std::size_t l) {
 
 // Starts the prescribed motion of a joint at t.
 void EventMotions::begin_course(std::size_t l, double t) {
-  JointData told = joint_states_[l];
+  JointData joint_state = joint_states_[l];
   const auto [first, last] = joints_.laws_of(l);
   for (std::size_t c = first; c < last; ++c) {
     const OneSidedLaw& law = laws()[c];
     if (law.is_rope()) continue;
-    CoordinateState& coordinate = told.coordinates[law.coordinate];
+    CoordinateState& coordinate = joint_state.coordinates[law.coordinate];
     const Hold hold = states_[c].hold;
     if (is_limit(hold)) {
-      const double beyond = law.beyond_at_start(told.to_close);
+      const double beyond = law.beyond_at_start(joint_state.to_close);
       const bool is_open = (hold == Hold::kUpper) == (beyond > 0.0);
       coordinate.held = law.limit(hold == Hold::kUpper);
-      end_motion(law, &told.to_close, is_open ? beyond : 0.0);
+      end_motion(law, &joint_state.to_close, is_open ? beyond : 0.0);
     } else if (hold == Hold::kBrake) {
-      end_motion(law, &told.to_close);
+      end_motion(law, &joint_state.to_close);
     } else if (hold != Hold::kNone && !(law.goal && hold == Hold::kDrive)) {
       coordinate.held = held_[c];
-      end_motion(law, &told.to_close);
+      end_motion(law, &joint_state.to_close);
     }
   }
   JointStep step = step_;
   step.t = t;
   step.h = std::max(end_ - t, kShortest);
-  courses_[l].begin(switched_joints_[l], step, told);
+  courses_[l].begin(switched_joints_[l], step, joint_state);
   for (std::size_t c = first; c < last; ++c)
     if (states_[c].hold == Hold::kBrake && laws()[c].goal)
       courses_[l].brake(laws()[c].coordinate, held_[c], braking_[c].along);

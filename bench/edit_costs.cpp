@@ -74,7 +74,7 @@ World arm(bool is_limited) {
   return world;
 }
 
-/// Sets motor or wrenches of an arm, as a controller does that follows a course.
+/// Sets motor or wrenches of an arm, as a controller does that follows a trajectory.
 void command(const std::string& what, World* world) {
   const double t = world->time();
   int number = 0;

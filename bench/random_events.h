@@ -167,13 +167,13 @@ inline Parts mechanism(unsigned seed, bool with_motors) {
 inline Motor motor_of_arm(Draw& draw, double weight) {
   Motor motor;
   motor.max_force = 0.5 * weight * std::pow(10.0, 1.5 * draw());
-  const int course = draw.below(4);
-  if (course < 2) motor.bias = draw();
-  if (course == 1) {
+  const int kind = draw.below(4);
+  if (kind < 2) motor.bias = draw();
+  if (kind == 1) {
     motor.amplitude = draw.share();
     motor.frequency = 3.0 * draw.share();
   }
-  if (course >= 2) motor.position = course == 2 ? 0.0 : draw();
+  if (kind >= 2) motor.position = kind == 2 ? 0.0 : draw();
   return motor;
 }
 

@@ -64,7 +64,7 @@ struct Chain {
       joints.push_back(joint);
       ends.emplace_back(a, b);
       JointData state;
-      courses.emplace_back(joint, JointStep{0.0, kChainTimeStep, 0.0, 0.5}, state);
+      prescribed.emplace_back(joint, JointStep{0.0, kChainTimeStep, 0.0, 0.5}, state);
     }
     order.resize(links);
     std::iota(order.begin(), order.end(), 0);
@@ -78,7 +78,7 @@ struct Chain {
   List<Joint> joints;
   List<std::pair<std::size_t, std::size_t>> ends;
   List<AppliedWrench> loads;
-  List<PrescribedMotion> courses;
+  List<PrescribedMotion> prescribed;
   List<int> order;
 };
 
@@ -88,7 +88,7 @@ class Motion {
   explicit Motion(const Chain& chain)
       : equations(chain.equations()), numbers_(StageMemory::kRows * equations.size()) {
     gather_state(equations, chain.states, y());
-    equations.begin(0.0, chain.states, {0.0, 0.0, -kGravity}, chain.loads, chain.courses);
+    equations.begin(0.0, chain.states, {0.0, 0.0, -kGravity}, chain.loads, chain.prescribed);
     EXPECT_TRUE(equations.start(0.0, y(), memory().derivatives()));
   }
 

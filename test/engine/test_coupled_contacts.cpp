@@ -4,7 +4,7 @@
 
 #include "by_events.h"
 #include "custom_types.h"
-#include "engine/constraints/course.h"
+#include "engine/constraints/prescribed.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -285,7 +285,7 @@ TEST(CoupledContacts, AFaultOfAnotherPackageIsReported) {
 
 // ---- joints that close
 
-// A box on a floor whose rod is 1 cm too long closes it along the prescribed course.
+// A box on a floor whose rod is 1 cm too long closes it by a prescribed motion.
 TEST_P(CoupledContactsAt, ARodClosesWhileItsBoxSlides) {
   World world(by_events(GetParam()));
   world.add_body(make_floor(0.0));
@@ -297,7 +297,7 @@ TEST_P(CoupledContactsAt, ARodClosesWhileItsBoxSlides) {
   ASSERT_TRUE(world.joint_state(closing).closing);
   while (world.time() < 2.0 * world.options().closing_time) {
     advance_to(&world, world.time() + world.options().time_step);
-    const double left = off * closing_course(world.time(), world.options().closing_time).value;
+    const double left = off * closing_motion(world.time(), world.options().closing_time).value;
     EXPECT_NEAR(world.state(box).position.x(), 1.0 + left, 1e-11) << world.time();
     EXPECT_NEAR(world.state(box).position.z(), 0.05, kPlace);
   }

@@ -137,13 +137,13 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
         Case{false, ImplicitRule::kBdf2}, Case{true, ImplicitRule::kBdf2}}) {
     const Assembly assembly(is_closed);
     EquationsOfMotion equations = assembly.equations();
-    List<PrescribedMotion> courses(assembly.joints.size());
-    for (std::size_t j = 0; j < courses.size(); ++j) {
+    List<PrescribedMotion> prescribed(assembly.joints.size());
+    for (std::size_t j = 0; j < prescribed.size(); ++j) {
       JointData state;
-      courses[j] = PrescribedMotion(assembly.joints[j], {0.0, 0.1, 0.1, 0.5}, state);
+      prescribed[j] = PrescribedMotion(assembly.joints[j], {0.0, 0.1, 0.1, 0.5}, state);
     }
     const List<AppliedWrench> loads{{1, {1.0, 2.0, 3.0}, {0.5, -0.3, 0.2}}};
-    equations.begin(0.0, assembly.states, {0.0, 0.0, -kGravity}, loads, courses);
+    equations.begin(0.0, assembly.states, {0.0, 0.0, -kGravity}, loads, prescribed);
     ImplicitStep step(equations);
     step.gather_state(assembly.states, equations);
     step.begin(0.0, 0.1, ImplicitRule::kMidpoint, &equations);
@@ -518,14 +518,14 @@ class LightLinks {
       joints_.push_back(joint);
       ends_.emplace_back(i, i + 1);
     }
-    courses_.resize(joints_.size());
+    prescribed_.resize(joints_.size());
     List<int> all(joints_.size());
     std::iota(all.begin(), all.end(), 0);
     motion_.emplace(EquationsOfMotion(all, joints_, ends_, masses_));
   }
 
   IntegrationResult advance(Integration integration, double h) {
-    const Interval interval{t_, h, gravity_, loads_, courses_, false, false};
+    const Interval interval{t_, h, gravity_, loads_, prescribed_, false, false};
     t_ += h;
     return motion_->advance(integration, interval, {8, 1e-9}, &states_);
   }
@@ -565,7 +565,7 @@ class LightLinks {
   List<MassProperties> masses_;
   List<Joint> joints_;
   List<std::pair<std::size_t, std::size_t>> ends_;
-  List<PrescribedMotion> courses_;
+  List<PrescribedMotion> prescribed_;
   std::optional<IslandMotion> motion_;
 };
 

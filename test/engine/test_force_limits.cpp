@@ -8,7 +8,7 @@
 
 #include "by_events.h"
 #include "constraint_sim/engine/scene.h"
-#include "engine/constraints/course.h"
+#include "engine/constraints/prescribed.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -264,16 +264,16 @@ TEST_P(ForceLimitsAt, AMotorBelowItsLimitIsTheOneWithout) {
 
 // The motor follows its path until that needs more than its force, then uses its full force, then
 // half of it to stop.
-TEST_P(ForceLimitsAt, AMotorTooWeakForItsCourseStopsInItsPositionAllTheSame) {
+TEST_P(ForceLimitsAt, AMotorTooWeakForItsMotionStopsInItsPositionAllTheSame) {
   constexpr double kForce = 6.0, kGoal = 0.8;
   Slider slider(automatic(GetParam()), to_position(kGoal, kForce));
   const double T = slider.world.options().closing_time;
-  const auto course = [&](double t) { return closing_course(t, T); };
+  const auto motion = [&](double t) { return closing_motion(t, T); };
   const double lost = bisect(0.0, 0.2 * T, [&](double t) {
-    return -kGoal * course(t).acceleration * kSlidingMass < kForce;
+    return -kGoal * motion(t).acceleration * kSlidingMass < kForce;
   });
   ASSERT_LT(lost, 0.19 * T);
-  const double q1 = kGoal * (1.0 - course(lost).value), v1 = -kGoal * course(lost).rate;
+  const double q1 = kGoal * (1.0 - motion(lost).value), v1 = -kGoal * motion(lost).rate;
   const double a = kForce / kSlidingMass, b = 0.5 * a;
   const double q2 = (2.0 * b * kGoal + 2.0 * a * q1 - v1 * v1) / (2.0 * (a + b));
   const double v2 = std::sqrt(2.0 * b * (kGoal - q2)), brakes = lost + (v2 - v1) / a,
@@ -283,7 +283,7 @@ TEST_P(ForceLimitsAt, AMotorTooWeakForItsCourseStopsInItsPositionAllTheSame) {
     slider.world.step();
     for (const Event& event : slider.world.events()) told.push_back(event);
     const double t = slider.world.time(), since = t - lost, left = rests - t;
-    const double q = t < lost     ? kGoal * (1.0 - course(t).value)
+    const double q = t < lost     ? kGoal * (1.0 - motion(t).value)
                      : t < brakes ? q1 + v1 * since + 0.5 * a * since * since
                      : t < rests  ? kGoal - 0.5 * b * left * left
                                   : kGoal;
@@ -459,7 +459,7 @@ TEST(ForceLimits, GoOnWhenSavedAndLoaded) {
 }
 
 // A new target while saturated starts a new path.
-TEST(ForceLimits, ANewPositionIsANewCourse) {
+TEST(ForceLimits, ANewPositionIsANewMotion) {
   Slider slider(automatic(1.0 / 240), to_position(0.8, 6.0));
   run(slider.world, 60);
   EXPECT_TRUE(slider.state().saturated);

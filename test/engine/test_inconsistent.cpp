@@ -8,8 +8,8 @@
 
 #include "custom_types.h"
 #include "engine/constraints/joint.h"
-#include "engine/constraints/joint_course.h"
 #include "engine/constraints/joint_load.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/math/list.h"
 #include "engine/methods/least_squares/inconsistent_motion.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
@@ -65,18 +65,18 @@ class LoneIsland {
   IntegrationResult step(double h) {
     if (!motion_) compile();
     const JointStep step{t, h, 0.1, kClosingTime};
-    List<PrescribedMotion> courses;
+    List<PrescribedMotion> prescribed;
     for (std::size_t j = 0; j < joints.size(); ++j)
-      courses.emplace_back(joints[j], step, joint_states[j]);
+      prescribed.emplace_back(joints[j], step, joint_states[j]);
     equations_->begin_step(joint_states);
-    const Interval interval{t, h, gravity_, loads, courses, false, false};
+    const Interval interval{t, h, gravity_, loads, prescribed, false, false};
     const IntegrationResult progress =
         motion_->advance(interval, {8, 0.0}, equations_.get(), &states);
     for (std::size_t i = 0; i < states.size(); ++i)
       if (!masses_[i].is_movable()) states[i].position += h * states[i].linear_velocity;
     for (std::size_t l = 0; l < joints.size(); ++l) {
       const auto j = static_cast<std::size_t>(equations_->joints()[l]);
-      const double zeta = courses[j].is_driven() ? courses[j].zeta(t + h) : 0.0;
+      const double zeta = prescribed[j].is_driven() ? prescribed[j].zeta(t + h) : 0.0;
       finish_interval(joints[j], step, joint_states[j]);
       read_integrated_joint(joints[j], states[ends_[j].first], states[ends_[j].second], step,
                             equations_->forces().impulse(*equations_, l), zeta, joint_states[j]);

@@ -272,7 +272,7 @@ Joint soft(Joint joint) {
 }
 
 // Oracle: a spring that was added to the moving bodies. A spring closes nothing, so its force must
-// not follow the course by which the rod would have closed.
+// not follow the motion by which the rod would have closed.
 TEST(SetJoint, MakesASpringOfAClosingRod) {
   for (std::size_t m = 0; m < kMethodCount; ++m) {
     const auto method = static_cast<Method>(m);

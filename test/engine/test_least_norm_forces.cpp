@@ -6,7 +6,7 @@
 #include <numeric>
 
 #include "engine/constraints/joint.h"
-#include "engine/constraints/joint_course.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/dynamics/least_norm_forces.h"
 #include "engine/math/list.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
@@ -162,7 +162,7 @@ class OneIsland {
       ends.emplace_back(index(joints.back().body_a), index(joints.back().body_b));
       JointData state;
       begin_joint(joints.back(), states[ends.back().first], states[ends.back().second], 0.0, state);
-      courses_.emplace_back(joints.back(), JointStep{0.0, 0.01, 0.1, 0.5}, state);
+      prescribed_.emplace_back(joints.back(), JointStep{0.0, 0.01, 0.1, 0.5}, state);
       joint_states_.push_back(state);
     }
     List<int> all(joints.size());
@@ -172,7 +172,7 @@ class OneIsland {
 
   bool step(double h) {
     motion_->begin_step(joint_states_);
-    const Interval interval{t_, h, gravity_, loads_, courses_, false, false};
+    const Interval interval{t_, h, gravity_, loads_, prescribed_, false, false};
     t_ += h;
     return motion_->advance(interval, {8, 1e-10}, &states).done;
   }
@@ -186,7 +186,7 @@ class OneIsland {
  private:
   Vector3d gravity_;
   List<AppliedWrench> loads_;
-  List<PrescribedMotion> courses_;
+  List<PrescribedMotion> prescribed_;
   List<JointData> joint_states_;
   double t_ = 0.0;
   std::unique_ptr<RungeKutta> motion_;

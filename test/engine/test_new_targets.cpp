@@ -133,18 +133,18 @@ TEST(NewTargets, AreReachedFromTheMotionThatIs) {
         options.iterations = 100;
         Moved moved(options, kind, by.law, by.by_impulses);
         const double T = options.closing_time;
-        Quintic course(0.0, T, PlannedMotion::Zero(), 0.0);
+        Quintic prescribed(0.0, T, PlannedMotion::Zero(), 0.0);
         const std::vector<std::pair<double, double>> sent{
             {0.1, 0.6}, {0.1 + 0.4 * T, 1.1}, {0.1 + 0.9 * T, -0.4}, {0.1 + 1.2 * T, 0.9}};
         std::size_t next = 0;
         for (int i = 0; i < static_cast<int>(std::lround(1.5 / h)); ++i) {
           const double t = moved.world.time();
           if (next < sent.size() && t >= sent[next].first) {
-            course = Quintic(t, T, course.at(t), sent[next].second);
+            prescribed = Quintic(t, T, prescribed.at(t), sent[next].second);
             moved.send(sent[next++].second);
           }
           ASSERT_FALSE(moved.world.step().outcome.failed);
-          const PlannedMotion now = course.at(moved.world.time());
+          const PlannedMotion now = prescribed.at(moved.world.time());
           ASSERT_NEAR(moved.now().position, now[0], by.position_error) << moved.world.time();
           ASSERT_NEAR(moved.now().velocity, now[1], by.rate_error) << moved.world.time();
           ASSERT_EQ(moved.world.report().joints.unclosed, 0u);
@@ -176,13 +176,13 @@ TEST(NewTargets, StartFromTheRateOfACoordinateWithoutTarget) {
       }
       run(moved.world, static_cast<int>(std::lround(0.2 / h)));
       ASSERT_NEAR(moved.now().velocity, 0.8, 1e-9);
-      const Quintic course(moved.world.time(), options.closing_time,
-                           {moved.now().position, 0.8, 0.0}, 0.9);
+      const Quintic prescribed(moved.world.time(), options.closing_time,
+                               {moved.now().position, 0.8, 0.0}, 0.9);
       moved.send(0.9);
       while (moved.world.time() < 1.0) {
         ASSERT_FALSE(moved.world.step().outcome.failed);
-        ASSERT_NEAR(moved.now().position, course.at(moved.world.time())[0], 1e-9);
-        ASSERT_NEAR(moved.now().velocity, course.at(moved.world.time())[1], 1e-8);
+        ASSERT_NEAR(moved.now().position, prescribed.at(moved.world.time())[0], 1e-9);
+        ASSERT_NEAR(moved.now().velocity, prescribed.at(moved.world.time())[1], 1e-8);
       }
     }
 }
@@ -289,7 +289,7 @@ TEST(NewTargets, AreNotMadeByEditsThatKeepTheMotor) {
     options.time_step = 0.01;
     Moved moved(options, JointKind::kSlider, position_law(force));
     moved.send(0.6);
-    const Quintic course(0.0, options.closing_time, PlannedMotion::Zero(), 0.6);
+    const Quintic prescribed(0.0, options.closing_time, PlannedMotion::Zero(), 0.6);
     for (int i = 0; i < 80; ++i) {
       if (i == 20) {
         CoordinateLaw law = moved.world.joint(moved.joint).coordinates[0];
@@ -303,7 +303,7 @@ TEST(NewTargets, AreNotMadeByEditsThatKeepTheMotor) {
         moved.world.set_joint(moved.joint, changed);
       }
       ASSERT_FALSE(moved.world.step().outcome.failed);
-      ASSERT_NEAR(moved.now().position, course.at(moved.world.time())[0], 1e-9)
+      ASSERT_NEAR(moved.now().position, prescribed.at(moved.world.time())[0], 1e-9)
           << force << ' ' << i;
     }
   }

@@ -148,7 +148,7 @@ Problem hinge_limit() {
 // ---- motors with a force limit
 
 Problem motor(const std::string& name, double mass, double gravity, double force, double rate,
-              double speed, const std::function<OnLine(Real)>& course) {
+              double speed, const std::function<OnLine(Real)>& motion) {
   Problem made = event(name, 1.0);
   made.gravity = {0.0, 0.0, -gravity};
   made.bodies = {box(mass, {0.2, 0.3, 0.4})};
@@ -156,7 +156,7 @@ Problem motor(const std::string& name, double mass, double gravity, double force
   made.joints = {slider_to(made, 0, Vector3d::UnitZ())};
   made.joints[0].rate = rate;
   made.joints[0].max_force = force;
-  return along_line(made, Vector3d::UnitZ(), course);
+  return along_line(made, Vector3d::UnitZ(), motion);
 }
 
 /// Returns a motion whose acceleration changes once, at time `change`.

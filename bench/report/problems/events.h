@@ -52,11 +52,11 @@ inline OnLine bouncing_from(Real height, Real e, Real g, Real t) {
 /// Makes the reference of a problem in which the last body moves along a line from its start and
 /// all others rest.
 inline Problem along_line(Problem made, const Eigen::Vector3d& direction,
-                          const std::function<OnLine(Real)>& course) {
+                          const std::function<OnLine(Real)>& motion) {
   States start;
   for (const Body& body : made.bodies) start.push_back(body.start);
   made.reference = closed_form(made, [=](long double t) {
-    const OnLine now = course(t);
+    const OnLine now = motion(t);
     States states = start;
     states.back().position += static_cast<double>(now.x) * direction;
     states.back().velocity = static_cast<double>(now.v) * direction;

@@ -17,7 +17,7 @@ MotionBefore motion_before(const Joint& joint, const JointData& state, int coord
                            double closing_time) {
   const CoordinateLaw& law = joint.coordinates[to_index(coordinate)];
   const CoordinateState& now = state.coordinates[to_index(coordinate)];
-  const bool is_lost = has_course_to_lose(law) && (now.braking > 0.0 || state.saturated);
+  const bool is_lost = may_lose_motion(law) && (now.braking > 0.0 || state.saturated);
   if (!law.motor || !law.motor->is_rigid() || !law.motor->position || is_lost)
     return {now.velocity, 0.0, kInfinity};
   const Prescribed error =

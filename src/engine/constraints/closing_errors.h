@@ -5,8 +5,8 @@
 #include <tuple>
 
 #include "constraint_sim/engine/joint.h"
-#include "engine/constraints/course.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/math/list.h"
 #include "engine/model/joint_data.h"
 
@@ -24,14 +24,14 @@ class ClosingErrors {
   ClosingErrors() = default;
   /// `rows`: number of rows, which precede the coordinates.
   ClosingErrors(const ErrorsToClose& start, int rows, double t, double closing_time)
-      : start_(&start), rows_(rows), t_(t), share_(closing_course(t - start.since, closing_time)) {}
+      : start_(&start), rows_(rows), t_(t), share_(closing_motion(t - start.since, closing_time)) {}
 
   /// Returns the error of a row or coordinate; `function` is its index in JointForms::function.
   Prescribed of(int function) const {
     if (start_ == nullptr) return {};
     if (function >= rows_) {
       const MovingStart& moving = start_->moving[to_index(function - rows_)];
-      if (moving.duration > 0.0) return moving_course(moving, t_ - moving.since);
+      if (moving.duration > 0.0) return moving_error(moving, t_ - moving.since);
     }
     return part(start_->offset[function]);
   }
@@ -44,7 +44,7 @@ class ClosingErrors {
     if (start_ == nullptr || beyond == 0.0) return {};
     const MovingStart& moving = start_->moving[to_index(function - rows_)];
     if (!(moving.duration > 0.0)) return part(beyond);
-    return moving_course({moving.since, moving.duration, beyond, 0.0, 0.0}, t_ - moving.since);
+    return moving_error({moving.since, moving.duration, beyond, 0.0, 0.0}, t_ - moving.since);
   }
   /// Remaining share of the shift and the turn of the frame on B.
   const Prescribed& share() const { return share_; }

@@ -94,7 +94,7 @@ double coordinate_error(const CoordinateLaw& law, const CoordinateState& state) 
 // Whether a coordinate is beyond its limits where its motor holds it.
 bool is_beyond_limits(const Joint& joint, const JointState& state) {
   for (std::size_t i = 0; i < to_index(info(joint.kind).coordinates); ++i)
-    if (has_course_to_lose(joint.coordinates[i]) &&
+    if (may_lose_motion(joint.coordinates[i]) &&
         std::abs(beyond_limits(joint.coordinates[i], state.coordinates[i].position)) > kFits)
       return true;
   return false;
@@ -215,7 +215,7 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
   for (int k = 0; k < kind.rows; ++k) errors[k] = value(kind.row[k], vectors);
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateState& coordinate = state.coordinates[i];
-    if (is_held(joint.coordinates[i]) || has_course_to_lose(joint.coordinates[i]))
+    if (is_held(joint.coordinates[i]) || may_lose_motion(joint.coordinates[i]))
       errors[kind.rows + i] = coordinate.position - coordinate.held;
     else if (!joint.coordinates[i].motor || !joint.coordinates[i].motor->is_rigid())
       errors[kind.rows + i] = beyond_limits(joint.coordinates[i], coordinate.position);
@@ -296,7 +296,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
                  JointData& state, bool b_turns) {
   const JointForms& kind = forms(joint.kind);
   for (std::size_t i = 0; i < to_index(kind.coordinates); ++i) {
-    if (!has_course_to_lose(joint.coordinates[i])) continue;
+    if (!may_lose_motion(joint.coordinates[i])) continue;
     state.coordinates[i].held = *joint.coordinates[i].motor->position;
     state.coordinates[i].braking = 0.0;
   }
@@ -341,7 +341,7 @@ bool is_always_rigid(const Joint& joint) {
 bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
           const JointData& state) {
   // A motor that has lost its motion goes to its position by its force.
-  const bool may_be_lost = any_coordinate(joint, has_course_to_lose);
+  const bool may_be_lost = any_coordinate(joint, may_lose_motion);
   if (!state.closing && !(may_be_lost && std::abs(state.error) > kFits))
     return std::abs(state.error) <= kFits;
   const ClosingErrors allowed = closing_errors(joint, state, step.t, step.closing_time);

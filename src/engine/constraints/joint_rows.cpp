@@ -4,12 +4,12 @@
 #include <cmath>
 
 #include "engine/constraints/closing_errors.h"
-#include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
-#include "engine/constraints/joint_course.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_load.h"
 #include "engine/constraints/law.h"
+#include "engine/constraints/prescribed.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/constraints/target.h"
 #include "engine/math/list.h"
 

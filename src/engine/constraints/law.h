@@ -3,8 +3,8 @@
 #include <array>
 
 #include "constraint_sim/engine/joint.h"
-#include "engine/constraints/course.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/constraints/row.h"
 #include "engine/model/joint_data.h"
 
@@ -48,7 +48,7 @@ inline bool is_held(const CoordinateLaw& law) {
 }
 
 /// Whether a motor with a force limit moves to a position, by a prescribed motion that it may lose.
-inline bool has_course_to_lose(const CoordinateLaw& law) {
+inline bool may_lose_motion(const CoordinateLaw& law) {
   return law.motor && law.motor->is_rigid() && law.motor->position && law.motor->max_force > 0.0;
 }
 

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 
 #include "constraint_sim/engine/joint.h"
-#include "engine/constraints/course.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {

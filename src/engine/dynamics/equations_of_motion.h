@@ -8,7 +8,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/constraints/coupling.h"
-#include "engine/constraints/joint_course.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/dynamics/conserved_energy.h"
 #include "engine/dynamics/coordinate_positions.h"
 #include "engine/dynamics/delassus_matrix.h"

@@ -38,7 +38,7 @@ RigidMotion as_one_body(const EquationsOfMotion& equations, const List<BodyState
 
 void fit_velocities(const Interval& interval, double most_moved, EquationsOfMotion* equations,
                     List<BodyState>* states) {
-  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.courses,
+  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.prescribed,
                    interval.since_tick);
   if (equations->inputs().is_time_dependent() || equations->inputs().has_jumped()) return;
   List<double> numbers(2 * equations->size());

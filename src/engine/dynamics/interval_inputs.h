@@ -8,10 +8,10 @@
 #include <utility>
 
 #include "constraint_sim/engine/body.h"
-#include "engine/constraints/course.h"
-#include "engine/constraints/joint_course.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/moving_frame.h"
+#include "engine/constraints/prescribed.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/dynamics/island_model.h"
 #include "engine/math/list.h"
 

@@ -9,9 +9,9 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/constraints/coupling.h"
-#include "engine/constraints/course.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/math/list.h"
 #include "engine/math/sparse_ldlt.h"
 #include "engine/model/mass_properties.h"

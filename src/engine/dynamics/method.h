@@ -5,7 +5,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/stop_flag.h"
-#include "engine/constraints/joint_course.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"
@@ -19,7 +19,7 @@ struct Interval {
   double h;  ///< length [s]
   const Eigen::Vector3d& gravity;
   const List<AppliedWrench>& loads;
-  const List<PrescribedMotion>& courses;  ///< one per joint of the world
+  const List<PrescribedMotion>& prescribed;  ///< one per joint of the world
   bool is_disturbed;  ///< loads or motions may have jumped since the last interval
   bool is_edited;     ///< motions, positions or velocities may have jumped as well
   StopFlag stop = nullptr;
@@ -28,7 +28,7 @@ struct Interval {
 
   /// Returns a copy of this interval for an island that was edited since the last step.
   Interval after_edit() const {
-    return {t, h, gravity, loads, courses, true, true, stop, since_tick};
+    return {t, h, gravity, loads, prescribed, true, true, stop, since_tick};
   }
 };
 

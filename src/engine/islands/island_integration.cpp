@@ -7,8 +7,8 @@
 #include "engine/constraints/closing_errors.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
-#include "engine/constraints/joint_course.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/islands/compile.h"
 #include "engine/islands/coordinate_motions.h"
 #include "engine/islands/method_choice.h"
@@ -118,7 +118,7 @@ void IslandIntegration::begin() {
   interval_ends_.clear();
 }
 
-// Islands that impulses advance have no courses where impulses always advanced them.
+// Islands have no prescribed motions where impulses have always advanced them.
 void IslandIntegration::continue_from(const Model& model, const Topology& topology,
                                       const AwakeSets& awake, const State& state,
                                       IslandLists* lists) {
@@ -128,7 +128,7 @@ void IslandIntegration::continue_from(const Model& model, const Topology& topolo
     const IslandParts& parts = lists->island_parts[i];
     if (parts.is_fresh || parts.motion < 0 || uses_impulses(lists->islands[i].method)) continue;
     lists->motions[parts.motion].continue_from(state.time(model.options.time_step), state.states,
-                                               model.options.gravity, loads_, courses_);
+                                               model.options.gravity, loads_, prescribed_);
   }
 }
 
@@ -267,10 +267,10 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
     const bool is_disturbed = had_loads || !loads_.empty() || k > 0;
     for (const int j : time_varying_joints_)
       if (is_integrated(model, topology, *lists, to_index(j)))
-        courses_[j].begin(model.joints[j], interval, state->joint_states[j]);
+        prescribed_[j].begin(model.joints[j], interval, state->joint_states[j]);
     const double since = t - in.step.tick.start;
     const Interval continued{t,      interval.h,   model.options.gravity,
-                             loads_, courses_,     is_disturbed,
+                             loads_, prescribed_,  is_disturbed,
                              k > 0,  in.step.stop, since};
     workers_.run(threads, integrated.size(), [&](std::size_t s) {
       const std::size_t i = to_index(integrated[s]);
@@ -325,10 +325,10 @@ void IslandIntegration::begin_entering(const IntegrationStep& in) {
     }
     compile_if_opened(model, topology, state->joint_states, &parts, &lists->motions);
   }
-  courses_.resize(model.joints.size());
+  prescribed_.resize(model.joints.size());
   for (const int i : entering_)
     for (const int index : lists->island_parts[i].members.joints)
-      courses_[index].begin(model.joints[index], interval, state->joint_states[index]);
+      prescribed_[index].begin(model.joints[index], interval, state->joint_states[index]);
 }
 
 void IslandIntegration::compile_where_closed(const Model& model, const Topology& topology,
@@ -338,7 +338,7 @@ void IslandIntegration::compile_where_closed(const Model& model, const Topology&
     const std::size_t j = to_index(index);
     if (state->joint_states[j].closing || forms(model.joints[j].kind).form != RowsForm::kPoint)
       continue;
-    courses_[j].begin(model.joints[j], interval, state->joint_states[j]);
+    prescribed_[j].begin(model.joints[j], interval, state->joint_states[j]);
     compile_if_opened(model, topology, state->joint_states,
                       &lists->island_parts[topology.island_of_joint(model, j)], &lists->motions);
   }

@@ -3,8 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/constraints/course.h"
-#include "engine/constraints/joint_course.h"
+#include "engine/constraints/prescribed.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/dynamics/method.h"
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/contact_reach.h"
@@ -38,7 +38,7 @@ class IslandIntegration {
  public:
   const MethodPartition& partition() const { return partition_; }
   /// Prescribed motions of all joints of integrated islands, by joint.
-  const List<PrescribedMotion>& courses() const { return courses_; }
+  const List<PrescribedMotion>& prescribed() const { return prescribed_; }
   /// Joints whose prescribed motion is not constant.
   const List<int>& time_varying_joints() const { return time_varying_joints_; }
   /// Free rotations, by body, of the bodies up to the last one that was in an integrated island.
@@ -72,7 +72,7 @@ class IslandIntegration {
   template <class Self, class Visit>
   static void visit_motion(Self& self, Visit& visit) {
     visit(self.rotations_);
-    visit(self.courses_);
+    visit(self.prescribed_);
     visit(self.loads_);
   }
   template <class Self, class Visit>
@@ -81,7 +81,7 @@ class IslandIntegration {
     visit(self.any_needs_choice_);
   }
   template <class Self, class Visit>
-  static void visit_courses(Self& self, Visit& visit) {
+  static void visit_prescribed(Self& self, Visit& visit) {
     visit(self.is_partition_new_);
     visit(self.time_varying_joints_);
   }
@@ -111,7 +111,7 @@ class IslandIntegration {
   bool any_needs_choice_ = false;  // the method of an island has to be chosen again
   List<bool> in_contact_;          // by island
   List<int> entering_;             // islands that begin to be integrated, or were edited
-  List<PrescribedMotion> courses_;
+  List<PrescribedMotion> prescribed_;
   bool is_partition_new_ = true;  // whether the partition changed since time_varying_joints_
   List<int> time_varying_joints_;
   List<FreeRotation> rotations_;

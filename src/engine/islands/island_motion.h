@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "constraint_sim/engine/body.h"
-#include "engine/constraints/joint_course.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/dynamics/least_norm_forces.h"
 #include "engine/dynamics/method.h"
 #include "engine/islands/island_methods.h"
@@ -89,15 +89,15 @@ class IslandMotion {
     if (self.events_) EventDriven::visit_memory(*self.events_, visit);
     visit.beside(self.follows_gradients_);
   }
-  /// Prepares the equations for an interval from `t` [s], after a snapshot was read. `courses`:
-  /// prescribed motions of the last interval.
+  /// Prepares the equations for an interval from `t` [s], after a snapshot was read.
+  /// `prescribed`: prescribed motions of the last interval.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
-                     const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses) {
+                     const List<AppliedWrench>& loads, const List<PrescribedMotion>& prescribed) {
     if (!substeps_.has_started() && !borrowers_.have_started()) return;
     if (events_)
       events_->continue_from(t, states, gravity, loads, &substeps_);
     else
-      substeps_.equations().continue_from(t, states, gravity, loads, courses);
+      substeps_.equations().continue_from(t, states, gravity, loads, prescribed);
   }
 
  private:

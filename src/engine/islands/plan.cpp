@@ -260,7 +260,7 @@ std::vector<std::string> open_parts(const World& world, const Joint& joint,
     };
     const bool is_held = law.motor && law.motor->is_rigid();
     if (is_held) say(coordinate.position - coordinate.held, " from where its motor holds it");
-    if (!is_held || has_course_to_lose(law))
+    if (!is_held || may_lose_motion(law))
       say(beyond_limits(law, coordinate.position), " beyond its limit");
   }
   return parts;

@@ -250,9 +250,9 @@ class Visitor {
       (*this)(contact_states[i]);
     }
   }
-  void visit(Value<PrescribedMotion>& course) {
-    CourseVisitor visitor{this, 0};
-    PrescribedMotion::visit_memory(course, visitor);
+  void visit(Value<PrescribedMotion>& motion) {
+    PrescribedMotionVisitor visitor{this, 0};
+    PrescribedMotion::visit_memory(motion, visitor);
   }
   void visit(Value<FreeRotation>& rotation) { FreeRotation::visit_memory(rotation, *this); }
   template <class T, std::size_t kSize>
@@ -309,7 +309,7 @@ class Visitor {
   }
 
   /// Visits a prescribed motion, and checks its numbers of coordinates and rows of the joint.
-  struct CourseVisitor {
+  struct PrescribedMotionVisitor {
     static constexpr bool kReads = Bytes::kReads;
     Visitor* all;
     std::size_t coordinates;  ///< number of coordinates; read before the number of rows
@@ -317,12 +317,12 @@ class Visitor {
     void beside(std::size_t& count) {
       (*all)(count);
       coordinates = count;
-      if (count > kMaxCoordinates) fail_damaged("a course");
+      if (count > kMaxCoordinates) fail_damaged("a prescribed motion");
     }
     void beside(int& rows) {
       (*all)(rows);
       if (rows < 0 || rows > kMaxJointRows - static_cast<int>(coordinates))
-        fail_damaged("a course");
+        fail_damaged("a prescribed motion");
     }
     template <class T>
     void beside(T& value) {
@@ -389,7 +389,7 @@ void check_rest(const Impl& impl) {
     const auto& parts = impl.island_parts[i];
     const bool is_smooth = !uses_impulses(impl.islands[i].method);
     if (!parts.is_fresh && is_smooth)
-      check_indices(parts.members.joints, impl.integration.courses().size());
+      check_indices(parts.members.joints, impl.integration.prescribed().size());
   }
   List<int> loaded;
   for (const AppliedWrench& load : impl.integration.loads()) loaded.push_back(load.body);
@@ -473,14 +473,14 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   }
   IslandIntegration::visit_choice(self.integration, visit);
   ContactGroups::visit_memory(self.groups, visit);
-  IslandIntegration::visit_courses(self.integration, visit);
+  IslandIntegration::visit_prescribed(self.integration, visit);
   visit(self.contacts);
   visit(self.resting_contacts);
   Monitors::visit_memory(self.monitors, visit);
   visit(self.report);
   if constexpr (Visit::kReads) {
     check_indices(self.integration.time_varying_joints(),
-                  std::min(self.joints.size(), self.integration.courses().size()));
+                  std::min(self.joints.size(), self.integration.prescribed().size()));
     if (self.resting_contacts > self.contacts.size()) fail_damaged("its contacts");
     check_ids(self, visit.most_ids());
     self.forget_unknown_ids();

@@ -300,8 +300,8 @@ void World::Impl::report_contact_groups(JointStep step) {
 // Reads the state and the force of a joint that was integrated.
 void World::Impl::read_integrated_joint(std::size_t j, const JointStep& step,
                                         const RowVector& impulse, double coupled_impulse) {
-  const PrescribedMotion& course = integration.courses()[j];
-  const double zeta = course.is_driven() ? course.zeta(step.t + step.h) : 0.0;
+  const PrescribedMotion& motion = integration.prescribed()[j];
+  const double zeta = motion.is_driven() ? motion.zeta(step.t + step.h) : 0.0;
   const bool has_coupling = info(joints[j].kind).couples;
   JointData& state = joint_states[j];
   if (has_coupling) {

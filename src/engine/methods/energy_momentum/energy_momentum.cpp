@@ -85,7 +85,7 @@ IntegrationResult EnergyMomentum::advance(const Interval& interval,
   was_first_ = !has_started_ || interval.is_edited || options.mode != mode_;
   mode_ = options.mode;
   stop_ = interval.stop;
-  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.courses,
+  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.prescribed,
                    interval.since_tick);
   was_first_ = was_first_ || equations->inputs().has_jumped();
   if (was_first_ && !project(interval, options.most_projected, equations, states, &progress)) {

@@ -6,8 +6,8 @@
 
 #include "constraint_sim/engine/event.h"
 #include "engine/constraints/closing_errors.h"
-#include "engine/constraints/course.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/math/integrate.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/event_watch.h"
@@ -48,17 +48,17 @@ struct StartAhead {
     constexpr double kSlight = 0.2;  // acceleration of a motion that closes 1 m or 1 rad [1/s²]
     if (!(closing_time > 0.0)) return;
     time = kStartShare * std::min(interval, closing_time);
-    share = kSlight / std::abs(closing_course(time, closing_time).acceleration);
+    share = kSlight / std::abs(closing_motion(time, closing_time).acceleration);
   }
 };
 
 /// Prescribed motion for a decision of states at time t, so that what a motion makes slip or
 /// saturate when it starts does so at once.
-template <class Course>
-Prescribed about_to_start(const Course& course, double t, const StartAhead& ahead) {
-  Prescribed now = course(t);
+template <class Motion>
+Prescribed about_to_start(const Motion& motion, double t, const StartAhead& ahead) {
+  Prescribed now = motion(t);
   if (ahead.time > 0.0 && now.rate == 0.0 && now.acceleration == 0.0)
-    now.acceleration = ahead.share * course(t + ahead.time).acceleration;
+    now.acceleration = ahead.share * motion(t + ahead.time).acceleration;
   return now;
 }
 
@@ -84,12 +84,12 @@ inline Prescribed error_of_limit(const OneSidedLaw& law, double beyond,
 
 /// Whether the prescribed motion of a motor with a goal leads off a limit, or comes to rest at the
 /// limit.
-inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& course) {
+inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& motion) {
   if (!law.goal) return false;
   const double direction = upper_one ? -1.0 : 1.0;
   return direction * (*law.goal - law.limit(upper_one)) > kTouching ||
          (direction * (*law.goal - law.limit(upper_one)) >= -kTouching &&
-          direction * course.acceleration > 0.0);
+          direction * motion.acceleration > 0.0);
 }
 
 /// Longest substep in which the demand of a motor at its force limit passes the rate of the

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "engine/constraints/course.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/methods/event_driven/event_watch.h"
 
 namespace constraint_sim::engine {
@@ -11,17 +11,17 @@ namespace constraint_sim::engine {
 // Motors that have a position and a force limit, and follow a prescribed motion to the position
 // until they lose it. A reading has position `q` and `rate` of the coordinate.
 
-/// Judges whether a motor follows its prescribed motion, `course`, and sets its deceleration: 0
+/// Judges whether a motor follows its motion, `prescribed`, and sets its deceleration: 0
 /// where it does, `braking_of()` where it has just lost the motion. A motor that arrived before the
 /// motion that it had lost ends the motion by `end_motion()`.
 template <class Reading, class BrakingOf, class EndMotion>
-void judge_course(const Reading& now, const Prescribed& course, double goal, BrakingOf braking_of,
-                  EndMotion end_motion, double* braking) {
+void judge_motion(const Reading& now, const Prescribed& prescribed, double goal,
+                  BrakingOf braking_of, EndMotion end_motion, double* braking) {
   const auto follows = [&](const Prescribed& motion) {
     return std::abs(now.q - motion.value) <= kTouching &&
            std::abs(now.rate - motion.rate) <= kResting;
   };
-  if (follows(course)) {
+  if (follows(prescribed)) {
     *braking = 0.0;
   } else if (*braking == 0.0) {
     *braking = braking_of();

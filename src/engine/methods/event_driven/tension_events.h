@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "engine/constraints/course.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/event_watch.h"
 

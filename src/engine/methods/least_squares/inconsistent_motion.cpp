@@ -98,7 +98,7 @@ IntegrationResult InconsistentMotion::advance(const Interval& interval, const In
                                               EquationsOfMotion* equations,
                                               List<BodyState>* states) {
   IntegrationResult progress;
-  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.courses,
+  equations->begin(interval.t, *states, interval.gravity, interval.loads, interval.prescribed,
                    interval.since_tick);
   equations->add_custom_loads(interval.t, *states);
   bodies_.gather_state(*states, &end_, &velocity_);

@@ -83,7 +83,7 @@ IntegrationResult RungeKutta::begin_equations(const Interval& interval,
   if (!has_started_) gather_state(equations_, states, y);
   const bool begins = !has_started_ || equations_.inputs().is_time_dependent();
   if (begins)
-    equations_.begin(interval.t, states, interval.gravity, interval.loads, interval.courses,
+    equations_.begin(interval.t, states, interval.gravity, interval.loads, interval.prescribed,
                      interval.since_tick);
   // has_jumped() is of the last begin(): without a begin() now, an earlier interval handled it.
   const bool has_jumped = begins && equations_.inputs().has_jumped();

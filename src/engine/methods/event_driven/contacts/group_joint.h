@@ -6,8 +6,8 @@
 #include "constraint_sim/engine/joint.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
-#include "engine/constraints/joint_course.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/math/list.h"
 #include "engine/model/joint_data.h"
 
@@ -39,7 +39,7 @@ struct GroupJointState {
   bool is_broken = false;
   bool was_saturated = false;  ///< value reported by the last step
   bool is_at_end = false;      ///< a winch at the end of its travel, in this interval
-  PrescribedMotion course{};   ///< prescribed motion in this interval
+  PrescribedMotion motion{};   ///< prescribed motion in this interval
   ErrorsToClose to_close{};    ///< errors that it closes; of laws that ended their motion, less
   CoupledTerms terms{};        ///< terms of a coupling, with indices in GroupJoints
   std::array<int, 2> term_angles{-1, -1};  ///< index in the angles, per term; -1: no angle

@@ -19,8 +19,8 @@ struct PlacedJoint {
         b(bodies.state(of.b)),
         vectors(of.joint, a, b),
         motion(vectors, a, b) {
-    if (!of.course.moves_frame()) return;
-    const MovingFrame frame = of.course.frame(
+    if (!of.motion.moves_frame()) return;
+    const MovingFrame frame = of.motion.frame(
         bodies.clock(), of.joint.anchor_b,
         of.joint.frame_b.value_or(Eigen::Quaterniond::Identity()).toRotationMatrix());
     vectors = JointVectors(of.joint, a, b, frame);
@@ -70,8 +70,8 @@ void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& ste
   const double t = bodies.clock();
   for (GroupJoint& joint : list_) {
     JointData state = states[static_cast<std::size_t>(joint.index)];
-    joint.course.begin(joint.joint, step, state);
-    joint.to_close = joint.course.to_close();
+    joint.motion.begin(joint.joint, step, state);
+    joint.to_close = joint.motion.to_close();
     joint.constant = state.coupling.constant;
     joint.is_at_end = state.saturated && has_length(joint.joint.kind);
   }
@@ -80,7 +80,7 @@ void GroupJoints::begin_interval(const GroupBodies& bodies, const JointStep& ste
     of.reference = 0.0;
     of.state = {};
     if (of.law.is_distance) {
-      if (!of.law.soft.is_none()) of.law.soft.R = joint.course.length(t).value;
+      if (!of.law.soft.is_none()) of.law.soft.R = joint.motion.length(t).value;
       continue;
     }
     const auto i = static_cast<std::size_t>(of.law.coordinate);
@@ -146,7 +146,7 @@ void GroupJoints::break_joint(std::size_t j) {
 bool GroupJoints::depends_on_time() const {
   return has_custom_forces_ ||
          std::any_of(list_.begin(), list_.end(),
-                     [](const GroupJoint& joint) { return !joint.course.is_constant(); }) ||
+                     [](const GroupJoint& joint) { return !joint.motion.is_constant(); }) ||
          std::any_of(coordinates_.begin(), coordinates_.end(),
                      [](const GroupCoordinate& of) { return of.motor.is_moving(); });
 }
@@ -160,14 +160,14 @@ bool GroupJoints::are_at_rest() const {
 void GroupJoints::add_numbers(const GroupBodies& bodies, List<double>* numbers) const {
   const double t = bodies.clock();
   for (const GroupJoint& joint : list_) {
-    const double length = has_length(joint.joint.kind) ? joint.course.length(t).value : 0.0;
+    const double length = has_length(joint.joint.kind) ? joint.motion.length(t).value : 0.0;
     for (const double number :
          {length, joint.constant, joint.was_saturated ? 1.0 : 0.0, joint.is_at_end ? 1.0 : 0.0})
       numbers->push_back(number);
   }
   for (const GroupCoordinate& of : coordinates_) {
     const double prescribed =
-        of.is_prescribed ? list_[of.joint].course.target(of.law.function, t).value : 0.0;
+        of.is_prescribed ? list_[of.joint].motion.target(of.law.function, t).value : 0.0;
     for (const double number : {prescribed, of.braking, of.motor.bias}) numbers->push_back(number);
   }
   for (std::size_t i = 0; i < angles_.size(); ++i)
@@ -221,19 +221,19 @@ Prescribed GroupJoints::limit(const GroupBodies& bodies, const GroupCoordinate& 
   const GroupJoint& joint = list_[of.joint];
   if (of.law.is_coupling) {
     Prescribed at_limit =
-        read_course(bodies, [&](double t) { return joint.course.closing(t).coupling(); });
+        read_prescribed(bodies, [&](double t) { return joint.motion.closing(t).coupling(); });
     at_limit.value += joint.constant;
     return at_limit;
   }
   // A limit that is open moves to its place.
-  const double offset = joint.course.is_closing() ? of.law.beyond_at_start(joint.to_close) : 0.0;
+  const double offset = joint.motion.is_closing() ? of.law.beyond_at_start(joint.to_close) : 0.0;
   const bool is_open = upper_one ? offset > 0.0 : offset < 0.0;
-  const Prescribed error = offset == 0.0 ? Prescribed{} : read_course(bodies, [&](double t) {
-    return error_of_limit(of.law, offset, joint.course.closing(joint.to_close, t));
+  const Prescribed error = offset == 0.0 ? Prescribed{} : read_prescribed(bodies, [&](double t) {
+    return error_of_limit(of.law, offset, joint.motion.closing(joint.to_close, t));
   });
   Prescribed at_limit;
   if (of.law.is_distance) {
-    at_limit = read_course(bodies, [&](double t) { return joint.course.length(t); });
+    at_limit = read_prescribed(bodies, [&](double t) { return joint.motion.length(t); });
     if (!is_open) at_limit = at_limit - error;
     at_limit.value += of.yield_displacement - joint.joint.distance.length.value_or(0.0);
   } else if (is_open) {
@@ -244,16 +244,16 @@ Prescribed GroupJoints::limit(const GroupBodies& bodies, const GroupCoordinate& 
 }
 
 // Motion of a motor with a force limit to its position.
-Prescribed GroupJoints::course_of(const GroupBodies& bodies, const GroupCoordinate& of) const {
+Prescribed GroupJoints::motion_to_goal(const GroupBodies& bodies, const GroupCoordinate& of) const {
   const GroupJoint& joint = list_[of.joint];
-  Prescribed course = read_course(bodies, [&](double t) {
-    return joint.course.closing(joint.to_close, t).of(of.law.function);
+  Prescribed motion = read_prescribed(bodies, [&](double t) {
+    return joint.motion.closing(joint.to_close, t).of(of.law.function);
   });
-  course.value += *of.law.goal;
-  return course;
+  motion.value += *of.law.goal;
+  return motion;
 }
 
-void GroupJoints::end_course(const GroupCoordinate& of) {
+void GroupJoints::end_motion_to_goal(const GroupCoordinate& of) {
   ErrorsToClose& errors = list_[of.joint].to_close;
   errors.offset[of.law.function] = 0.0;
   errors.moving[to_index(of.law.coordinate)] = {};
@@ -263,10 +263,10 @@ Prescribed GroupJoints::zeta(const GroupBodies& bodies, const GroupCoordinate& o
                              double back) const {
   const double t = bodies.clock();
   if (of.law.is_distance)
-    return read_course(bodies, [&](double at) { return list_[of.joint].course.length(at); });
+    return read_prescribed(bodies, [&](double at) { return list_[of.joint].motion.length(at); });
   if (of.law.drive == 0.0) return {};
-  if (!of.law.goal) return motor_course(of.motor, motor_phase(of.motor, t - back), 0.0);
-  if (of.braking == 0.0) return course_of(bodies, of);
+  if (!of.law.goal) return motor_motion(of.motor, motor_phase(of.motor, t - back), 0.0);
+  if (of.braking == 0.0) return motion_to_goal(bodies, of);
   if (of.state.hold == Hold::kBrake)
     return rate_until(*of.law.goal, std::copysign(of.braking, of.held - *of.law.goal),
                       of.until - t);
@@ -275,7 +275,7 @@ Prescribed GroupJoints::zeta(const GroupBodies& bodies, const GroupCoordinate& o
 
 Prescribed GroupJoints::rest(const GroupBodies& bodies, const GroupCoordinate& of) const {
   return rest_of(of.law,
-                 of.law.is_distance ? list_[of.joint].course.length(bodies.clock()) : Prescribed{});
+                 of.law.is_distance ? list_[of.joint].motion.length(bodies.clock()) : Prescribed{});
 }
 
 double GroupJoints::free_force(const GroupBodies& bodies, const GroupCoordinate& of,
@@ -304,8 +304,8 @@ Prescribed GroupJoints::target(const GroupBodies& bodies, const GroupCoordinate&
   const GroupJoint& joint = list_[of.joint];
   const double t = bodies.clock();
   if (of.is_prescribed) {
-    Prescribed at =
-        read_course(bodies, [&](double at) { return joint.course.target(of.law.function, at); });
+    Prescribed at = read_prescribed(
+        bodies, [&](double at) { return joint.motion.target(of.law.function, at); });
     at.value += of.law.zero;
     return at;
   }
@@ -316,7 +316,7 @@ Prescribed GroupJoints::target(const GroupBodies& bodies, const GroupCoordinate&
   if (of.state.hold == Hold::kBrake) at.value += 0.5 * at.rate * at.rate / at.acceleration;
   if (of.law.goal) return at;
   if (of.state.hold != Hold::kDrive) return at;
-  at.value = of.held + (of.law.is_distance ? at.value - joint.course.length(of.held_at).value
+  at.value = of.held + (of.law.is_distance ? at.value - joint.motion.length(of.held_at).value
                                            : motor_travel(of.motor, of.held_at, t - of.held_at));
   return at;
 }
@@ -332,8 +332,8 @@ void GroupJoints::add_rows(const GroupBodies& bodies, ContactRows* rows) const {
     const bool is_distance = has_length(joint.joint.kind);
     for (int k = 0; k < kind.rows; ++k) {
       const ScalarForm& form = is_distance ? kLength : kind.function[to_index(k)];
-      const Prescribed target = read_course(bodies, [&](double t) {
-        return is_distance ? joint.course.length(t) : joint.course.closing(t).of(k);
+      const Prescribed target = read_prescribed(bodies, [&](double t) {
+        return is_distance ? joint.motion.length(t) : joint.motion.closing(t).of(k);
       });
       ContactRow& row = rows->add(bodies, joint.a, joint.b, jacobian(form, at.vectors));
       row.value = value(form, at.vectors) - target.value;
@@ -367,7 +367,7 @@ void GroupJoints::add_coupling_row(const GroupBodies& bodies, std::size_t j,
   of.law.is_coupling = true;
   const Reading now = read_coupling(bodies, j, nullptr);
   const Prescribed target =
-      read_course(bodies, [&](double t) { return list_[j].course.closing(t).coupling(); });
+      read_prescribed(bodies, [&](double t) { return list_[j].motion.closing(t).coupling(); });
   ContactRow& row = add_row(bodies, of, now, rows);
   row.value = now.q - list_[j].constant - target.value;
   row.rate = now.rate - target.rate;

@@ -87,9 +87,9 @@ class GroupJoints {
 
   // ---- motors with a position
   /// Prescribed motion of a motor with a force limit to its position.
-  Prescribed course_of(const GroupBodies& bodies, const GroupCoordinate& coordinate) const;
+  Prescribed motion_to_goal(const GroupBodies& bodies, const GroupCoordinate& coordinate) const;
   /// Ends the prescribed motion of a coordinate to its position.
-  void end_course(const GroupCoordinate& coordinate);
+  void end_motion_to_goal(const GroupCoordinate& coordinate);
 
   // ---- rows
   /// Adds a row with the gradient of a coordinate or coupling.
@@ -107,9 +107,9 @@ class GroupJoints {
   Reading read_coupling(const GroupBodies& bodies, std::size_t joint,
                         const GroupMotions* rates) const;
   void add_coupling_row(const GroupBodies& bodies, std::size_t joint, ContactRows* rows) const;
-  template <class Course>
-  Prescribed read_course(const GroupBodies& bodies, const Course& course) const {
-    return about_to_start(course, bodies.clock(), ahead_);
+  template <class Motion>
+  Prescribed read_prescribed(const GroupBodies& bodies, const Motion& motion) const {
+    return about_to_start(motion, bodies.clock(), ahead_);
   }
   Prescribed target(const GroupBodies& bodies, const GroupCoordinate& coordinate) const;
   void add_coordinate_row(const GroupBodies& bodies, std::size_t coordinate,

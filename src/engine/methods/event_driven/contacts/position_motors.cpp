@@ -35,9 +35,10 @@ void find_lost(ContactEquations* equations) {
     GroupCoordinate& of = joints.coordinates()[c];
     if (!of.law.goal) continue;
     const GroupJoints::Reading now = joints.read(equations->bodies(), of, nullptr);
-    judge_course(
-        now, joints.course_of(equations->bodies(), of), *of.law.goal,
-        [&] { return braking_of(c, *equations); }, [&] { joints.end_course(of); }, &of.braking);
+    judge_motion(
+        now, joints.motion_to_goal(equations->bodies(), of), *of.law.goal,
+        [&] { return braking_of(c, *equations); }, [&] { joints.end_motion_to_goal(of); },
+        &of.braking);
   }
 }
 

@@ -61,7 +61,7 @@ void EventDriven::collect(const List<BodyState>& states, RungeKutta* motion) {
 Interval EventDriven::rest_of(const Run& run) const {
   const Interval& whole = run.interval;
   const double since_tick = whole.since_tick + (run.left.t - whole.t);
-  return {run.left.t, run.left.left, whole.gravity, whole.loads, motions_.courses(),
+  return {run.left.t, run.left.left, whole.gravity, whole.loads, motions_.prescribed(),
           true,       true,          whole.stop,    since_tick};
 }
 

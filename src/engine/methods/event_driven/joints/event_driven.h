@@ -132,7 +132,7 @@ class EventDriven {
   /// Continues an interval that starts at `t` with equations that were just compiled.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
                      const List<AppliedWrench>& loads, RungeKutta* motion) const {
-    motion->equations().continue_from(t, states, gravity, loads, motions_.courses());
+    motion->equations().continue_from(t, states, gravity, loads, motions_.prescribed());
   }
 
  private:

@@ -37,8 +37,8 @@ EventMotions::EventMotions(EventJoints joints)
       braking_(laws().size()),
       is_broken_(joints_.size(), 0),
       joint_states_(joints_.size()),
-      courses_(joints_.size()),
-      bare_courses_(joints_.size()),
+      prescribed_(joints_.size()),
+      bare_prescribed_(joints_.size()),
       base_(joints_.size(), 0.0),
       is_at_end_(joints_.size(), 0) {
   for (std::size_t l = 0; l < joints_.size(); ++l)
@@ -81,13 +81,13 @@ bool EventMotions::begin_interval(const List<JointData>& world, const JointStep&
   }
   bool goes_on = true;
   for (std::size_t l = 0; l < joints_.size(); ++l) {
-    const PrescribedMotion before = courses_[l];
+    const PrescribedMotion before = prescribed_[l];
     if (!has_started_) set_rows(l);
-    begin_course(l, t);
-    goes_on = goes_on && courses_[l].is_driven_as(before) &&
-              courses_[l].is_closing() == before.is_closing();
+    begin_prescribed(l, t);
+    goes_on = goes_on && prescribed_[l].is_driven_as(before) &&
+              prescribed_[l].is_closing() == before.is_closing();
     JointData joint_state = joint_states_[l];
-    bare_courses_[l].begin(bare_joints_[l], step, joint_state);
+    bare_prescribed_[l].begin(bare_joints_[l], step, joint_state);
     is_at_end_[l] = has_length(joints_[l].kind) && joint_state.saturated ? 1 : 0;
   }
   return goes_on;
@@ -115,7 +115,7 @@ void EventMotions::set_rows(std::size_t l) {
 }
 
 // Starts the prescribed motion of a joint at t.
-void EventMotions::begin_course(std::size_t l, double t) {
+void EventMotions::begin_prescribed(std::size_t l, double t) {
   JointData joint_state = joint_states_[l];
   const auto [first, last] = joints_.laws_of(l);
   for (std::size_t c = first; c < last; ++c) {
@@ -138,35 +138,35 @@ void EventMotions::begin_course(std::size_t l, double t) {
   JointStep step = step_;
   step.t = t;
   step.h = std::max(end_ - t, kShortest);
-  courses_[l].begin(switched_joints_[l], step, joint_state);
+  prescribed_[l].begin(switched_joints_[l], step, joint_state);
   for (std::size_t c = first; c < last; ++c)
     if (states_[c].hold == Hold::kBrake && laws()[c].goal)
-      courses_[l].brake(laws()[c].coordinate, held_[c], braking_[c].along);
+      prescribed_[l].brake(laws()[c].coordinate, held_[c], braking_[c].along);
 }
 
 // ---- demands
 
 MovingFrame EventMotions::frame(std::size_t l, double t) const {
-  if (!courses_[l].moves_frame()) return {};
-  return courses_[l].frame(t, joints_[l].anchor_b, joints_[l].frame_b->toRotationMatrix());
+  if (!prescribed_[l].moves_frame()) return {};
+  return prescribed_[l].frame(t, joints_[l].anchor_b, joints_[l].frame_b->toRotationMatrix());
 }
 
 Prescribed EventMotions::limit(std::size_t c, bool upper_one, double t) const {
   const OneSidedLaw& law = laws()[c];
-  const PrescribedMotion& course = courses_[law.joint];
+  const PrescribedMotion& motion = prescribed_[law.joint];
   const JointData& state = joint_states_[law.joint];
   if (law.is_coupling) {
-    Prescribed at_limit = course.closing(t).coupling();
+    Prescribed at_limit = motion.closing(t).coupling();
     at_limit.value += state.coupling.constant;
     return at_limit;
   }
-  const double offset = course.is_closing() ? law.beyond_at_start(state.to_close) : 0.0;
+  const double offset = motion.is_closing() ? law.beyond_at_start(state.to_close) : 0.0;
   const bool is_open = (upper_one ? offset > 0.0 : offset < 0.0);
   const Prescribed error =
-      offset != 0.0 ? error_of_limit(law, offset, course.closing(state.to_close, t)) : Prescribed{};
+      offset != 0.0 ? error_of_limit(law, offset, motion.closing(state.to_close, t)) : Prescribed{};
   Prescribed at_limit;
   if (law.is_distance) {
-    at_limit = course.length(t);
+    at_limit = motion.length(t);
     at_limit.value -= base_[law.joint];
     if (offset != 0.0 && !is_open) {
       at_limit.value -= error.value;
@@ -181,39 +181,39 @@ Prescribed EventMotions::limit(std::size_t c, bool upper_one, double t) const {
 }
 
 double EventMotions::travel(std::size_t joint, double t) const {
-  const PrescribedMotion& course = courses_[joint];
-  const Prescribed error = course.closing(joint_states_[joint].to_close, t).of(0);
-  return course.length(t).value - error.value - base_[joint];
+  const PrescribedMotion& motion = prescribed_[joint];
+  const Prescribed error = motion.closing(joint_states_[joint].to_close, t).of(0);
+  return motion.length(t).value - error.value - base_[joint];
 }
 
 Prescribed EventMotions::rest(std::size_t c, double t) const {
   const OneSidedLaw& law = laws()[c];
-  return rest_of(law, law.is_distance ? courses_[law.joint].length(t) : Prescribed{});
+  return rest_of(law, law.is_distance ? prescribed_[law.joint].length(t) : Prescribed{});
 }
 
 // Prescribed motion of a motor with a goal, for decisions.
-Prescribed EventMotions::course_of(std::size_t c, double t) const {
+Prescribed EventMotions::motion_to_goal(std::size_t c, double t) const {
   const OneSidedLaw& law = laws()[c];
   const ErrorsToClose& errors = joint_states_[law.joint].to_close;
-  Prescribed course = about_to_start(
-      [&](double at) { return courses_[law.joint].closing(errors, at).of(law.function); }, t,
+  Prescribed motion = about_to_start(
+      [&](double at) { return prescribed_[law.joint].closing(errors, at).of(law.function); }, t,
       StartAhead(end_ - start_, step_.closing_time));
-  course.value += *law.goal;
-  return course;
+  motion.value += *law.goal;
+  return motion;
 }
 
 Prescribed EventMotions::zeta(std::size_t c, double t, double q) const {
   const OneSidedLaw& law = laws()[c];
-  if (law.is_distance) return courses_[law.joint].length(t);
+  if (law.is_distance) return prescribed_[law.joint].length(t);
   if (law.drive == 0.0) return {};
-  if (law.goal && braking_[c].most == 0.0) return course_of(c, t);
+  if (law.goal && braking_[c].most == 0.0) return motion_to_goal(c, t);
   if (law.goal && states_[c].hold == Hold::kBrake)
     return rate_until(*law.goal, braking_[c].along, held_[c] - t);
   if (law.goal) return rate_to_goal(*law.goal, braking_[c].most, q);
   const MotorRate motor =
       motor_rate(*joints_[law.joint].coordinates[law.coordinate].motor,
                  joint_states_[law.joint].coordinates[law.coordinate].expires_at, start_);
-  return motor_course(motor, motor_phase(motor, t), 0.0);
+  return motor_motion(motor, motor_phase(motor, t), 0.0);
 }
 
 bool EventMotions::is_saturated(std::size_t c, const OneSidedState& state, double t,
@@ -246,8 +246,8 @@ void EventMotions::note_positions(const EventBodies& bodies, double t,
 void EventMotions::find_lost(const EventProblem& problem, double t) {
   for (std::size_t c = 0; c < laws().size(); ++c) {
     if (!laws()[c].goal || !problem.is_free(c)) continue;
-    judge_course(
-        problem.reading(c), course_of(c, t), *laws()[c].goal,
+    judge_motion(
+        problem.reading(c), motion_to_goal(c, t), *laws()[c].goal,
         [&] { return braking_of(problem, c); },
         [&] { end_motion(laws()[c], &joint_states_[laws()[c].joint].to_close); },
         &braking_[c].most);
@@ -280,7 +280,7 @@ void EventMotions::change_states(const EventProblem& problem, const List<OneSide
   for (std::size_t c = 0; c < laws().size(); ++c) {
     const OneSidedLaw& law = laws()[c];
     if (has_started_ && states_[c].hold == Hold::kDrive && !law.is_distance)
-      held_[c] = courses_[law.joint].target(law.function, t).value + law.zero;
+      held_[c] = prescribed_[law.joint].target(law.function, t).value + law.zero;
     if (has_started_ && next[c] == states_[c]) continue;
     is_changed[law.joint] = 1;
     const double q = problem.reading(c).q;
@@ -301,7 +301,7 @@ void EventMotions::change_states(const EventProblem& problem, const List<OneSide
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     if (!is_changed[l]) continue;
     set_rows(l);
-    begin_course(l, t);
+    begin_prescribed(l, t);
   }
 }
 
@@ -314,7 +314,7 @@ void EventMotions::hold_length(std::size_t c, double q, const OneSidedState& nex
   held_[c] = state.travel = travel(law.joint, t);
   double off = 0.0;
   if (next.hold == Hold::kDrive)
-    off = q - courses_[law.joint].length(t).value;
+    off = q - prescribed_[law.joint].length(t).value;
   else if (before.yield != 0 &&
            (is_limit(next.hold) || next.yield != 0 || next.hold == Hold::kNone))
     off = q - limit(c, before.yield > 0, t).value;
@@ -331,9 +331,9 @@ void EventMotions::hold_motors(std::size_t l, double t) {
     const CoordinateLaw& law = joints_[l].coordinates[i];
     if (!is_held(law)) continue;
     const int function = kind.rows + static_cast<int>(i);
-    const Prescribed error = courses_[l].closing(joint_states_[l].to_close, t).of(function);
+    const Prescribed error = prescribed_[l].closing(joint_states_[l].to_close, t).of(function);
     joint_states_[l].coordinates[i].held =
-        courses_[l].target(function, t).value - error.value + law.zero;
+        prescribed_[l].target(function, t).value - error.value + law.zero;
   }
 }
 
@@ -351,11 +351,11 @@ void EventMotions::finish(const EventBodies& bodies, const EquationsOfMotion& eq
       held_[c] = travel(law.joint, end_);
       // A length that has yielded is held where it is.
       if (state.drive != 0 || state.yield != 0)
-        held_[c] += q_of(law) - (state.drive != 0 ? courses_[law.joint].length(end_)
+        held_[c] += q_of(law) - (state.drive != 0 ? prescribed_[law.joint].length(end_)
                                                   : limit(c, state.yield > 0, end_))
                                     .value;
     } else if (state.hold == Hold::kDrive) {
-      held_[c] = courses_[law.joint].target(law.function, end_).value + law.zero;
+      held_[c] = prescribed_[law.joint].target(law.function, end_).value + law.zero;
     }
   }
   for (const OneSidedLaw& law : laws()) joint_states_[law.joint].saturated = false;

@@ -3,10 +3,10 @@
 #include <array>
 #include <cstddef>
 
-#include "engine/constraints/course.h"
 #include "engine/constraints/joint.h"
-#include "engine/constraints/joint_course.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/constraints/prescribed.h"
+#include "engine/constraints/prescribed_motion.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/joints/event_joints.h"
@@ -62,8 +62,8 @@ class EventMotions {
   /// Held position q, travel of a held length, or end of braking [s].
   double held(std::size_t law) const { return held_[law]; }
   /// Prescribed motions of the rows that act, and of joints without one-sided rows.
-  const List<PrescribedMotion>& courses() const { return courses_; }
-  const List<PrescribedMotion>& bare_courses() const { return bare_courses_; }
+  const List<PrescribedMotion>& prescribed() const { return prescribed_; }
+  const List<PrescribedMotion>& bare_prescribed() const { return bare_prescribed_; }
 
   // ---- demands at time t
   /// Frame on B of a joint.
@@ -110,8 +110,8 @@ class EventMotions {
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.has_started_);
-    visit.beside(self.courses_);
-    visit.beside(self.bare_courses_);
+    visit.beside(self.prescribed_);
+    visit.beside(self.bare_prescribed_);
     if (!self.has_started_) return;
     for (std::size_t c = 0; c < self.laws().size(); ++c) {
       auto& state = self.states_[c];
@@ -132,11 +132,11 @@ class EventMotions {
     double most = 0.0, along = 0.0;
   };
 
-  Prescribed course_of(std::size_t law, double t) const;
+  Prescribed motion_to_goal(std::size_t law, double t) const;
   double travel(std::size_t joint, double t) const;
   double braking_of(const EventProblem& problem, std::size_t law) const;
   void set_rows(std::size_t joint);
-  void begin_course(std::size_t joint, double t);
+  void begin_prescribed(std::size_t joint, double t);
   void hold_length(std::size_t law, double q, const OneSidedState& next, double t);
   void hold_motors(std::size_t joint, double t);
 
@@ -151,7 +151,7 @@ class EventMotions {
   double start_ = 0.0, end_ = 0.0;  // interval [s]
   List<Joint> switched_joints_;     // joints with rows as in states_, for prescribed motions
   List<Joint> bare_joints_;         // without one-sided rows
-  List<PrescribedMotion> courses_, bare_courses_;
+  List<PrescribedMotion> prescribed_, bare_prescribed_;
   List<double> base_;     // per distance joint: prescribed length without travel [m]
   List<char> is_at_end_;  // per joint: a winch at the end of its travel
 };

@@ -35,7 +35,7 @@ bool EventProblem::load(const EventMotions& motions, const Interval& interval,
   bare->forget_redundant_rows();
   bare->begin_step(motions.joint_states());
   gather_state(*bare, *states, y_.data());
-  bare->begin(t, *states, interval.gravity, interval.loads, motions.bare_courses(),
+  bare->begin(t, *states, interval.gravity, interval.loads, motions.bare_prescribed(),
               interval.since_tick + (t - interval.t));
   const double before = kinetic_energy(*bare, y_.data());
   if (!bare->start(t, y_.data(), dydt_.data())) return false;

@@ -10,11 +10,11 @@ namespace constraint_sim::engine {
 namespace {
 
 // Prescribed motion of a held coordinate, up to a constant value.
-Prescribed held_course(const EventMotions& motions, std::size_t c, double t) {
+Prescribed held_motion(const EventMotions& motions, std::size_t c, double t) {
   const OneSidedLaw& law = motions.laws()[c];
-  const PrescribedMotion& course = motions.courses()[law.joint];
-  if (law.is_coupling) return course.closing(t).coupling();
-  return law.is_distance ? course.length(t) : course.target(law.function, t);
+  const PrescribedMotion& motion = motions.prescribed()[law.joint];
+  if (law.is_coupling) return motion.closing(t).coupling();
+  return law.is_distance ? motion.length(t) : motion.target(law.function, t);
 }
 
 // Watches the force with which a row holds a coordinate against its bounds; `reading`: the
@@ -31,7 +31,7 @@ void watch_force(const EventMotions& motions, std::size_t c, const EventReading&
   const auto reading_at = [&](double time) {
     EventReading then = reading;
     if (time == t) return then;
-    const Prescribed now = held_course(motions, c, t), before = held_course(motions, c, time);
+    const Prescribed now = held_motion(motions, c, t), before = held_motion(motions, c, time);
     then.q -= now.value - before.value;
     then.rate -= now.rate - before.rate;
     return then;

@@ -56,7 +56,7 @@ inline math::SineCosine motor_phase(const MotorRate& motor, double t) {
 }
 
 /// Returns ∫ζ dt over `h` seconds from a time of the given phase, with ζ and its rate at the end.
-inline Prescribed motor_course(const MotorRate& motor, const math::SineCosine& phase, double h) {
+inline Prescribed motor_motion(const MotorRate& motor, const math::SineCosine& phase, double h) {
   if (motor.amplitude == 0.0) return {motor.bias * h, motor.bias, 0.0};
   // With x = ωh/2 the phase advances by x to the middle and by 2x to the end.
   const double omega = motor_omega(motor);
@@ -74,11 +74,11 @@ inline Prescribed motor_course(const MotorRate& motor, const math::SineCosine& p
 
 /// Returns the share of an error that is left `since` seconds after an edit: 1 − 10u³ + 15u⁴ − 6u⁵
 /// with u = since/closing_time. Velocity and acceleration are zero at both ends.
-Prescribed closing_course(double since, double closing_time);
+Prescribed closing_motion(double since, double closing_time);
 
 /// Returns the error `since` seconds after the start of a motion: the polynomial of degree 5 that
 /// starts with offset, rate and acceleration, and has none of these at the end of its duration.
-Prescribed moving_course(const MovingStart& start, double since);
+Prescribed moving_error(const MovingStart& start, double since);
 
 /// Returns the longest duration up to `longest` in which the error does not change its sign, but at
 /// least `shortest` [s]. A longer motion would go beyond the position and return.

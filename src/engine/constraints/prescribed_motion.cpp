@@ -1,11 +1,11 @@
-#include "engine/constraints/joint_course.h"
+#include "engine/constraints/prescribed_motion.h"
 
 #include <algorithm>
 
-#include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {

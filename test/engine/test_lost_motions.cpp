@@ -3,7 +3,7 @@
 // rounding and the location of events.
 
 #include "by_events.h"
-#include "engine/constraints/course.h"
+#include "engine/constraints/prescribed.h"
 #include "rotation_between.h"
 #include "support.h"
 
@@ -49,15 +49,15 @@ World sent(const Carried& by, const Sent& of, JointId* guide = nullptr) {
   return world;
 }
 
-class LostCoursesAt : public testing::TestWithParam<Carried> {};
+class LostMotionsAt : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(Ticks, LostCoursesAt,
+INSTANTIATE_TEST_SUITE_P(Ticks, LostMotionsAt,
                          testing::ValuesIn(each_setting(Method::kEventDriven)));
 
 // A load pulls a box to its goal faster than the motor's prescribed motion. The motor, which has
 // lost this motion, pushes to the goal at once, too, until it has to brake, for which it is too
 // weak.
-TEST_P(LostCoursesAt, ALoadPullsAheadOfTheMotor) {
+TEST_P(LostMotionsAt, ALoadPullsAheadOfTheMotor) {
   const double load = -10.0, most = 5.0, goal = -0.3;
   const double b = 0.5 * most;                                   // m = 1 kg
   const double s = -goal * 2.0 * b / (2.0 * (most - load + b));  // v² = 2 a s = 2 b (|goal| - s)
@@ -89,7 +89,7 @@ struct Outside {
 // A coordinate beyond its limit is not moved onto the limit at once: its motor takes it to its
 // position by the prescribed motion; where the motor has no position within the limit, or is too
 // weak, the limit closes its error.
-TEST_P(LostCoursesAt, ACoordinateBeyondItsLimitIsMovedInTime) {
+TEST_P(LostMotionsAt, ACoordinateBeyondItsLimitIsMovedInTime) {
   const double start = -0.1, lower = 0.0;
   const auto by_limit = [&](double left) { return start * left; };
   for (const Outside& of :
@@ -106,7 +106,7 @@ TEST_P(LostCoursesAt, ACoordinateBeyondItsLimitIsMovedInTime) {
       while (world.time() < closing + 0.1) {
         world.step();
         EXPECT_FALSE(is_by_impulses(world));
-        const double left = closing_course(world.time(), closing).value;
+        const double left = closing_motion(world.time(), closing).value;
         EXPECT_NEAR(world.joint_state(guide).coordinates[0].position, of.position(left), 1e-9)
             << of.goal << ' ' << has_floor << ' ' << world.time();
       }
@@ -117,7 +117,7 @@ TEST_P(LostCoursesAt, ACoordinateBeyondItsLimitIsMovedInTime) {
 // Two motors with force limits on one screw, for its translation and its rotation. Where both
 // positions agree, they share the motion; where not, the stronger one has it, and the other one is
 // saturated.
-TEST_P(LostCoursesAt, TwoMotorsOnAScrew) {
+TEST_P(LostMotionsAt, TwoMotorsOnAScrew) {
   const double pitch = 0.3, lead = pitch / (2.0 * kPi), goal = 0.05;
   for (const double other : {goal, 0.4 * goal})
     for (const double torque : {100.0, 0.05})
@@ -143,7 +143,7 @@ TEST_P(LostCoursesAt, TwoMotorsOnAScrew) {
         while (world.time() < 0.5) {
           world.step();
           EXPECT_FALSE(is_by_impulses(world));
-          const double left = closing_course(world.time(), world.options().closing_time).value;
+          const double left = closing_motion(world.time(), world.options().closing_time).value;
           EXPECT_NEAR(world.joint_state(joint).coordinates[0].position, reached * (1.0 - left),
                       1e-9)
               << other << ' ' << torque << ' ' << has_floor << ' ' << world.time();

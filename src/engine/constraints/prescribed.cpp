@@ -1,4 +1,4 @@
-#include "engine/constraints/course.h"
+#include "engine/constraints/prescribed.h"
 
 #include <algorithm>
 
@@ -29,7 +29,7 @@ struct MovingFactor {
 
 }  // namespace
 
-Prescribed moving_course(const MovingStart& start, double since) {
+Prescribed moving_error(const MovingStart& start, double since) {
   const double u = since / start.duration;
   if (u >= 1.0) return {};
   const MovingFactor p(start, start.duration);
@@ -51,7 +51,7 @@ double duration_without_overshoot(const MovingStart& start, double shortest, dou
   return fits;
 }
 
-Prescribed closing_course(double since, double closing_time) {
+Prescribed closing_motion(double since, double closing_time) {
   const double u = since / closing_time;
   if (u >= 1.0) return {};
   return {1.0 - u * u * u * (10.0 - u * (15.0 - 6.0 * u)),

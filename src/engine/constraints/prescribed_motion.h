@@ -4,9 +4,9 @@
 #include <cstddef>
 
 #include "engine/constraints/closing_errors.h"
-#include "engine/constraints/course.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/moving_frame.h"
+#include "engine/constraints/prescribed.h"
 #include "engine/math/elementary.h"
 
 namespace constraint_sim::engine {
@@ -117,7 +117,7 @@ class PrescribedMotion {
       const double left = held.until - t;
       return {0.5 * held.braking * left * left, -held.braking * left, held.braking};
     }
-    return held.motor.is_moving() ? motor_course(held.motor, held.phase, t - start_) : Prescribed{};
+    return held.motor.is_moving() ? motor_motion(held.motor, held.phase, t - start_) : Prescribed{};
   }
 
   std::array<Held, kMaxCoordinates> held_;

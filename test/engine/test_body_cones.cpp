@@ -11,7 +11,7 @@
 #include "draw.h"
 #include "engine/math/body_cone_solver.h"
 #include "engine/math/body_cone_sweeps.h"
-#include "engine/math/cone_problem.h"
+#include "engine/math/cone_solver.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {

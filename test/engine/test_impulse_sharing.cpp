@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 
 #include "by_events.h"
-#include "engine/math/cone_problem.h"
+#include "engine/math/cone_solver.h"
 #include "engine/math/impulse_sharing.h"
 #include "support.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/math/cone_problem.h"
+#include "engine/math/cone_solver.h"
 
 namespace constraint_sim::engine {
 namespace {

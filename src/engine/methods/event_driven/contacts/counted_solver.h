@@ -1,7 +1,7 @@
 #pragma once
 
 #include "constraint_sim/engine/stop_flag.h"
-#include "engine/math/cone_problem.h"
+#include "engine/math/cone_solver.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {

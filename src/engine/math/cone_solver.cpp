@@ -1,4 +1,4 @@
-#include "engine/math/cone_problem.h"
+#include "engine/math/cone_solver.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>

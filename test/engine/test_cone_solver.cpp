@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "draw.h"
-#include "engine/math/cone_problem.h"
+#include "engine/math/cone_solver.h"
 #include "engine/math/list.h"
 #include "support.h"
 
@@ -45,7 +45,7 @@ Vector3d slipping_impulse(const Matrix3d& A, const Vector3d& b, double mu) {
 }
 
 // Rates over 16 orders of magnitude, friction over 9, responses over 6 and up to singular.
-TEST(ConeProblem, AContactThatSlipsIsTheOneOfLongDouble) {
+TEST(ConeSolver, AContactThatSlipsIsTheOneOfLongDouble) {
   Draw draw(5);
   int slipping = 0;
   for (int k = 0; k < 20000; ++k) {
@@ -105,7 +105,7 @@ ConeProblem column(double mass) {
   return problem;
 }
 
-TEST(ConeProblem, AColumnOfAnyMassesCostsLittle) {
+TEST(ConeSolver, AColumnOfAnyMassesCostsLittle) {
   for (const double mass : {1e-6, 1e-3, 1.0, 1e3, 1e6}) {
     const ConeProblem problem = column(mass);
     List<double> found;
@@ -128,7 +128,7 @@ TEST(ConeProblem, AColumnOfAnyMassesCostsLittle) {
   }
 }
 
-TEST(ConeProblem, EndsWhereItsEffortIsOver) {
+TEST(ConeSolver, EndsWhereItsEffortIsOver) {
   const ConeProblem problem = column(1e6);
   List<double> p;
   SolveEffort little;
@@ -143,7 +143,7 @@ TEST(ConeProblem, EndsWhereItsEffortIsOver) {
 }
 
 // A box of 1e6 kg rests on one of 1 kg, event-driven: the work limit of a step is sufficient.
-TEST(ConeProblem, AHeavyBoxRestsOnALightOneByEvents) {
+TEST(ConeSolver, AHeavyBoxRestsOnALightOneByEvents) {
   World world;
   world.add_body(make_floor(0.5));
   const BodyId light =

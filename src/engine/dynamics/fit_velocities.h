@@ -2,7 +2,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/dynamics/equations_of_motion.h"
-#include "engine/dynamics/method.h"
+#include "engine/dynamics/interval.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {

@@ -6,12 +6,14 @@
 #include <vector>
 
 #include "engine/collision/broadphase.h"
-#include "engine/dynamics/method.h"
+#include "engine/dynamics/integrator_options.h"
+#include "engine/dynamics/interval.h"
 #include "engine/islands/contact_reach.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/sleep.h"
 #include "engine/islands/step.h"
+#include "engine/math/integrate.h"
 #include "engine/math/list.h"
 #include "engine/model/state.h"
 #include "engine/support/storage.h"

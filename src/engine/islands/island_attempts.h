@@ -2,12 +2,14 @@
 
 #include <cstddef>
 
-#include "engine/dynamics/method.h"
+#include "engine/dynamics/integrator_options.h"
+#include "engine/dynamics/interval.h"
 #include "engine/islands/island_lists.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/sleep.h"
 #include "engine/islands/step.h"
 #include "engine/islands/step_output.h"
+#include "engine/math/integrate.h"
 #include "engine/model/state.h"
 
 namespace constraint_sim::engine {

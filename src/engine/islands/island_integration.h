@@ -5,7 +5,7 @@
 
 #include "engine/constraints/prescribed.h"
 #include "engine/constraints/prescribed_motion.h"
-#include "engine/dynamics/method.h"
+#include "engine/dynamics/interval.h"
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/contact_reach.h"
 #include "engine/islands/continuous_collision.h"

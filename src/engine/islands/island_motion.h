@@ -5,9 +5,12 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/constraints/prescribed_motion.h"
+#include "engine/dynamics/equations_of_motion.h"
+#include "engine/dynamics/integrator_options.h"
+#include "engine/dynamics/interval.h"
 #include "engine/dynamics/least_norm_forces.h"
-#include "engine/dynamics/method.h"
 #include "engine/islands/island_methods.h"
+#include "engine/math/integrate.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/joints/event_driven.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 
 #include "constraint_sim/engine/body.h"
-#include "engine/dynamics/method.h"
+#include "engine/dynamics/integrator_options.h"
 #include "engine/math/integrate.h"
 #include "engine/model/mass_properties.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "engine/dynamics/method.h"
+#include "engine/dynamics/integrator_options.h"
 #include "engine/math/embedded_pairs.h"
 #include "engine/math/integrate.h"
 

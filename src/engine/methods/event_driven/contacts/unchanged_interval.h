@@ -1,6 +1,7 @@
 #pragma once
 
-#include "engine/dynamics/method.h"
+#include "engine/dynamics/interval.h"
+#include "engine/math/integrate.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"

@@ -4,7 +4,8 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/dynamics/equations_of_motion.h"
-#include "engine/dynamics/method.h"
+#include "engine/dynamics/interval.h"
+#include "engine/math/integrate.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/joints/event_motions.h"
 #include "engine/methods/event_driven/joints/event_reading.h"

@@ -6,6 +6,7 @@
 
 #include "engine/dynamics/island_model.h"
 #include "engine/dynamics/kernels/body_tree.h"
+#include "engine/dynamics/kernels/tree_node.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {

@@ -3,8 +3,9 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "engine/dynamics/kernels/body_tree.h"
+#include "engine/dynamics/kernels/composite_inertia.h"
 #include "engine/dynamics/kernels/joint_tree.h"
+#include "engine/dynamics/kernels/spatial_inertia.h"
 #include "engine/math/lanes.h"
 #include "engine/math/list.h"
 
@@ -16,46 +17,6 @@ struct TreeRoot {
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();          ///< [m/s]
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();      ///< [m/s²]
   Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();  ///< constant [rad/s]
-};
-
-/// Symmetric matrix by its diagonal and the entries yz, xz, xy. Number: double, or Lanes.
-template <class Number>
-struct SymmetricMatrix {
-  using Vector = Eigen::Matrix<Number, 3, 1>;
-
-  Vector diagonal = Vector::Zero(), beside = Vector::Zero();
-
-  Vector operator*(const Vector& v) const {
-    return {diagonal.x() * v.x() + beside.z() * v.y() + beside.y() * v.z(),
-            beside.z() * v.x() + diagonal.y() * v.y() + beside.x() * v.z(),
-            beside.y() * v.x() + beside.x() * v.y() + diagonal.z() * v.z()};
-  }
-  Eigen::Matrix<Number, 3, 3> matrix() const {
-    Eigen::Matrix<Number, 3, 3> full;
-    full << diagonal.x(), beside.z(), beside.y(), beside.z(), diagonal.y(), beside.x(), beside.y(),
-        beside.x(), diagonal.z();
-    return full;
-  }
-};
-
-/// Inertia of a body or a subtree about the origin.
-struct CompositeInertia {
-  double mass = 0.0;
-  Eigen::Vector3d moment = Eigen::Vector3d::Zero();  ///< mass times centre [kg m]
-  SymmetricMatrix<double> inertia;                   ///< [kg m²]
-
-  /// Returns the momentum at motion (v of the point at the origin, ω).
-  SpatialVector operator*(const SpatialVector& motion) const {
-    return {mass * motion.linear - moment.cross(motion.angular),
-            inertia * motion.angular + moment.cross(motion.linear)};
-  }
-  CompositeInertia& operator+=(const CompositeInertia& other) {
-    mass += other.mass;
-    moment += other.moment;
-    inertia.diagonal += other.inertia.diagonal;
-    inertia.beside += other.inertia.beside;
-    return *this;
-  }
 };
 
 /// Equations of motion of a JointTree: H ẍ = b for the unknown motions. H follows from the

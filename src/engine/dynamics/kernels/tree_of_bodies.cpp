@@ -16,20 +16,6 @@ using Eigen::Vector3d;
 
 }  // namespace
 
-// Shifts the inertia by r with [r] x = r × x: H += M [r], and J += Hᵀ [r] − [r] (H + M [r]).
-void SpatialInertia::shift(const Vector3d& by) {
-  angular += mixed.transpose().rowwise().cross(by.transpose());
-  mixed += mass.rowwise().cross(by.transpose());
-  angular += mixed.colwise().cross(by);
-}
-
-void SpatialInertia::eliminate(const SpatialVector& u, double d) {
-  const Vector3d linear = u.linear / d, turning = u.angular / d;
-  mass -= u.linear * linear.transpose();
-  mixed -= u.linear * turning.transpose();
-  angular -= u.angular * turning.transpose();
-}
-
 TreeOfBodies::TreeOfBodies(EquationsOfMotion& equations)
     : equations_(equations),
       view_(equations.kernel_view()),

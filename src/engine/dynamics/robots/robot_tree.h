@@ -5,6 +5,7 @@
 #include "engine/dynamics/island_model.h"
 #include "engine/dynamics/kernels/body_tree.h"
 #include "engine/dynamics/kernels/joint_tree.h"
+#include "engine/dynamics/kernels/tree_node.h"
 #include "engine/math/list.h"
 #include "engine/model/mass_properties.h"
 

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "engine/dynamics/kernels/body_tree.h"
 #include "engine/dynamics/kernels/joint_tree.h"
+#include "engine/dynamics/kernels/spatial_inertia.h"
 #include "engine/dynamics/kernels/tree_dynamics.h"
 #include "engine/dynamics/robots/tree_state.h"
 #include "engine/math/list.h"

@@ -7,7 +7,7 @@
 #include "engine/islands/contact_groups.h"
 #include "engine/math/list.h"
 #include "engine/model/model.h"
-#include "engine/model/state.h"
+#include "engine/model/touching_pair.h"
 
 namespace constraint_sim::engine {
 

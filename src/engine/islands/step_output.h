@@ -8,7 +8,7 @@
 #include "constraint_sim/engine/contact.h"
 #include "constraint_sim/engine/world.h"
 #include "engine/math/list.h"
-#include "engine/model/state.h"
+#include "engine/model/touching_pair.h"
 
 namespace constraint_sim::engine {
 

@@ -5,12 +5,6 @@
 
 namespace constraint_sim::engine {
 
-Eigen::Vector3d TouchingPair::impulse_of(std::uint32_t feature) const {
-  for (std::size_t k = 0; k < to_index(manifold.count); ++k)
-    if (manifold.points[k].feature == feature) return impulses[k];
-  return Eigen::Vector3d::Zero();
-}
-
 Failure failure_of(const BodyState& body) {
   Eigen::Matrix<double, 13, 1> numbers;
   numbers << body.position, body.linear_velocity, body.angular_velocity, body.orientation.coeffs();

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "engine/collision/narrowphase.h"
+#include "engine/collision/placed_shape.h"
 #include "parts.h"
 #include "rotation_between.h"
 #include "support.h"

@@ -141,12 +141,6 @@ inline constexpr bool kNeverCollide = std::is_same_v<A, Point> || std::is_same_v
 
 }  // namespace
 
-BodyState beside(const BodyState& body, const ShapePose& pose) {
-  const Vector3d arm = body.orientation * pose.position;
-  return {body.position + arm, body.orientation * pose.orientation,
-          body.linear_velocity + body.angular_velocity.cross(arm), body.angular_velocity};
-}
-
 Manifold collide_sphere_sphere(const Vector3d& p_a, double radius_a, const Vector3d& p_b,
                                double radius_b, double margin) {
   const Vector3d p_BA = p_a - p_b;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "engine/collision/narrowphase.h"
+#include "engine/collision/placed_shape.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/methods/runge_kutta/elastic_spheres.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/collision/narrowphase.h"
+#include "engine/collision/placed_shape.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
 

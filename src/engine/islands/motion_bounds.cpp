@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/collision/convex.h"
+#include "engine/collision/placed_shape.h"
 #include "engine/islands/step.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"

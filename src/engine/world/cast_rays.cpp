@@ -5,7 +5,7 @@
 #include <string>
 
 #include "constraint_sim/engine/ray.h"
-#include "engine/collision/narrowphase.h"
+#include "engine/collision/placed_shape.h"
 #include "engine/collision/ray.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/math/list.h"

@@ -1,6 +1,6 @@
 #include "engine/collision/closest_points.h"
 
-#include "engine/collision/narrowphase.h"
+#include "engine/collision/placed_shape.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/math/numbers.h"
 #include "engine/model/validate.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "engine/collision/narrowphase.h"
+#include "engine/collision/placed_shape.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {

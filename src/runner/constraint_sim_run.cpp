@@ -26,7 +26,7 @@
 #include "constraint_sim/engine/snapshot.h"
 #include "constraint_sim/engine/verify.h"
 #include "engine/model/validate.h"
-#include "engine/support/files.h"
+#include "engine/support/file_replacement.h"
 #include "runner/arguments.h"
 #include "runner/constraints.h"
 #include "runner/verification.h"

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "engine/support/files.h"
+#include "engine/support/paths.h"
 
 namespace constraint_sim {
 

@@ -102,7 +102,7 @@ LEFT_OUT = {
     'motors': ['constraints/prescribed.h motor_motion', 'constraints/prescribed.h motor_phase',
                'constraints/prescribed.h motor_travel'],
     'rotation': ['model/mass_properties.h apply_inertia', 'model/mass_properties.h rotation',
-                 'methods/runge_kutta/free_body.cpp FreeRotation', 'dynamics/kernels/chain_of_bodies.cpp',
+                 'methods/runge_kutta/free_rotation.cpp FreeRotation', 'dynamics/kernels/chain_of_bodies.cpp',
                  'dynamics/kinematics.cpp place_arms',
                  'math/quaternion_state.h rotation_matrix',
                  'math/quaternion_state.h write_quaternion_rate', 'dynamics/kernels/tree_of_bodies.cpp',

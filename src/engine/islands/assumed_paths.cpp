@@ -10,6 +10,7 @@
 #include "engine/islands/continuous_collision.h"
 #include "engine/islands/divided_step.h"
 #include "engine/islands/island_lists.h"
+#include "engine/islands/method_choice.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/step.h"

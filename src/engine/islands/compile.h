@@ -1,6 +1,7 @@
 #pragma once
 
 #include "engine/islands/island_lists.h"
+#include "engine/islands/island_parts.h"
 #include "engine/islands/topology.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"

@@ -10,6 +10,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/islands/divided_step.h"
+#include "engine/islands/method_choice.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"

@@ -10,6 +10,7 @@
 #include "engine/dynamics/interval.h"
 #include "engine/islands/contact_reach.h"
 #include "engine/islands/island_lists.h"
+#include "engine/islands/island_memory.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/sleep.h"
 #include "engine/islands/step.h"

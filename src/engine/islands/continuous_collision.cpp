@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/islands/method_choice.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/swept_hits.h"
 #include "engine/math/numbers.h"

@@ -9,7 +9,7 @@
 #include "engine/dynamics/integrator_options.h"
 #include "engine/dynamics/interval.h"
 #include "engine/dynamics/least_norm_forces.h"
-#include "engine/islands/island_methods.h"
+#include "engine/islands/borrowers.h"
 #include "engine/math/integrate.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/joints/event_driven.h"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "engine/islands/island_lists.h"
+#include "engine/islands/islands.h"
 #include "engine/islands/method_choice.h"
 #include "engine/islands/topology.h"
 #include "engine/model/model.h"

@@ -1,6 +1,8 @@
 #pragma once
 
 #include "engine/islands/island_lists.h"
+#include "engine/islands/island_parts.h"
+#include "engine/islands/method_choice.h"
 #include "engine/islands/sleep.h"
 #include "engine/math/list.h"
 #include "engine/model/state.h"

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <utility>
 
-#include "engine/islands/island_lists.h"
+#include "engine/islands/island_parts.h"
 #include "engine/math/list.h"
 #include "engine/model/model.h"
 #include "engine/model/state.h"

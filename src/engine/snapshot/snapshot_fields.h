@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "engine/constraints/one_sided_law.h"
+#include "engine/islands/island_memory.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {

@@ -7,6 +7,7 @@
 
 #include "engine/constraints/closing_errors.h"
 #include "engine/constraints/joint.h"
+#include "engine/islands/method_choice.h"
 #include "engine/islands/motion_bounds.h"
 #include "engine/islands/unresolved_bodies.h"
 #include "engine/math/numbers.h"

@@ -9,6 +9,7 @@
 #include "constraint_sim/engine/world.h"
 #include "engine/islands/contact_groups.h"
 #include "engine/islands/island_lists.h"
+#include "engine/islands/island_parts.h"
 #include "engine/islands/method_partition.h"
 #include "engine/islands/rollback.h"
 #include "engine/islands/sleep.h"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "engine/islands/method_choice.h"
 #include "engine/math/list.h"
 #include "engine/world/world_impl.h"
 

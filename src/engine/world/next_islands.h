@@ -3,6 +3,7 @@
 #include <optional>
 #include <utility>
 
+#include "engine/islands/island_memory.h"
 #include "engine/islands/islands.h"
 #include "engine/math/list.h"
 #include "engine/world/world_impl.h"

@@ -11,6 +11,7 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_load.h"
 #include "engine/impulses/free_turn.h"
+#include "engine/islands/method_choice.h"
 #include "engine/math/larger.h"
 #include "engine/model/impulse_method.h"
 #include "engine/model/validate.h"

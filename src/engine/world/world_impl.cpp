@@ -6,6 +6,7 @@
 
 #include "engine/constraints/custom.h"
 #include "engine/islands/contact_group_reports.h"
+#include "engine/islands/method_choice.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 
 namespace constraint_sim::engine {

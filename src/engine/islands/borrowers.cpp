@@ -1,4 +1,4 @@
-#include "engine/islands/island_methods.h"
+#include "engine/islands/borrowers.h"
 
 namespace constraint_sim::engine {
 

@@ -1,4 +1,4 @@
-#include "engine/methods/runge_kutta/free_body.h"
+#include "engine/methods/runge_kutta/free_rotation.h"
 
 #include <array>
 

@@ -11,6 +11,7 @@
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/event_watch.h"
 #include "engine/methods/event_driven/law_events.h"
+#include "engine/methods/event_driven/watched_substep.h"
 
 namespace constraint_sim::engine {
 

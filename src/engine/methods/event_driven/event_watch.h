@@ -1,22 +1,18 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <optional>
-#include <tuple>
 
 #include "engine/constraints/one_sided_law.h"
-#include "engine/math/embedded_pairs.h"
 #include "engine/math/first_root.h"
-#include "engine/math/list.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 
-// Location of the first event in a substep, where a watched value falls below zero. Shared by all
-// methods that advance from event to event.
+// Watched values, and where they have events. WatchedSubstep locates the first event in a substep
+// by these functions. Shared by all methods that advance from event to event.
 
 /// Duration [s] of impacts, in which their force is impulse / duration. Rigid bodies have none;
 /// bodies of steel that touch are in contact for longer.
@@ -45,69 +41,6 @@ inline bool is_clear(const WatchedValue& watched) {
   if (watched.known == 0) return watched.value > watched.tolerance;
   return watched.value > (watched.known == 1 ? watched.resting : watched.touching);
 }
-
-/// A substep, whose stages show how forces change between its ends.
-class StagedSubstep {
- public:
-  StagedSubstep() = default;  ///< no substep: no stage is known
-  /// Substep of length h [s] by the pair of this order.
-  StagedSubstep(double h, int order) : h_(h), is_of_order_8_(order == 8) {}
-
-  /// Time from a stage to the end [s]. Stage 0 is the derivative at the end, with which the next
-  /// substep starts.
-  double until_end(std::size_t stage) const { return stage == 0 ? 0.0 : h_ * (1.0 - c(stage)); }
-  /// Share of the substep at which a margin(stage) was below −tolerance: at a stage, or at the
-  /// lowest point of a parabola through three of them; 0: nowhere. `at_end`: margin at the end.
-  template <class Margin>
-  double early_below(const Margin& margin, double at_end, double tolerance) const {
-    if (h_ == 0.0) return 0.0;
-    // Stages in order of time, between which margins are nearly parabolas.
-    return is_of_order_8_ ? early_below(margin, at_end, tolerance, std::array{3, 5, 9, 10})
-                          : early_below(margin, at_end, tolerance, std::array{1, 2, 3});
-  }
-
- private:
-  double c(std::size_t stage) const {
-    return is_of_order_8_ ? DormandPrince8::kC[stage] : DormandPrince5::kC[stage];
-  }
-  template <class Margin, std::size_t n>
-  double early_below(const Margin& margin, double at_end, double tolerance,
-                     const std::array<int, n>& places) const {
-    // A margin that changes by less than a quarter of itself between three places stays above zero.
-    constexpr double kQuiet = 4.0;
-    const auto [least, most] = std::minmax({margin(places[1]), margin(places[2]), at_end});
-    if (least > kQuiet * (most - least) && least > 0.0) return 0.0;
-    const std::size_t stages = is_of_order_8_ ? DormandPrince8::kStages : DormandPrince5::kStages;
-    std::array<double, DormandPrince8::kStages> of_stage{};
-    for (std::size_t i = 1; i < stages; ++i) {
-      of_stage[i] = margin(i);
-      if (of_stage[i] < -tolerance) return c(i);
-    }
-    struct Sample {
-      double share, value;
-    };
-    std::array<Sample, n + 1> samples;
-    for (std::size_t k = 0; k < n; ++k) {
-      const auto i = static_cast<std::size_t>(places[k]);
-      samples[k] = {c(i), of_stage[i]};
-    }
-    samples[n] = {1.0, at_end};
-    for (std::size_t k = 0; k + 1 < n; ++k) {
-      const auto& [l, m, r] = std::tie(samples[k], samples[k + 1], samples[k + 2]);
-      if (m.value > std::min(l.value, r.value)) continue;
-      const double fall = (m.value - l.value) / (m.share - l.share);
-      const double rise = (r.value - m.value) / (r.share - m.share);
-      const double bend = (rise - fall) / (r.share - l.share);
-      if (!(bend > 0.0)) continue;
-      const double slope = fall + bend * (m.share - l.share);  // at the middle sample
-      if (m.value - 0.25 * slope * slope / bend < -tolerance) return m.share - 0.5 * slope / bend;
-    }
-    return 0.0;
-  }
-
-  double h_ = 0.0;
-  bool is_of_order_8_ = true;
-};
 
 /// Predicted crossing of zero, as a share of a substep.
 struct Crossing {
@@ -196,138 +129,4 @@ inline double time_to_level(const WatchedValue& start, double level) {
 }
 
 }  // namespace event_watch
-
-/// Values watched in one substep. Watched is derived from WatchedValue.
-template <class Watched>
-struct WatchedSubstep {
-  List<Watched> before, after;  ///< values at both ends of the substep
-  List<int> unchanged;          ///< events in a row that changed nothing, per value; may be shorter
-
-  double level(std::size_t k) const {
-    return event_watch::level_of(before[k], k < unchanged.size() ? unchanged[k] : 0);
-  }
-
-  /// First event that is expected.
-  ExpectedEvent expected() const {
-    ExpectedEvent first{kInfinity, 0};
-    for (std::size_t k = 0; k < before.size(); ++k) {
-      const double time = event_watch::time_to_level(before[k], level(k));
-      if (time < first.time) first = {time, k};
-    }
-    return first;
-  }
-
-  /// Earliest crossing of the interpolants between two places, h apart [s]. `is_all`: the places
-  /// are both ends of the substep.
-  std::optional<Crossing> earliest(const List<Watched>& from, const List<Watched>& to, double h,
-                                   bool is_all) const {
-    std::optional<Crossing> first;
-    for (std::size_t k = 0; k < from.size(); ++k) {
-      std::optional<double> root = event_watch::first_crossing(from[k], to[k], h, level(k), is_all);
-      if (!root && is_all && to[k].early > 0.0) root = to[k].early;
-      if (root && (!first || *root < first->share)) first = Crossing{*root, k};
-    }
-    return first;
-  }
-
-  /// First value that is beyond its event at `after`. A value that starts below its level counts
-  /// only where it falls.
-  std::optional<std::size_t> find_passed(double least, bool is_rough) const {
-    for (std::size_t k = 0; k < after.size(); ++k) {
-      const Watched& there = after[k];
-      const double at = level(k);
-      if (there.value < at - event_watch::slack_of(there, least, is_rough) &&
-          (there.known == 0 || before[k].value >= at || there.rate < 0.0))
-        return k;
-    }
-    return std::nullopt;
-  }
-
-  /// Whether the event of value k is at `after`.
-  bool is_there(std::size_t k, double least, bool is_rough) const {
-    const Watched& there = after[k];
-    return (there.known == 0 || there.rate < 0.0 || (is_rough && there.rough > 0.0)) &&
-           std::abs(there.value - level(k)) <= event_watch::slack_of(there, least, is_rough);
-  }
-
-  /// Event at the end of a substep of length h from t [s], if there is one to rounding. `crossing`:
-  /// the earliest one; `expected`: event at which the substep was to end.
-  std::optional<Crossing> at_end(double t, double h, const std::optional<Crossing>& crossing,
-                                 const std::optional<ExpectedEvent>& expected) const {
-    constexpr double kRounding = 4.0;  // of a time that is found from a value and its derivatives
-    const double least = kRounding * event_watch::kLocatedTime * std::max(1.0, std::abs(t));
-    if (crossing ? (1.0 - crossing->share) * h > least : !expected) return std::nullopt;
-    const std::size_t which = crossing ? crossing->which : expected->which;
-    if (find_passed(least, false) || !is_there(which, least, false)) return std::nullopt;
-    return Crossing{1.0, which};
-  }
-
-  /// Shortens the substep, which started at t with length h, to end at the first event; `after`
-  /// then holds the values there. Keeps the whole substep where there is no event. `go_to(share,
-  /// is_start)` repeats the substep up to `share`, or only returns to its start, and sets `after`;
-  /// returns false where that fails. Returns false also where no event is found.
-  template <class GoTo>
-  bool locate(double t, double h, GoTo go_to_share, std::optional<Crossing>* event) {
-    using namespace event_watch;  // NOLINT(google-build-using-namespace): its constants
-    const double least = kLocatedTime * std::max(1.0, std::abs(t));
-    double low = 0.0, high = 1.0, here = 1.0;
-    bool is_passed = find_passed(least, false).has_value();
-    if (!is_passed && (1.0 - (*event)->share) * h <= least &&
-        is_there((*event)->which, least, false))
-      return true;
-    int low_for = 0, high_for = 0;  // consecutive moves of the other end
-    low_ = before;
-    high_ = after;
-    const auto go_to = [&](double share) {
-      here = share;
-      return go_to_share(share, share * h <= least);
-    };
-    for (int i = 0; i < kMostLocations; ++i) {
-      const bool is_rough = i >= kMostSmooth;
-      if (is_passed && (high - low) * h <= 2.0 * least) {
-        if (here != high && !go_to(high)) return false;
-        const std::optional<std::size_t> passed = find_passed(least, is_rough);
-        if (passed)
-          *event = Crossing{high, *passed};
-        else  // the first try crossed by rounding only
-          event->reset();
-        return true;
-      }
-      const std::optional<Crossing> next =
-          i == 0 ? *event : earliest(low_, high_, (high - low) * h, false);
-      if (!is_passed && (!next || i >= kMostUnpassed)) {  // the crossing is within rounding
-        event->reset();
-        return here == high || go_to(high);
-      }
-      const bool by_model = i < kMostNewton && next && (i == 0 || low == 0.0 || next->share > 0.0);
-      const double share = low + (by_model ? next->share : 0.5) * (high - low);
-      if (!go_to(share)) return false;
-      if (next) *event = next;
-      const std::optional<std::size_t> passed = find_passed(least, is_rough);
-      if (share * h <= least || (!passed && is_there((*event)->which, least, is_rough)))
-        return true;
-      if (passed) {
-        high = share;
-        high_ = after;
-        is_passed = true;
-        low_for = 0;
-        if (++high_for > 1)
-          for (Watched& w : low_)
-            if (w.known == 0 && w.value > 0.0) w.value *= 0.5;  // Illinois method
-      } else {
-        low = share;
-        low_ = after;
-        high_for = 0;
-        if (++low_for > 1)
-          for (Watched& w : high_)
-            if (w.known == 0 && w.value < -4.0 * w.tolerance) w.value *= 0.5;
-      }
-    }
-    return false;
-  }
-
- private:
-  List<Watched> low_, high_;
-};
-
 }  // namespace constraint_sim::engine

@@ -17,8 +17,8 @@
 #include "engine/methods/event_driven/contacts/overlap_closing.h"
 #include "engine/methods/event_driven/contacts/unchanged_interval.h"
 #include "engine/methods/event_driven/event_stepper.h"
-#include "engine/methods/event_driven/event_watch.h"
 #include "engine/methods/event_driven/rattling.h"
+#include "engine/methods/event_driven/staged_substep.h"
 
 namespace constraint_sim::engine {
 

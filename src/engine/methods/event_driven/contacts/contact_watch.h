@@ -6,6 +6,7 @@
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/contacts/contact_pairs.h"
 #include "engine/methods/event_driven/event_watch.h"
+#include "engine/methods/event_driven/staged_substep.h"
 
 namespace constraint_sim::engine {
 

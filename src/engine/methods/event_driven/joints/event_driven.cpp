@@ -6,6 +6,7 @@
 #include "engine/constraints/joint_load.h"
 #include "engine/methods/event_driven/joints/event_impacts.h"
 #include "engine/methods/event_driven/law_events.h"
+#include "engine/methods/event_driven/staged_substep.h"
 
 namespace constraint_sim::engine {
 /// State of EventDriven::advance().

@@ -5,6 +5,7 @@
 #include "engine/methods/event_driven/event_watch.h"
 #include "engine/methods/event_driven/joints/event_motions.h"
 #include "engine/methods/event_driven/joints/event_reading.h"
+#include "engine/methods/event_driven/staged_substep.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
 
 namespace constraint_sim::engine {

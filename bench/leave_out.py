@@ -95,7 +95,7 @@ LEFT_OUT = {
     'boxes': ['collision/narrowphase_boxes.cpp', 'collision/narrowphase_box_box.cpp'],
     'friction': ['constraints/contact.cpp tangent_to'],
     'constraints': ['constraints/joint.', 'constraints/distance.', 'constraints/joint_kinds.', 'constraints/rows.',
-                    'constraints/vectors.', 'constraints/forms.', 'constraints/law.',
+                    'constraints/joint_vectors.', 'constraints/forms.', 'constraints/law.',
                     'constraints/anchor_pair.h', 'constraints/target.h', 'constraints/prescribed.'],
     'limits': ['constraints/target.h set_bias_limit'],
     'springs': ['constraints/target.h set_bias_soft', 'dynamics/force_elements.cpp add_spring_forces'],

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 

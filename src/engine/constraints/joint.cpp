@@ -6,7 +6,7 @@
 
 #include "engine/constraints/closing_errors.h"
 #include "engine/constraints/coupling.h"
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_load.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "engine/constraints/coupling.h"
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"

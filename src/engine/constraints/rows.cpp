@@ -1,6 +1,6 @@
 #include "engine/constraints/rows.h"
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 
 namespace constraint_sim::engine {
 namespace {

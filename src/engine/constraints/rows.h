@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-#include "engine/constraints/vectors.h"
+#include "engine/constraints/joint_vectors.h"
 #include "engine/model/jacobian.h"
 
 namespace constraint_sim::engine {

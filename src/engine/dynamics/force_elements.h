@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/dynamics/coordinate_positions.h"
 #include "engine/dynamics/interval_inputs.h"
 #include "engine/dynamics/island_model.h"

@@ -1,6 +1,6 @@
 #include <utility>
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_load.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 

@@ -12,7 +12,7 @@
 #include <utility>
 #include <variant>
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/islands/method_choice.h"
 #include "engine/math/list.h"
 #include "engine/model/fields.h"

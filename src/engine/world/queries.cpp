@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"

@@ -6,7 +6,7 @@
 
 #include "engine/collision/narrowphase.h"
 #include "engine/constraints/contact.h"
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_load.h"

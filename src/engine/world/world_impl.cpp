@@ -4,7 +4,7 @@
 #include <array>
 #include <limits>
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/islands/contact_group_reports.h"
 #include "engine/islands/method_choice.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"

@@ -1,6 +1,6 @@
 #include "engine/dynamics/implicit/custom_force_in_step.h"
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 #include "engine/dynamics/implicit/form_in_step.h"
 #include "engine/math/cross_matrix.h"
 

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <array>
 
+#include "engine/constraints/joint_vectors.h"
 #include "engine/constraints/rows.h"
-#include "engine/constraints/vectors.h"
 #include "engine/dynamics/implicit/implicit_motion.h"
 #include "engine/dynamics/implicit/link_in_step.h"
 

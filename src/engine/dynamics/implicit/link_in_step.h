@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 
-#include "engine/constraints/vectors.h"
+#include "engine/constraints/joint_vectors.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/dynamics/implicit/implicit_model.h"
 #include "engine/dynamics/implicit/implicit_motion.h"

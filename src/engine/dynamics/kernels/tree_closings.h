@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "engine/constraints/vectors.h"
+#include "engine/constraints/joint_vectors.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/dynamics/kernel_view.h"
 #include "engine/dynamics/kernels/joint_tree.h"

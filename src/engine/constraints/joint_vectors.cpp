@@ -1,4 +1,4 @@
-#include "engine/constraints/vectors.h"
+#include "engine/constraints/joint_vectors.h"
 
 #include "engine/constraints/anchor_pair.h"
 #include "engine/constraints/joint_kinds.h"

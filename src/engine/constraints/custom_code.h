@@ -7,7 +7,7 @@
 
 #include "constraint_sim/engine/custom.h"
 #include "constraint_sim/engine/joint.h"
-#include "engine/constraints/vectors.h"
+#include "engine/constraints/joint_vectors.h"
 #include "engine/model/jacobian.h"
 
 namespace constraint_sim::engine {

@@ -2,7 +2,7 @@
 // axes of both frames. With ∂d = ∂x_B + ∂θ_B × r_B − ∂x_A − ∂θ_A × r_A and ∂a = ∂θ × a for an axis,
 //   J = (−g, −r_A × g + Σ a × ∂C/∂a, g, r_B × g + Σ b × ∂C/∂b),  g = ∂C/∂d.
 
-#include "engine/constraints/custom.h"
+#include "engine/constraints/custom_code.h"
 
 #include <algorithm>
 #include <cmath>

@@ -36,11 +36,11 @@ ContactEquations ball_on_ground() {
 TEST(ContactEquations, ASubstepThatIsTakenBackLeavesTheFeatureOfTheLastImpulse) {
   ContactEquations equations = ball_on_ground();
   ContactEquations::Contact& contact = equations.contacts()[0];
-  equations.accept_stillness(0.01);
+  equations.accept_without_motion(0.01);
   ASSERT_EQ(contact.touched.id, 1u);
   contact.feature.id = 2;
   equations.keep();
-  equations.accept_stillness(0.01);
+  equations.accept_without_motion(0.01);
   ASSERT_EQ(contact.touched.id, 2u);
   equations.restore();
   EXPECT_EQ(contact.touched.id, 1u);

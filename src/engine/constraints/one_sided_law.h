@@ -15,7 +15,7 @@
 
 namespace constraint_sim::engine {
 
-// Laws on a coordinate q that act one way or up to a limit, in event-driven integration: limits,
+// Laws on a coordinate q whose force has one sign or a bound, in event-driven integration: limits,
 // Coulomb friction, motors, servos or springs with a force limit, and springs that only pull. The
 // value of a one-sided coupling has an upper limit, too. Servos and springs aside, each
 // force jumps where q̇ passes a rate, and has any value between while q̇ stays there:
@@ -47,6 +47,7 @@ enum class Servo : char {
   kRetracts  ///< no force; the length is above R and shrinks faster than the damper allows to pull
 };
 
+/// The one-sided and limited laws of one coordinate, length or coupling of a joint.
 struct OneSidedLaw {
   std::size_t joint = 0;  ///< index of the joint in the island
   int coordinate = 0;     ///< coordinate of the joint; 0 for the length of a distance joint
@@ -113,7 +114,7 @@ bool has_one_sided_law(const Joint& joint);
 /// force limit is excluded.
 bool is_switchable(const Joint& joint);
 
-/// Adds the one-sided and limited laws of a joint.
+/// Adds the one-sided and limited laws of a joint. `index`: OneSidedLaw::joint.
 void add_one_sided_laws(const Joint& joint, std::size_t index, List<OneSidedLaw>* laws);
 
 /// Returns the constant force of a coordinate that is not held, without servos [N or N m].

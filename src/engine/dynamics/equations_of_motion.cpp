@@ -106,13 +106,13 @@ bool EquationsOfMotion::start(double t, double* y, double* dydt) {
   substep_ = 0.0;  // nothing has moved since the previous substep
   redundant_.set_came_back(redundant_.is_passing());
   if (redundant_.came_back() && !energy_.is_known()) note_energy(t, y);
-  if (redundant_.has_chosen()) return meet(t, y) && restart(y, dydt);
+  if (redundant_.has_chosen()) return project_start(t, y) && restart(y, dydt);
   // Some mechanisms are redundant only where the joints are met.
   const int not_yet = choose_rows(t, y);
-  if (!meet(t, y)) return false;
+  if (!project_start(t, y)) return false;
   if (not_yet > 0) {
     choose_rows(t, y);
-    if (!meet(t, y)) return false;
+    if (!project_start(t, y)) return false;
   }
   return redundant_.limit(placed_rows(), delassus_) && restart(y, dydt);
 }
@@ -368,7 +368,7 @@ bool EquationsOfMotion::project(double t, double* y) {
 
 // Projects positions at the start of an interval, where no factors need be near. Redundant rows
 // found to be needed get a force again, one or several at a time.
-bool EquationsOfMotion::meet(double t, double* y) {
+bool EquationsOfMotion::project_start(double t, double* y) {
   for (;;) {
     if (!delassus_.has_factors()) {
       place(t, y);
@@ -434,7 +434,7 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     if (delassus_.redundant() > 0) {
       // Where rows are almost dependent, the kept rows determine the redundant rows only up to
       // rounding divided by the smallest pivot.
-      if (choose_again(time_, y)) return meet(time_, y) && restart(y, dydt);
+      if (choose_again(time_, y)) return project_start(time_, y) && restart(y, dydt);
       if (!redundant_rates_are_met()) return !redundant_.is_inconsistent() && restart(y, dydt);
     }
     if (delassus_.left_out() > 0 && !prescribed_rates_are_met()) {

@@ -235,7 +235,7 @@ class EquationsOfMotion : public IslandModel {
 
   // ---- projections
   double find_values();
-  bool meet(double t, double* y);
+  bool project_start(double t, double* y);
   bool fit_positions(double t, double* y);
   bool restore_redundant_if_off();
   void project_velocities(double* y);

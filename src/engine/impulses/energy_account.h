@@ -11,10 +11,11 @@ namespace constraint_sim::engine {
 /// Largest s in [0, 1] with quadratic s² + linear s ≤ most, for quadratic > 0 and most ≥ 0.
 double largest_scale(double quadratic, double linear, double most);
 
-/// Energy that the impulses of a step add to each component. With Δv = v₁ − v₀ and ζ the rates of
-/// motors, a step adds to kinetic energy and that of gravity, beyond the work of wrenches, motors
-/// and kinematic bodies: Σ pᵢ (Jᵢ v₁ − ζᵢ) − ½ Δvᵀ M Δv. Where unconverged sweeps or simultaneous
-/// bounces make the sum positive, impulses are scaled down until it is zero.
+/// Energy that the impulses of a step add to each component. With v₀ and v₁ the velocities at the
+/// start of the step and after the solve, Δv = v₁ − v₀ and ζ the rates of motors, a step adds to
+/// kinetic energy and that of gravity, beyond the work of wrenches, motors and kinematic bodies:
+/// Σ pᵢ (Jᵢ v₁ − ζᵢ) − ½ Δvᵀ M Δv. Where unconverged sweeps or simultaneous bounces make the sum
+/// positive, impulses are scaled down until it is zero.
 class EnergyAccount {
  public:
   /// Begins a step.

@@ -25,11 +25,11 @@ struct LoopRow {
 };
 
 /// Solves the rows of sequential_impulses: gravity, sweeps over the rows at velocity level, then
-/// positions; first order in h. An impulse p changes the lasting velocities v. An impulse b of
-/// Baumgarte's correction changes velocities w that move bodies in this step only, so that closing
-/// errors adds no kinetic energy. `moved`: indices of the bodies to advance. RowSystem has the
-/// bodies and the responses of the rows, EnergyAccount limits the energy, ImpulsePositions moves
-/// the bodies.
+/// positions; first order in h. An impulse p changes the lasting velocities v, from v₀ at the start
+/// of the step to v₁ after the solve. An impulse b of Baumgarte's correction changes velocities w
+/// that move bodies in this step only, so that closing errors adds no kinetic energy. `moved`:
+/// indices of the bodies to advance. RowSystem has the bodies and the responses of the rows,
+/// EnergyAccount limits the energy, ImpulsePositions moves the bodies.
 class RowSolver {
  public:
   using Bodies = List<BodyState>;

@@ -79,7 +79,7 @@ class ContactGroups {
   /// Work of kinematic bodies on the group of an island [J]; the first island reports all of it.
   double driven_work_of(std::size_t island) const;
 
-  /// Visits everything that the next step goes on from, as support/memory.h says.
+  /// Visits everything that the next step continues from, as engine/support/memory.h describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.had_groups_);

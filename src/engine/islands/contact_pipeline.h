@@ -35,7 +35,7 @@ class ContactPipeline {
   /// Returns the contacts of the step before, and forgets those of this step.
   void take_back(List<TouchingPair>* touching);
 
-  /// Visits everything that the next step goes on from, as support/memory.h says.
+  /// Visits everything that the next step continues from, as engine/support/memory.h describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.touching_before_);

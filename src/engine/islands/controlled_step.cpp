@@ -211,23 +211,24 @@ bool ControlledStep::approaches_closed(const Model& model, double speed, const S
   return false;
 }
 
-// Lets a contact meet that was closed where the rejected part began, or finds the time until a
-// contact closes. False where no impact made the error; the group is at the start of the part then.
+// Applies the impact of a contact that was closed where the rejected part began, or finds the time
+// until a contact closes. False where no impact made the error; the group is at the start of the
+// part then.
 bool ControlledStep::turn_to_impact(const GroupSurroundings& around, double done, double part,
                                     double allowed, SequentialImpulses* method, double* until_hit,
                                     State* state) {
   parts_.restore(state);
   if (approaches_closed(around.step.model, kImpactShare * allowed / part, *state)) {
-    meet(around, done, 0.0, method, state);
+    apply_impacts(around, done, 0.0, method, state);
     return true;
   }
   if (!met_.empty()) *until_hit = locate_impact(around, done, part, method, state);
   return *until_hit > 0.0;
 }
 
-// Lets the contacts that are closed meet in no time.
-void ControlledStep::meet(const GroupSurroundings& around, double done, double gap,
-                          SequentialImpulses* method, State* state) {
+// Applies the impacts of the contacts that are closed, in no time.
+void ControlledStep::apply_impacts(const GroupSurroundings& around, double done, double gap,
+                                   SequentialImpulses* method, State* state) {
   const WorldOptions& options = around.step.model.options;
   const double instant = kInstantDuration * options.time_step;
   parts_.collide(around, done, options.time_step, false, state);
@@ -319,7 +320,7 @@ ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
       if (!is_free) continue;
       until_hit = 0.0;
       h = step;
-      meet(around, done, 4.0 * tried.error, method, state);
+      apply_impacts(around, done, 4.0 * tried.error, method, state);
       continue;
     }
     unsolved += tried.is_solved ? 0 : 1;

@@ -51,8 +51,8 @@ class ControlledStep {
                       SequentialImpulses* method, double* until_hit, State* state);
   void accept(const GroupSurroundings& around, double h, const Attempt& attempt, State* state);
   void finish(const GroupSurroundings& around, List<TouchingPair>* contacts, State* state);
-  void meet(const GroupSurroundings& around, double done, double gap, SequentialImpulses* method,
-            State* state);
+  void apply_impacts(const GroupSurroundings& around, double done, double gap,
+                     SequentialImpulses* method, State* state);
 
   GroupParts parts_;
   PartError error_;

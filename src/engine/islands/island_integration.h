@@ -69,7 +69,8 @@ class IslandIntegration {
   void compile_where_closed(const Model& model, const Topology& topology, const JointStep& interval,
                             State* state, IslandLists* lists);
 
-  /// Visits everything that the next step goes on from, as support/memory.h says, in three parts.
+  /// Visits everything that the next step continues from, as engine/support/memory.h describes, in
+  /// three parts.
   template <class Self, class Visit>
   static void visit_motion(Self& self, Visit& visit) {
     visit(self.rotations_);

@@ -87,7 +87,7 @@ class Sleep {
                                          const List<WatchedPair>& near, IslandLists* lists,
                                          State* state);
 
-  /// Visits everything that the next step goes on from, as support/memory.h says.
+  /// Visits everything that the next step continues from, as engine/support/memory.h describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.any_waking_);

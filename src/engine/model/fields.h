@@ -186,7 +186,7 @@ void visit_fields(Struct& object, Visit visit) {
   visit_list(kFields<std::remove_const_t<Struct>>, object, visit);
 }
 
-/// Whether values are equal, field by field and number by number; 0 and −0 are.
+/// Whether values are equal, field by field and number by number. 0 and −0 count as equal.
 inline bool are_same(const std::shared_ptr<const ConvexHull>& a,
                      const std::shared_ptr<const ConvexHull>& b) {
   return a == b || (a && b && a->vertices() == b->vertices());

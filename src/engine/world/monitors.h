@@ -59,8 +59,8 @@ class Monitors {
   const std::vector<JointId>& unclosed() const { return unclosed_; }
   void set_unclosed(const std::vector<JointId>& joints) { unclosed_ = joints; }
 
-  /// Visits everything that the next step goes on from, as support/memory.h says: first the
-  /// energies since the last edit.
+  /// Visits everything that the next step continues from, as engine/support/memory.h describes:
+  /// first the energies since the last edit.
   template <class Self, class Visit>
   static void visit_energies(Self& self, Visit& visit) {
     visit(self.reference_energy_);

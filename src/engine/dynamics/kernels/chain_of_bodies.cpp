@@ -212,7 +212,7 @@ bool ChainOfBodies::project(double t, double* y) {
       t, y, [&] { return find_values(y); },
       [&] {
         reduce();
-        push(y);
+        add_response(y);
       });
 }
 
@@ -269,7 +269,7 @@ double ChainOfBodies::find_values(double* y) {
 }
 
 // Adds M⁻¹ Gᵀ of the forces that reduce() has prepared to positions and orientations.
-void ChainOfBodies::push(double* y) {
+void ChainOfBodies::add_response(double* y) {
   substitute([&](std::size_t e, const Lanes3& force, const Lanes3& torque) {
     const Quaternions q = read_rotation(e, y);
     const Lanes33 R = q.toRotationMatrix();

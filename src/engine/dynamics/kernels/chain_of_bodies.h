@@ -51,7 +51,7 @@ class ChainOfBodies {
 
   bool accelerate(std::size_t stage, const double* y, double* dydt);
   double find_values(double* y);
-  void push(double* y);
+  void add_response(double* y);
 
   template <class FindMotion>
   bool factor(const double* y, const FindMotion& find_motion);

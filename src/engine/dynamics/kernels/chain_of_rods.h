@@ -44,7 +44,7 @@ class ChainOfRods {
         t, y, [&] { return find_values(y); },
         [&] {
           tridiagonal_.solve(solution_);
-          push(y);
+          add_response(y);
         });
   }
 
@@ -60,7 +60,7 @@ class ChainOfRods {
       return rate[l] - d.dot(d_dot);
     });
     if (!factor_and_solve()) return equations_.restart(y, dydt);
-    push(y + v_at_);
+    add_response(y + v_at_);
     for (std::size_t l = 0; l < rods_; ++l)
       impulses_[unknown_[l]] += solution_[l] * lengths_[l].value;
 
@@ -180,9 +180,9 @@ class ChainOfRods {
   }
 
   // Adds M⁻¹ Gᵀ of the solution to the three numbers of each body.
-  void push(double* of_bodies) const {
-    pull_bodies([&](std::size_t i, const Vector3d& pull) {
-      Vector(of_bodies + 3 * i) += inverse_mass_[i] * pull;
+  void add_response(double* of_bodies) const {
+    visit_forces([&](std::size_t i, const Vector3d& force) {
+      Vector(of_bodies + 3 * i) += inverse_mass_[i] * force;
     });
   }
 
@@ -190,17 +190,17 @@ class ChainOfRods {
   [[gnu::always_inline]] void write_rates(std::size_t stage, const double* y, double* dydt) {
     const double* const v = y + v_at_;
     double* const v_dot = dydt + v_at_;
-    pull_bodies([&](std::size_t i, const Vector3d& pull) {
+    visit_forces([&](std::size_t i, const Vector3d& force) {
       Vector(dydt + 3 * i) = ConstVector(v + 3 * i);
-      Vector(v_dot + 3 * i) = free_[i] + inverse_mass_[i] * pull;
+      Vector(v_dot + 3 * i) = free_[i] + inverse_mass_[i] * force;
     });
     double* const forces = stage_forces_ + stage * unknowns_;
     for (std::size_t l = 0; l < rods_; ++l) forces[unknown_[l]] = solution_[l] * lengths_[l].value;
   }
 
-  // Passes Gᵀ of the solution to `take`, body by body.
+  // Calls take(i, force) for each body i, with the force Gᵀ of the solution on it.
   template <class Take>
-  void pull_bodies(const Take& take) const {
+  void visit_forces(const Take& take) const {
     std::size_t i = 0;
     Vector3d before = Vector3d::Zero();
     for (std::size_t l = 0; l < rods_; ++l) {

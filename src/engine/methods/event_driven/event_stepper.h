@@ -65,7 +65,7 @@ class EventStepper {
   bool expects_event() const { return expected_.has_value(); }
   /// Returns the rest of `start` once `part` is left of to_next_event().
   RemainingInterval rest_of(const RemainingInterval& start, const RemainingInterval& part) const {
-    return expected_ ? gone_on(start, expected_->time - part.left) : part;
+    return expected_ ? remaining_after(start, expected_->time - part.left) : part;
   }
 
   /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
@@ -78,7 +78,7 @@ class EventStepper {
     std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
     const auto go_to = [&](double share, bool is_start) {
       if (!repeat(share * h, is_start)) return false;
-      *left = is_start ? start : gone_on(start, share * h);
+      *left = is_start ? start : remaining_after(start, share * h);
       watch(&watched_.after);
       return true;
     };

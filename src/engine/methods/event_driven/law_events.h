@@ -21,14 +21,15 @@ namespace constraint_sim::engine {
 // that the motor demands; for a motor with a goal its `value` is the prescribed position. A reading
 // has position `q`, `rate` and `acceleration` of a coordinate.
 
-/// Share of its acceleration without joints; a coordinate with a smaller acceleration is held by
-/// the joints.
+/// Acceleration of a coordinate, as a share of its acceleration without joints, up to which the
+/// joints hold the coordinate.
 inline constexpr double kHeld = 1e-12;
-/// Work of an impulse as a share of the exchanged energy; less is rounding.
+/// Work of an impulse, as a share of the exchanged energy, up to which the work is rounding.
 inline constexpr double kNoWork = 1e-12;
-/// Distance of a force from its bound, as a share of the bound; a nearer force is at the bound.
+/// Distance of a force from its bound, as a share of the bound, up to which the force is at the
+/// bound.
 inline constexpr double kAtBound = 1e-6;
-/// Force as a share of the largest force of the island; less is rounding.
+/// Force, as a share of the largest force of the island, up to which the force is rounding.
 inline constexpr double kForceShare = 1e-9;
 inline constexpr int kMostImpacts = 2000;  ///< impacts at one time
 /// Passes of impacts at one time until velocities are as small as rounding.
@@ -68,7 +69,7 @@ inline signed char sign_of(double x) {
 
 /// Rest of a substep that began at `start`, after `done` [s]. The rest is zero where the time
 /// cannot resolve it, as at an event at the end of a tick.
-inline RemainingInterval gone_on(const RemainingInterval& start, double done) {
+inline RemainingInterval remaining_after(const RemainingInterval& start, double done) {
   RemainingInterval now = start;
   now.left = start.left - done;
   now.t = start.end - now.left;
@@ -106,9 +107,9 @@ struct HoldRules {
   double resting = kResting;  ///< rate that counts as zero [m/s or rad/s]
   /// Deceleration of a motor with a goal that does not follow its prescribed motion; 0: it follows.
   double braking = 0.0;
-  /// Whether a motor that follows its prescribed motion is strong enough to move the coordinate off
-  /// a touched limit, or to stop it there.
-  bool is_carried = true;
+  /// Whether a motor that follows its prescribed motion has the force to move the coordinate off a
+  /// touched limit, or to stop it there.
+  bool is_strong_enough = true;
 };
 
 /// Returns the law that may hold a coordinate at its position and rate. Where there is none,
@@ -128,7 +129,7 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     const bool has_yielded = before.yield == -direction;
     const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);
-    if (rules.is_carried && !is_lost && gap >= -kTouching && gap <= kTouching &&
+    if (rules.is_strong_enough && !is_lost && gap >= -kTouching && gap <= kTouching &&
         leads_off(law, upper_one, zeta()))
       continue;
     const bool has_yet_to_hit = gap > 0.0 && rate < -resting && !std::isfinite(law.limit_force);
@@ -218,7 +219,8 @@ WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, doub
   return watched;
 }
 
-/// Watched value of a braking motor, zero where it comes to rest in `left` [s].
+/// Watched value of a braking motor, zero where the motor comes to rest. `left`: time until then
+/// [s].
 inline WatchedValue watched_end(double left, double braking) {
   WatchedValue watched;
   watched.known = 1;
@@ -326,7 +328,7 @@ bool was_at_force_limit(const OneSidedLaw& law, const Laws& all, LawOf law_of, c
 }
 
 /// State of a law before a step, from the motion at its end and the reported saturation of the
-/// motor. `rest`: of a servo.
+/// motor. `rest`: rest position of a servo.
 template <class Reading, class Limit>
 OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool saturated,
                               const Prescribed& rest, Limit limit) {

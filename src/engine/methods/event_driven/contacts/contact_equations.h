@@ -79,7 +79,7 @@ class ContactEquations {
   double rounding() const { return bodies_.rounding(); }
 
   /// Applies the current forces over an interval h without motion [s].
-  void accept_stillness(double h) { add_impulses(h, 0); }
+  void accept_without_motion(double h) { add_impulses(h, 0); }
 
   // ---- queries at the current pose
   /// Derivative ẇ of the relative velocity of a contact.

@@ -184,7 +184,7 @@ bool ContactEvents::advance_to_event(Run* run) {
   equations_.joints().integrate_angles(equations_.bodies());
   if (!equations_.bodies().has_movers() && !equations_.joints().depends_on_time() &&
       equations_.bodies().is_still(derivative())) {  // nothing will move in the interval
-    equations_.accept_stillness(run->left.left);
+    equations_.accept_without_motion(run->left.left);
     run->left.left = 0.0;
     return true;
   }

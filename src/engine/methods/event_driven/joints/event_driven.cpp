@@ -59,7 +59,7 @@ void EventDriven::collect(const List<BodyState>& states, RungeKutta* motion) {
   motion->begin_step(motions_.joint_states());
 }
 
-Interval EventDriven::rest_of(const Run& run) const {
+Interval EventDriven::remaining(const Run& run) const {
   const Interval& whole = run.interval;
   const double since_tick = whole.since_tick + (run.left.t - whole.t);
   return {run.left.t, run.left.left, whole.gravity, whole.loads, motions_.prescribed(),
@@ -99,7 +99,7 @@ bool EventDriven::begin_run(Run* run) {
   };
   if (!motions_.has_started() || !goes_on || run->interval.is_edited) return decide_again();
   if (is_pushed && !motions_.joints().breaking().empty()) return decide_again();
-  Interval now = rest_of(*run);
+  Interval now = remaining(*run);
   now.is_disturbed = is_pushed;
   now.is_edited = false;
   const IntegrationResult begun = run->motion->begin(now, run->options, *run->states);
@@ -141,7 +141,7 @@ bool EventDriven::advance_to_event(Run* run) {
   const auto repeat = [&](double h, bool is_start) {
     if (is_start)
       motion.return_to_start();
-    else if (!motion.repeat_substep(rest_of(*run), of_substep(*run), start.t, h))
+    else if (!motion.repeat_substep(remaining(*run), of_substep(*run), start.t, h))
       return false;
     motion.scatter(run->states);
     return true;
@@ -164,7 +164,8 @@ bool EventDriven::take_substep(Run* run) {
   const double step = motion.step();
   RemainingInterval part = stepper_.to_next_event(start, run->options.tolerance > 0.0 ? step : 0.0);
   const int rejected = run->progress.rejected;
-  if (!motion.advance_substep(rest_of(*run), of_substep(*run), &part, &run->progress)) return false;
+  if (!motion.advance_substep(remaining(*run), of_substep(*run), &part, &run->progress))
+    return false;
   run->left = stepper_.rest_of(start, part);
   if (stepper_.expects_event() && run->progress.rejected == rejected)
     motion.set_step(std::max(motion.step(), step));
@@ -407,7 +408,7 @@ bool EventDriven::switch_to_states(Run* run) {
     impulses_.forget_equations();
   motion.begin_step(motions_.joint_states());
   motion.forget();
-  const IntegrationResult begun = motion.begin(rest_of(*run), run->options, *run->states);
+  const IntegrationResult begun = motion.begin(remaining(*run), run->options, *run->states);
   run->progress.projected += begun.projected;
   if (!begun.done) return false;
   motion.scatter(run->states);

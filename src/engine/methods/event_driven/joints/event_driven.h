@@ -144,7 +144,7 @@ class EventDriven {
   bool take_substep(Run* run);
   IntegratorOptions of_substep(const Run& run) const;
   void watch(const Run& run, double h, List<WatchedByJoints>* list);
-  Interval rest_of(const Run& run) const;
+  Interval remaining(const Run& run) const;
 
   // ---- at events
   void end_rattling(Run* run, const WatchedByJoints& watched);

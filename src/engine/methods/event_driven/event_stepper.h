@@ -20,8 +20,8 @@ namespace constraint_sim::engine {
 /// value whose event has changed nothing is muted until something changes.
 ///
 /// Watched is derived from WatchedValue. Functions of the system are
-///   bool repeat(double h, bool is_start);  repeats the substep with length h, or only returns to
-///                                          its start; false: impossible
+///   bool repeat(double h);  repeats the substep with length h; 0: returns to its start; false:
+///                           impossible
 ///   void watch(List<Watched>* list);       lists the values at the present state
 ///   bool accept(double h);                 whether a substep of length h may stay
 ///   bool change(const Watched& event, bool* is_changed);  false: no solution
@@ -41,31 +41,34 @@ class EventStepper {
   const List<Watched>& before() const { return watched_.before; }
   void count_event() { ++events_; }
   std::uint32_t events() const { return events_; }
-
-  /// Returns the interval of the next substep: from `start`, and only to the next event where one
-  /// is expected before `step` [s]; 0: none is expected. So a substep ends at its event at once
-  /// where accelerations are constant, and is repeated less often elsewhere. After two expected
-  /// events in a row that were none the next ones are not waited for.
-  RemainingInterval to_next_event(const RemainingInterval& start, double step) {
-    constexpr int kMostInVain = 2;
-    constexpr double kShort = 1.0 / 32;  // of a substep without events; 32⁻⁶ is 1e-9
-    const ExpectedEvent next = watched_.expected();
-    const double least = 2.0 * event_watch::kLocatedTime * std::max(1.0, std::abs(start.t));
-    expected_.reset();
-    is_short_ = false;
-    if (!(next.time < std::min(step, start.left) && next.time > least) || in_vain_ >= kMostInVain)
-      return start;
-    expected_ = next;
-    is_short_ = next.time < kShort * step;
-    return {start.t, next.time};
+  /// Substeps and events of the step.
+  double work(const IntegrationResult& progress) const {
+    return progress.substeps + progress.rejected + static_cast<double>(events_);
   }
-  /// Order of the substep where others have `order`. Short ones, as between bounces of a body that
-  /// is about to rest, are as exact by order 5, which has half of the stages.
-  int order_of_substep(int order) const { return is_short_ ? 5 : order; }
-  bool expects_event() const { return expected_.has_value(); }
-  /// Returns the rest of `start` once `part` is left of to_next_event().
-  RemainingInterval rest_of(const RemainingInterval& start, const RemainingInterval& part) const {
-    return expected_ ? remaining_after(start, expected_->time - part.left) : part;
+
+  /// Takes the next substep, of at most `step` [s], by `take(part)`: from `left` on, and only
+  /// to the next event where one is expected before. So a substep ends at its event at once where
+  /// accelerations are constant, and is repeated less often elsewhere. After two expected events in
+  /// a row that were none the next ones are not waited for. `step` does not become shorter for an
+  /// expected event. Events are expected where there is a tolerance.
+  template <class Take>
+  bool take_substep(const IntegratorOptions& options, const IntegrationResult& progress,
+                    const Take& take, RemainingInterval* left, double* step) {
+    const RemainingInterval start = *left;
+    const double longest = *step;
+    const int rejected = progress.rejected;
+    expect_event(start, options.tolerance > 0.0 ? longest : 0.0);
+    RemainingInterval part = expected_ ? RemainingInterval(start.t, expected_->time) : start;
+    const bool is_taken = take(&part);
+    *left = expected_ ? remaining_after(start, expected_->time - part.left) : part;
+    if (expected_ && progress.rejected == rejected) *step = std::max(*step, longest);
+    return is_taken;
+  }
+  /// Options of the present substep. Short ones, as between bounces of a body that is about to
+  /// rest, are as exact by order 5, which has half of the stages.
+  IntegratorOptions of_substep(IntegratorOptions options) const {
+    if (is_short_) options.order = 5;
+    return options;
   }
 
   /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
@@ -77,7 +80,7 @@ class EventStepper {
     watch(&watched_.after);
     std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
     const auto go_to = [&](double share, bool is_start) {
-      if (!repeat(share * h, is_start)) return false;
+      if (!repeat(is_start ? 0.0 : share * h)) return false;
       *left = is_start ? start : remaining_after(start, share * h);
       watch(&watched_.after);
       return true;
@@ -95,6 +98,22 @@ class EventStepper {
   }
 
  private:
+  // Expects an event in a substep of at most `step` [s], where the present accelerations lead to
+  // it.
+  void expect_event(const RemainingInterval& start, double step) {
+    constexpr int kMostInVain = 2;
+    constexpr double kShort =
+        1.0 / 32;  // share of a substep without events, with 32⁻⁶ of its error
+    const ExpectedEvent next = watched_.expected();
+    const double least = 2.0 * event_watch::kLocatedTime * std::max(1.0, std::abs(start.t));
+    expected_.reset();
+    is_short_ = false;
+    const bool is_within = next.time > least && next.time < std::min(step, start.left);
+    if (!is_within || in_vain_ >= kMostInVain) return;
+    expected_ = next;
+    is_short_ = next.time < kShort * step;
+  }
+
   template <class Change>
   bool change_at(std::size_t which, const Change& change) {
     ++events_;

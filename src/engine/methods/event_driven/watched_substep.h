@@ -67,7 +67,7 @@ struct WatchedSubstep {
   /// the earliest one; `expected`: event at which the substep was to end.
   std::optional<Crossing> at_end(double t, double h, const std::optional<Crossing>& crossing,
                                  const std::optional<ExpectedEvent>& expected) const {
-    constexpr double kRounding = 4.0;  // of a time that is found from a value and its derivatives
+    constexpr double kRounding = 4.0;  // rounding of times found from values, in their resolution
     const double least = kRounding * event_watch::kLocatedTime * std::max(1.0, std::abs(t));
     if (crossing ? (1.0 - crossing->share) * h > least : !expected) return std::nullopt;
     const std::size_t which = crossing ? crossing->which : expected->which;

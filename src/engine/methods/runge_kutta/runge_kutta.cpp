@@ -261,16 +261,18 @@ void RungeKutta::return_to_start() {
 }
 
 bool RungeKutta::repeat_substep(const Interval& interval, const IntegratorOptions& options,
-                                double t, double h) {
+                                double t, double h, IntegrationResult* progress) {
   return_to_start();
+  if (h == 0.0) return true;
   IntegratorOptions whatever = options;
   whatever.tolerance = 0.0;
   RemainingInterval left(t, h);
-  IntegrationResult progress;
+  IntegrationResult repeated;
   const double step = step_;
-  const bool is_done = advance_substep(interval, whatever, &left, &progress);
+  const bool is_done = advance_substep(interval, whatever, &left, &repeated);
   step_ = step;
-  return is_done && progress.rejected == 0;
+  ++progress->substeps;
+  return is_done && repeated.rejected == 0;
 }
 
 // Whether the island is too stiff even to try a few intervals.

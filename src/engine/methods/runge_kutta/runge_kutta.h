@@ -44,18 +44,17 @@ class RungeKutta {
                        RemainingInterval* left, IntegrationResult* progress);
   /// Saves the start of a substep.
   void keep_start();
-  /// Returns to the saved start.
-  void return_to_start();
-  /// Repeats a substep with length h from the saved start at time t. Returns false where it fails.
+  /// Repeats a substep with length h from the saved start at time t, and counts it; 0: returns to
+  /// the start. Returns false where it fails.
   bool repeat_substep(const Interval& interval, const IntegratorOptions& options, double t,
-                      double h);
+                      double h, IntegrationResult* progress);
   /// Writes the bodies at the present state.
   void scatter(List<BodyState>* states);
   /// Accelerations of the bodies at the present state, at time t [s].
   void find_accelerations(double t, Motions* rates);
   /// First guess of the next substep [s].
   double step() const { return step_; }
-  void set_step(double step) { step_ = step; }
+  double* next_step() { return &step_; }
   /// Whether laws have other forces than in the last interval.
   bool has_other_forces() const { return has_other_forces_; }
   /// Whether the next interval continues the last one.
@@ -85,6 +84,7 @@ class RungeKutta {
   }
 
  private:
+  void return_to_start();
   IntegrationResult start(const Interval& interval, const IntegratorOptions& options,
                           const StageMemory& memory);
 

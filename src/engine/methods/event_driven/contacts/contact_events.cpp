@@ -17,11 +17,11 @@ constexpr int kMostMissed = 40;         // substeps repeated per step for missed
 // Longest substep that the motors of a group allow [s].
 double longest_substep(const GroupJoints& joints) {
   double longest = kInfinity;
-  for (const GroupCoordinate& of : joints.coordinates())
-    longest = std::min(
-        longest,
-        longest_substep(of.law, of.state.hold,
-                        of.law.is_distance ? motor_rate(joints[of.joint].joint.motor) : of.motor));
+  for (const GroupCoordinate& of : joints.coordinates()) {
+    const MotorRate length = motor_rate(joints[of.joint].joint.motor);
+    const MotorRate motor = of.law.is_distance ? length : of.motor;
+    longest = std::min(longest, longest_substep(of.law, of.state.hold, motor));
+  }
   return longest;
 }
 
@@ -119,15 +119,14 @@ bool ContactEvents::take(Run* run, RemainingInterval* left, double tolerance, do
   solver_.add(1.0 + acting * acting / 16.0);
   const StageMemory memory(numbers_.data(), equations_.size());
   const SubstepLimits limits{tolerance, run->options.most_attempts, run->interval.stop};
-  return stepper_.order_of_substep(run->options.order) == 5
+  return stepper_.of_substep(run->options).order == 5
              ? take_substep<DormandPrince5>(equations_, memory, limits, *left, *step, run->progress)
              : take_substep<DormandPrince8>(equations_, memory, limits, *left, *step,
                                             run->progress);
 }
 
-// Repeats a substep of length h from the start of the last one, at time t. `is_start`: only returns
-// to the start.
-bool ContactEvents::repeat(Run* run, double t, double h, bool is_start) {
+// Repeats a substep of length h from the start of the last one, at time t. 0: returns to the start.
+bool ContactEvents::repeat(Run* run, double t, double h) {
   if (solver_.is_used_up()) return false;
   const std::size_t n = equations_.size();
   std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
@@ -135,7 +134,7 @@ bool ContactEvents::repeat(Run* run, double t, double h, bool is_start) {
   equations_.restore();
   equations_.bodies().set_time(t);
   equations_.bodies().place(numbers_.data());
-  if (is_start) return true;
+  if (h == 0.0) return true;
   RemainingInterval left(t, h);
   double step = h;
   const int rejected = run->progress.rejected;
@@ -153,28 +152,28 @@ bool ContactEvents::go_straight(bool is_straight) {
   return equations_.restart(numbers_.data(), derivative(), nullptr);
 }
 
-// Takes the substep in which events are then searched, from the state in kept_. Where slips were
+// Takes the substep in which events are then searched, from the state in kept_ on. Where slips were
 // assumed straight and are not, takes it again with slips that turn.
-bool ContactEvents::take_first(Run* run, double* step) {
+bool ContactEvents::take_first(Run* run, RemainingInterval* left, double* step) {
   const double tolerance = run->options.tolerance, first = *step;
   if (equations_.is_straight()) {
-    const RemainingInterval start = run->left;
-    if (take(run, &run->left, tolerance, step) &&
-        was_straight(equations_, pairs_.tolerances(), start.left - run->left.left, tolerance))
+    const RemainingInterval start = *left;
+    if (take(run, left, tolerance, step) &&
+        was_straight(equations_, pairs_.tolerances(), start.left - left->left, tolerance))
       return true;
     const auto n = static_cast<std::ptrdiff_t>(equations_.size());
     std::copy(kept_.begin(), kept_.begin() + n, numbers_.begin());
     equations_.restore();
     equations_.bodies().set_time(start.t);
     equations_.bodies().place(numbers_.data());
-    run->left = start;
+    *left = start;
     run->progress.is_inconsistent = false;
     *step = first;
     if (!go_straight(false)) return false;
     watch(stepper_.before());
     std::copy(derivative(), derivative() + n, kept_.begin() + n);
   }
-  return take(run, &run->left, tolerance, step);
+  return take(run, left, tolerance, step);
 }
 
 bool ContactEvents::advance_to_event(Run* run) {
@@ -198,21 +197,15 @@ bool ContactEvents::advance_to_event(Run* run) {
   kept_.insert(kept_.end(), derivative(), derivative() + n);
   equations_.keep();
   const RemainingInterval start = run->left;
-  const double longest = step;
-  const int rejected = run->progress.rejected;
-  run->left = stepper_.to_next_event(start, run->options.tolerance > 0.0 ? step : 0.0);
-  const bool is_taken = take_first(run, &step);
-  run->left = stepper_.rest_of(start, run->left);
-  if (!is_taken) return end_jam(run);
-  step_ = stepper_.expects_event() && run->progress.rejected == rejected ? std::max(step, longest)
-                                                                         : step;
+  const auto take_part = [&](RemainingInterval* part) { return take_first(run, part, &step); };
+  if (!stepper_.take_substep(run->options, run->progress, take_part, &run->left, &step))
+    return end_jam(run);
+  step_ = step;
   error_ = 0.0;
-  const auto repeat_to = [&](double length, bool is_start) {
-    return repeat(run, start.t, length, is_start);
-  };
+  const auto repeat_to = [&](double length) { return repeat(run, start.t, length); };
   const auto look = [&](List<Watched>* list) {
     pairs_.find_features(false, true, &equations_);
-    last_ = {start.left - run->left.left, stepper_.order_of_substep(run->options.order)};
+    last_ = {start.left - run->left.left, stepper_.of_substep(run->options).order};
     watch(list);
   };
   const auto accept = [&](double length) {

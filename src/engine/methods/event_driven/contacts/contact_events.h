@@ -75,11 +75,11 @@ class ContactEvents {
   // ---- between events
   void watch(List<Watched>* list);
   bool take(Run* run, RemainingInterval* left, double tolerance, double* step);
-  bool repeat(Run* run, double t, double h, bool is_start);
+  bool repeat(Run* run, double t, double h);
   bool advance_to_event(Run* run);
   bool end_jam(Run* run);
   bool go_straight(bool is_straight);
-  bool take_first(Run* run, double* step);
+  bool take_first(Run* run, RemainingInterval* left, double* step);
 
   // ---- at events
   bool change_states(Run* run, const Watched& event, bool* is_changed);

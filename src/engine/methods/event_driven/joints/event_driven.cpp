@@ -9,6 +9,7 @@
 #include "engine/methods/event_driven/staged_substep.h"
 
 namespace constraint_sim::engine {
+
 /// State of EventDriven::advance().
 struct EventDriven::Run {
   const Interval& interval;
@@ -117,59 +118,39 @@ bool EventDriven::begin_run(Run* run) {
 
 // Watches at the end of a substep of length h [s], or with h = 0 at a start.
 void EventDriven::watch(const Run& run, double h, List<WatchedByJoints>* list) {
-  const StagedSubstep last(h, stepper_.order_of_substep(run.options.order));
+  const StagedSubstep last(h, stepper_.of_substep(run.options).order);
   watch_joints(motions_, run.bodies(), run.t(), last, run.motion, &rates_, list);
-}
-
-IntegratorOptions EventDriven::of_substep(const Run& run) const {
-  IntegratorOptions options = run.options;
-  options.order = stepper_.order_of_substep(options.order);
-  return options;
 }
 
 // Makes the next substep, or the part of it before an event.
 bool EventDriven::advance_to_event(Run* run) {
-  if (run->progress.substeps + run->progress.rejected + static_cast<double>(stepper_.events()) >
-      run->options.most_work)
-    return false;
+  if (stepper_.work(run->progress) > run->options.most_work) return false;
   RungeKutta& motion = *run->motion;
   const RemainingInterval start = run->left;
   motion.keep_start();
-  motion.set_step(std::min(motion.step(), longest_substep(motions_)));
-  if (!take_substep(run)) return false;
+  double* const step = motion.next_step();
+  *step = std::min(*step, longest_substep(motions_));
+  const auto take = [&](RemainingInterval* part) {
+    return motion.advance_substep(remaining(*run), stepper_.of_substep(run->options), part,
+                                  &run->progress);
+  };
+  if (!stepper_.take_substep(run->options, run->progress, take, &run->left, step)) return false;
   motion.scatter(run->states);
-  const auto repeat = [&](double h, bool is_start) {
-    if (is_start)
-      motion.return_to_start();
-    else if (!motion.repeat_substep(remaining(*run), of_substep(*run), start.t, h))
-      return false;
+  const auto repeat = [&](double h) {
+    const bool is_done = motion.repeat_substep(remaining(*run), stepper_.of_substep(run->options),
+                                               start.t, h, &run->progress);
     motion.scatter(run->states);
-    return true;
+    return is_done;
   };
   const auto list_watched = [&](auto* list) { watch(*run, start.left - run->left.left, list); };
   const auto accept = [&](double) {
     motions_.note_positions(run->bodies(), run->t(), motion.equations());
     return true;
   };
-  const auto change = [&](const WatchedByJoints& watched, bool* is_changed) {
-    return change_states(run, watched, is_changed);
+  const auto change = [&](const auto& at, bool* changed) {
+    return change_states(run, at, changed);
   };
   return stepper_.end_substep(start, repeat, list_watched, accept, change, &run->left);
-}
-
-// Takes a substep, up to the next expected event. The next substep is not shorter for it.
-bool EventDriven::take_substep(Run* run) {
-  RungeKutta& motion = *run->motion;
-  const RemainingInterval start = run->left;
-  const double step = motion.step();
-  RemainingInterval part = stepper_.to_next_event(start, run->options.tolerance > 0.0 ? step : 0.0);
-  const int rejected = run->progress.rejected;
-  if (!motion.advance_substep(remaining(*run), of_substep(*run), &part, &run->progress))
-    return false;
-  run->left = stepper_.rest_of(start, part);
-  if (stepper_.expects_event() && run->progress.rejected == rejected)
-    motion.set_step(std::max(motion.step(), step));
-  return true;
 }
 
 // ---- at events
@@ -225,8 +206,7 @@ bool EventDriven::settle(Run* run, const EventRelease& release, bool is_changed,
   const std::optional<EventDecision> next = decide_states(*run, problem, release);
   if (!next) return false;
   if (!is_changed && !any && next->states == motions_.states()) return true;
-  List<std::size_t> broken;
-  if (any) broken = broken_by_impacts(*run, before);
+  List<std::size_t> broken = any ? broken_by_impacts(*run, before) : List<std::size_t>();
   report(*run, problem, next->states);
   motions_.change_states(problem, next->states, run->t());
   if (!switch_to_states(run)) return false;

@@ -141,8 +141,6 @@ class EventDriven {
   // ---- between events
   bool begin_run(Run* run);
   bool advance_to_event(Run* run);
-  bool take_substep(Run* run);
-  IntegratorOptions of_substep(const Run& run) const;
   void watch(const Run& run, double h, List<WatchedByJoints>* list);
   Interval remaining(const Run& run) const;
 

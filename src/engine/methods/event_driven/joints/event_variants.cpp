@@ -81,7 +81,7 @@ bool EventVariants::switch_to(const EventJoints& joints, const List<OneSidedStat
     broken_then_ = is_broken;
   }
   motion->restart();
-  motion->set_step(step);
+  *motion->next_step() = step;
   return true;
 }
 

@@ -64,12 +64,11 @@ MethodChoice choose_method(const IntegrationStep& in, std::size_t i, bool in_con
                            const ContactReach& reach, const ContactGroups& groups) {
   IslandParts& parts = in.lists->island_parts[i];
   const WorldOptions& options = in.step.model.options;
-  const bool was_in_group = in.lists->islands[i].why == MethodReason::kFewContacts;
   MethodChoice choice = choose(parts.nature, in_contact, parts, in.state->step_count, options);
   if (groups.contains(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
   if (groups.contains(i)) take_back(in, i);
   if (choice.why == MethodReason::kContact) choice.why = groups.why_left(reach, i);
-  if (was_in_group && !parts.is_fresh && groups.is_left_in_contact(in.step, *in.state, reach, i)) {
+  if (parts.is_in_group && groups.is_left_in_contact(in.step, *in.state, reach, i)) {
     choice = {impulses_of(options), groups.why_left(reach, i)};
     hand_over(in, i, choice.why);
   }

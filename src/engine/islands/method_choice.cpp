@@ -157,6 +157,7 @@ MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& me
 void remember_choice(const MethodChoice& choice, bool in_contact, std::uint64_t step,
                      IslandMemory* memory) {
   if (in_contact) memory->touched_until = step + kRefusedFor;
+  memory->is_in_group = choice.why == MethodReason::kFewContacts;
   if (uses_impulses(choice.method)) memory->inconsistent_until = 0;
 }
 

@@ -273,8 +273,8 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
 
 IslandMemory read_island(const YamlElement& item) {
   item.expect_keys({"first_body", "quiet_for", "is_stiff", "stiff_ticks", "stiff_until",
-                    "refused_until", "contacts_refused_until", "left_for", "touched_until",
-                    "inconsistent_until", "gradient_iterations", "substep_cost"});
+                    "refused_until", "contacts_refused_until", "left_for", "is_in_group",
+                    "touched_until", "inconsistent_until", "gradient_iterations", "substep_cost"});
   const auto read = [&](const char* key, std::uint64_t* target) {
     if (const auto value = item.find(key)) *target = value->count();
   };
@@ -291,6 +291,7 @@ IslandMemory read_island(const YamlElement& item) {
   if (left_for > static_cast<std::uint64_t>(MethodReason::kOverlap))
     item.at("left_for").fail("there is no such reason");
   memory.left_for = static_cast<MethodReason>(left_for);
+  item.read("is_in_group", &memory.is_in_group);
   read("touched_until", &memory.touched_until);
   read("inconsistent_until", &memory.inconsistent_until);
   std::uint64_t iterations = 0;

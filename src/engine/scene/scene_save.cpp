@@ -420,6 +420,7 @@ void write_islands(YAML::Emitter* out, const World& world) {
       write(out, "contacts_refused_until", memory.contacts_refused_until);
     if (memory.left_for != MethodReason::kSmooth)
       write(out, "left_for", static_cast<std::uint64_t>(memory.left_for));
+    if (memory.is_in_group) write(out, "is_in_group", true);
     write(out, "touched_until", memory.touched_until);
     write(out, "inconsistent_until", memory.inconsistent_until);
     write(out, "gradient_iterations", std::uint64_t{memory.gradient_iterations});

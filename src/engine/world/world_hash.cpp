@@ -246,7 +246,8 @@ void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body)
   for (const std::uint64_t value :
        {memory.quiet_for, std::uint64_t{memory.is_stiff},
         static_cast<std::uint64_t>(memory.stiff_ticks), memory.stiff_until, memory.refused_until,
-        memory.touched_until, memory.inconsistent_until, std::uint64_t{memory.gradient_iterations}})
+        memory.touched_until, memory.inconsistent_until, std::uint64_t{memory.gradient_iterations},
+        std::uint64_t{memory.is_in_group}})
     hash.add(value);
   if (memory.contacts_refused_until > 0) hash.add(memory.contacts_refused_until);
   if (memory.left_for != MethodReason::kSmooth)

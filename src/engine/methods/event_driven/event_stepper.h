@@ -81,7 +81,10 @@ class EventStepper {
     std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
     const auto go_to = [&](double share, bool is_start) {
       if (!repeat(is_start ? 0.0 : share * h)) return false;
-      *left = is_start ? start : remaining_after(start, share * h);
+      const RemainingInterval now = is_start ? start : remaining_after(start, share * h);
+      left->t = now.t;
+      left->left = now.left;
+      left->failures = now.failures;
       watch(&watched_.after);
       return true;
     };

@@ -20,10 +20,12 @@ struct WatchedSubstep {
     return event_watch::level_of(before[k], k < unchanged.size() ? unchanged[k] : 0);
   }
 
-  /// First event that is expected.
+  /// First event that is expected. Values at zero have none, except those that leave it.
   ExpectedEvent expected() const {
     ExpectedEvent first{kInfinity, 0};
     for (std::size_t k = 0; k < before.size(); ++k) {
+      const bool leaves = before[k].known == 2 && before[k].rate > before[k].resting;
+      if (!leaves && !is_clear(before[k])) continue;
       const double time = event_watch::time_to_level(before[k], level(k));
       if (time < first.time) first = {time, k};
     }

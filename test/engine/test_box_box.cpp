@@ -215,7 +215,7 @@ struct Oracle {
   }
 
   static bool is_along(const OracleBox& box, int k, const Vector3& n) {
-    return std::abs(n.dot(box.axes.col(k))) > 1 - 1e-15L;
+    return std::abs(n.dot(box.axes.col(k))) > 1 - 1e-14L;  // as exact as the length of n
   }
 
   /// Expects the normal of least depth, or of a face within the cosine that the engine allows.

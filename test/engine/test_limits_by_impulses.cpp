@@ -103,6 +103,20 @@ TEST_P(LimitsByImpulses, ARopeSlipsWhereItsWinchIsTooWeak) {
   EXPECT_NEAR(world.state(box).linear_velocity.x(), 0.0, 1e-9);
 }
 
+// A spring that is wound has its natural length by the motor, also while its force is at the limit.
+TEST_P(LimitsByImpulses, ASpringAtItsLimitIsWoundOn) {
+  constexpr double kSpeed = 0.8, kTime = 0.2;
+  World world = make_world();
+  const BodyId box = add_box(&world, 5.0, 0.0);
+  const JointId winch = world.add_joint(to_world(box, spring(5.0, 1e4, 0.0), -kSpeed));
+  run(&world, kTime);
+  const double moved = 0.5 * kForce / kMass * kTime * kTime;
+  const double tolerance = kForce / kMass * kTime * GetParam().time_step;
+  EXPECT_TRUE(world.joint_state(winch).saturated);
+  EXPECT_NEAR(world.state(box).position.x(), 5.0 - moved, tolerance);
+  EXPECT_NEAR(world.joint_state(winch).error, kSpeed * kTime - moved, tolerance);
+}
+
 // The box leaves the position of the servo by more than its force can hold, and comes back.
 TEST_P(LimitsByImpulses, AServoAtItsLimitTakesNoEnergyFromOtherMotion) {
   constexpr double kStart = 2.0, kAcross = 1.5;  // [m/s]

@@ -138,7 +138,7 @@ bool is_at_limit(const Row& row, double most) {
 }
 
 // Sets impulses and force, and adds the motion of the step to the motor's travel. A motor at its
-// force limit yields, and then holds the reached length.
+// force limit yields, and then holds the reached length; that of a spring goes on.
 void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
             const JointStep& step, const Row* rows, int count, JointData& state) {
   const double max_force = joint.motor.max_force;
@@ -150,16 +150,16 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
     state.force += impulse / step.h;
     if (max_force > 0.0 && is_at_limit(rows[k], max_force * step.h)) yielding = k;
   }
-  if (yielding < 0) {
+  if (yielding >= 0) {
+    state.saturated = true;
+    state.closing = false;
+  }
+  if (yielding < 0 || distance.is_soft()) {
     state.travel += state.bias * step.h;
     return;
   }
-  state.saturated = true;
-  state.closing = false;
-  if (!distance.is_soft()) {
-    const double reached = anchors.d.norm() - length_of_row(distance, yielding);
-    state.travel = std::max(reached, least_travel(distance));
-  }
+  const double reached = anchors.d.norm() - length_of_row(distance, yielding);
+  state.travel = std::max(reached, least_travel(distance));
 }
 
 // Returns the impulses per row and coordinate, for a kind other than kDistance. A motor at its

@@ -117,6 +117,35 @@ TEST_P(LimitsByImpulses, ASpringAtItsLimitIsWoundOn) {
   EXPECT_NEAR(world.joint_state(winch).error, kSpeed * kTime - moved, tolerance);
 }
 
+// A spring of the same stiffness beside the servo has an energy of its own. The box swings about a
+// point at which the spring and the force of the servo balance, with the spring's period.
+TEST_P(LimitsByImpulses, AServoAtItsLimitTakesNoEnergyFromASpringOfEqualStiffness) {
+  constexpr double kStiffness = 100.0, kStart = 0.5;  // [N/m], [m/s]
+  World world = make_world();
+  const BodyId box = add_box(&world, 5.0, 0.0);
+  Joint joint =
+      make_joint("servo", kWorldBody, {5.0, 0.0, 0.2}, box, Vector3d::Zero(), JointKind::kPlanar);
+  CoordinateLaw& law = joint.coordinates[0];
+  law.stiffness = kStiffness;
+  law.motor.emplace();
+  law.motor->position = 9.0;
+  law.motor->servo_stiffness = kStiffness;
+  law.motor->max_force = kForce;
+  world.add_joint(joint);
+  BodyState state = world.state(box);
+  state.position.x() += kForce / kStiffness;  // where both balance
+  state.linear_velocity.x() = kStart;
+  world.set_state(box, state);
+  const double omega = std::sqrt(kStiffness / kMass);
+  const double quarter = std::round(0.25 * kPi / omega / GetParam().time_step);
+  run(&world, quarter * GetParam().time_step);
+  const double phase = omega * world.time();
+  // implicit springs damp by ½ ω h per radian, and displace by a step
+  const double tolerance = 1.5 * kStart * GetParam().time_step;
+  EXPECT_NEAR(world.state(box).position.x(),
+              5.0 + kForce / kStiffness + kStart / omega * std::sin(phase), tolerance);
+}
+
 // The box leaves the position of the servo by more than its force can hold, and comes back.
 TEST_P(LimitsByImpulses, AServoAtItsLimitTakesNoEnergyFromOtherMotion) {
   constexpr double kStart = 2.0, kAcross = 1.5;  // [m/s]

@@ -82,6 +82,19 @@ TEST(RandomEvents, OfGroupsThatAreGivenUpAfterACorrectionGainNoEnergy) {
   }
 }
 
+// A group that is given up is handed over once, and keeps its reason.
+TEST(RandomEvents, OfGroupsThatAreGivenUpAreHandedOverOnce) {
+  for (const unsigned seed : {121u, 217u}) {
+    World world = world_of(scene_of(Kind::kAligned, seed));
+    while (!has_given_up(world)) ASSERT_LT(world.step().time, 10.0) << seed;
+    EXPECT_GT(world.report().contacts.handed_over, 0u) << seed;
+    for (int i = 0; i < 5; ++i) {
+      EXPECT_EQ(world.step().contacts.handed_over, 0u) << seed << " " << i;
+      EXPECT_TRUE(has_given_up(world)) << seed << " " << i;
+    }
+  }
+}
+
 // Shapes have random poses in their bodies: as many scenes are given up, and left to impulses, as
 // above.
 TEST(RandomEvents, OfContactsWithPosesGainNoEnergy) {

@@ -28,7 +28,7 @@ double distance_error(const DistanceJoint& joint, double distance, double travel
 int write_distance_rows(const DistanceJoint& joint, const AnchorPair& anchors, double travel,
                         Row* rows);
 
-/// Returns the length that the k-th row of write_distance_rows() holds, without travel [m].
+/// Returns the length that the k-th row of write_distance_rows() holds at a travel of 0 [m].
 double length_of_row(const DistanceJoint& joint, int k);
 
 /// Whether the anchors are free between limits, without a rod or spring.

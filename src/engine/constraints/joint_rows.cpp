@@ -158,7 +158,11 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
     state.travel += state.bias * step.h;
     return;
   }
-  const double reached = anchors.d.norm() - length_of_row(distance, yielding);
+  // A rope shortens by at most what the motor winds, also where other rows are not solved well.
+  const double wound = state.travel + state.bias * step.h;
+  double reached = anchors.d.norm() - length_of_row(distance, yielding);
+  if (rows[yielding].upper == 0.0) reached = std::max(reached, wound);
+  if (rows[yielding].lower == 0.0) reached = std::min(reached, wound);
   state.travel = std::max(reached, least_travel(distance));
 }
 
@@ -282,8 +286,8 @@ Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyS
 double spring_stretch(const Joint& joint, const JointState& state, const Row& row) {
   if (row.coordinate < 0) return state.error;
   const CoordinateLaw& law = joint.coordinates[row.coordinate];
-  const bool is_servo = law.motor && law.motor->is_servo() && law.motor->max_force > 0.0 &&
-                        row.stiffness == law.motor->servo_stiffness;
+  // Only a servo with a force limit has a row of its own, with bounds.
+  const bool is_servo = law.motor && law.motor->is_servo() && std::isfinite(row.upper);
   return state.coordinates[row.coordinate].position -
          (is_servo ? *law.motor->position : soft_law(law).R);
 }

@@ -20,7 +20,8 @@ struct Row {
   double drive = 0.0;       ///< part of `target` that comes from a motor [m/s]
   double correction = 0.0;  ///< rate that corrects the error in this step alone [m/s]: −(β/h) C
   double softness = 0.0;    ///< compliance of a spring [m/(s N s)], 0 for a rigid row
-  /// Stiffness of a spring [N/m]; its energy is ½ stiffness C², with `upper` 0 only where C > 0.
+  /// Stiffness of a spring [N/m]; its energy is the integral over C of the force stiffness C within
+  /// the bounds.
   double stiffness = 0.0;
   double lower = -std::numeric_limits<double>::infinity();  ///< lower bound of the impulse [N s]
   double upper = std::numeric_limits<double>::infinity();

@@ -62,7 +62,7 @@ void switch_method(IslandLists* lists, std::size_t i, Method method, MethodReaso
 bool add_result(IslandLists* lists, std::size_t i, const IntegrationResult& progress) {
   Island& island = lists->islands[i];
   island.local_error += progress.local_error;
-  island.substeps += static_cast<std::uint32_t>(progress.substeps);
+  island.substeps += static_cast<std::uint32_t>(progress.substeps + progress.repeated);
   island.rejected += static_cast<std::uint32_t>(progress.rejected);
   island.iterations += static_cast<std::uint32_t>(progress.iterations);
   if (!progress.done) return false;

@@ -512,6 +512,7 @@ void IslandIntegration::reject(const IntegrationStep& in, std::size_t i, MethodR
   in.rollback.restore(lists->island_parts[i].members, state);
   lists->islands[i].method = impulses_of(in.step.model.options);
   lists->islands[i].why = why;
+  lists->island_parts[i].is_in_group = false;
   lists->island_parts[i].projected_energy = lists->island_parts[i].correction_work = 0.0;
   if (why == MethodReason::kContactsGivenUp)
     hand_over(in, i, why);

@@ -46,11 +46,12 @@ class EventStepper {
     return progress.substeps + progress.rejected + static_cast<double>(events_);
   }
 
-  /// Takes the next substep, of at most `step` [s], by `take(part)`: from `left` on, and only
-  /// to the next event where one is expected before. So a substep ends at its event at once where
-  /// accelerations are constant, and is repeated less often elsewhere. After two expected events in
-  /// a row that were none the next ones are not waited for. `step` does not become shorter for an
-  /// expected event. Events are expected where there is a tolerance.
+  /// Takes a substep of at most `step` [s] from the start of `left`. The substep ends at the next
+  /// event where one is expected before, so it ends at its event at once where accelerations are
+  /// constant, and is repeated less often elsewhere. `step` does not become shorter for an expected
+  /// event. Where two expected events in a row did not come, no further one is expected before the
+  /// next event or the end of the interval; without a tolerance none is. `take(part)` takes a
+  /// substep in the interval `part`.
   template <class Take>
   bool take_substep(const IntegratorOptions& options, const IntegrationResult& progress,
                     const Take& take, RemainingInterval* left, double* step) {
@@ -64,8 +65,8 @@ class EventStepper {
     if (expected_ && progress.rejected == rejected) *step = std::max(*step, longest);
     return is_taken;
   }
-  /// Options of the present substep. Short ones, as between bounces of a body that is about to
-  /// rest, are as exact by order 5, which has half of the stages.
+  /// Options of the present substep. Short substeps, as between bounces of a body that is about to
+  /// rest, are taken by order 5, which has half of the stages, within the same tolerance.
   IntegratorOptions of_substep(IntegratorOptions options) const {
     if (is_short_) options.order = 5;
     return options;
@@ -94,13 +95,16 @@ class EventStepper {
       return false;
     if (!accept(h)) return go_to(0.0, true);
     std::swap(watched_.before, watched_.after);
-    in_vain_ = event ? 0 : in_vain_ + (expected_ ? 1 : 0);
+    const bool is_in_vain = expected_ && h >= kReached * expected_->time;
+    in_vain_ = event ? 0 : in_vain_ + (is_in_vain ? 1 : 0);
     if (event) return change_at(event->which, change);
     watched_.unchanged.clear();
     return true;
   }
 
  private:
+  static constexpr double kReached = 0.999;  // share of the time to an expected event
+
   // Expects an event in a substep of at most `step` [s], where the present accelerations lead to
   // it.
   void expect_event(const RemainingInterval& start, double step) {

@@ -271,7 +271,7 @@ bool RungeKutta::repeat_substep(const Interval& interval, const IntegratorOption
   const double step = step_;
   const bool is_done = advance_substep(interval, whatever, &left, &repeated);
   step_ = step;
-  ++progress->substeps;
+  ++progress->repeated;
   return is_done && repeated.rejected == 0;
 }
 

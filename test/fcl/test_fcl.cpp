@@ -176,8 +176,11 @@ TEST_P(Fcl, Agrees) {
     ++(ours.gap > 0.0 ? apart : overlapping);
     ASSERT_EQ(pair.touches(), ours.gap < 0.0) << i;
     ASSERT_NEAR(ours.normal.norm(), 1.0, kRounding) << i;
-    // Rounding turns the direction between near points.
-    const double rounding = kRounding + (ours.gap > 0.0 ? 1e-15 / ours.gap : 0.0);
+    // Rounding turns the direction between near points. At the rim of a cylinder the direction is a
+    // root of a polynomial, off by up to 3e-6 where two roots nearly meet; the gap is off by its
+    // square.
+    const bool has_rim = std::string(name_a) == "cylinder" || std::string(name_b) == "cylinder";
+    const double rounding = kRounding + (ours.gap > 0.0 ? 1e-15 / ours.gap : has_rim ? 1e-11 : 0.0);
     ASSERT_NEAR(pair.gap_along(ours.normal), ours.gap, rounding) << i;
     const Separation theirs = pair.theirs();
     const double excess = theirs.gap - ours.gap;

@@ -19,8 +19,8 @@ struct IslandMemory {
   /// Reason why impulses took the contacts of the island over from event_driven; kSmooth: they did
   /// not, or event_driven advances the contacts again.
   MethodReason left_for = MethodReason::kSmooth;
-  bool is_in_group = false;  ///< whether event_driven advanced its contacts in the last step
-  std::uint64_t touched_until = 0;        ///< step until which its last contact counts as recent
+  bool is_in_group = false;         ///< whether event_driven advanced its contacts in the last step
+  std::uint64_t touched_until = 0;  ///< step until which its last contact counts as recent
   std::uint64_t inconsistent_until = 0;   ///< step before which its joints count as inconsistent
   std::uint32_t gradient_iterations = 0;  ///< Newton iterations of energy_momentum, last step; or 0
   /// Evaluations of runge_kutta per radian of h ω, measured while stiff; 0: never measured.

@@ -52,7 +52,7 @@ struct IntegrationResult {
   double local_error = 0.0;  ///< sum of the error estimates of the substeps [m]
   int substeps = 0;
   int rejected = 0;
-  int repeated = 0;  ///< substeps of joints that were taken again to end at an event
+  int repeated = 0;              ///< substeps of joints that were taken again to end at an event
   int iterations = 0;            ///< iterations of Newton's method, where used
   bool is_inconsistent = false;  ///< not done since the joints cannot all be met
   /// Frequency of the joints' forces, where it decides the next method [rad/s].

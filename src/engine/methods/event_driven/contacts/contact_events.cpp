@@ -125,7 +125,7 @@ bool ContactEvents::take(Run* run, RemainingInterval* left, double tolerance, do
                                             run->progress);
 }
 
-// Repeats a substep of length h from the start of the last one, at time t. 0: returns to the start.
+// Repeats the last substep from its start at time t, with length h; h = 0 only returns to the start.
 bool ContactEvents::repeat(Run* run, double t, double h) {
   if (solver_.is_used_up()) return false;
   const std::size_t n = equations_.size();

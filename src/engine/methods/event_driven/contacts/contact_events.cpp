@@ -125,7 +125,7 @@ bool ContactEvents::take(Run* run, RemainingInterval* left, double tolerance, do
                                             run->progress);
 }
 
-// Repeats the last substep from its start at time t, with length h; h = 0 only returns to the start.
+// Repeats the last substep from its start at time t with length h; with h = 0 only returns there.
 bool ContactEvents::repeat(Run* run, double t, double h) {
   if (solver_.is_used_up()) return false;
   const std::size_t n = equations_.size();

@@ -108,6 +108,46 @@ TEST(Stop, AStepOfAHeapOfLongPolesIsEndedWhileGapsAreLookedFor) {
   EXPECT_LT(stopped_after, 0.3 * time);
 }
 
+std::atomic<bool> stop_at_reading{false};
+int readings_left = 0;
+double clock_that_stops_later() {
+  if (--readings_left == 0) stop_at_reading = true;
+  return 0.0;
+}
+
+// A ball hits a floor that falls away, whose work on the ball is negative. A stopped step takes the
+// work back with the motion, whichever stage the stop follows. Otherwise the next comparison of
+// energies would find a rise.
+TEST(Stop, TheWorkOfAStoppedStepIsNotCounted) {
+  for (int reading = 1; reading <= 8; ++reading) {
+    WorldOptions options;
+    options.time_step = 0.01;
+    World world(options);
+    Body floor = make_body("floor", Box{{2.0, 2.0, 0.2}}, 0.0, {0.0, 0.0, -0.1});
+    floor.type = BodyType::kKinematic;
+    floor.state.linear_velocity = {0.0, 0.0, -0.5};
+    world.add_body(floor);
+    Body ball = make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.103});
+    ball.restitution = 0.5;
+    ball.state.linear_velocity = {0.0, 0.0, -1.5};
+    world.add_body(ball);
+    world.set_clock(clock_that_stops_later);
+    world.set_stop_flag(&stop_at_reading);
+    for (int i = 0; i < 4; ++i) {
+      readings_left = reading;
+      world.step();
+      if (!stop_at_reading) break;  // a step reads the clock less often
+      EXPECT_TRUE(world.report().outcome.stopped);
+      EXPECT_EQ(world.time(), 0.0);
+      stop_at_reading = false;
+    }
+    world.set_clock(nullptr);
+    const StepReport hit = world.step();
+    EXPECT_EQ(hit.costs.events, world.step_count() == 1 ? 1u : 0u) << reading;
+    for (int i = 0; i < 40; ++i) ASSERT_EQ(world.step().energy.rise, 0.0) << reading << " " << i;
+  }
+}
+
 TEST(Stop, AWorldThatWasStoppedGoesOn) {
   World world = one_of_each(10);
   run(world, 20);

@@ -163,7 +163,8 @@ bool AssumedPaths::is_missed(const MovedBodies& in, const Broadphase::Pair& pair
   const double most = found_[a] + found_[b];
   const bool is_fast_pair = most > kFastShare * thinner_of(model, pair);
   const List<Broadphase::Pair>& on_joints = in.continuous.jointed_pairs();
-  const bool is_left = in.has_left_hits && (in.continuous.divides(a) || in.continuous.divides(b));
+  const bool is_left = in.continuous.first_body_with_missed_hits() &&
+                       (in.continuous.divides(a) || in.continuous.divides(b));
   if (is_left && std::binary_search(on_joints.begin(), on_joints.end(), pair)) return true;
   const bool follows = follows_contacts(model.options);
   // a body that is slow comes to lie within a shape, and impulses push it out again

@@ -28,7 +28,6 @@ struct MovedBodies {
   const ContactReach& reach;
   const ContactGroups& groups;
   const ContinuousCollision& continuous;
-  bool has_left_hits;  ///< whether a group of fast bodies left out hits
 };
 
 /// Paths of bodies that springs, motors, wrenches and joints accelerate within a step. Velocities

@@ -357,6 +357,7 @@ std::uint32_t ContactGroups::events_of(std::size_t island) const {
 }
 
 double ContactGroups::driven_work_of(std::size_t island) const {
+  if (!contains(island)) return 0.0;
   const ContactGroup& group = groups_[group_of_[island]];
   if (group.islands.front() != static_cast<int>(island) || group.spheres != nullptr) return 0.0;
   return group.events->equations().driven_work();

@@ -76,7 +76,8 @@ class ContactGroups {
   void take_out_contacts(const Topology& topology, List<TouchingPair>* touching) const;
   /// Events of the group of an island; the first island reports the events of all.
   std::uint32_t events_of(std::size_t island) const;
-  /// Work of kinematic bodies on the group of an island [J]; the first island reports all of it.
+  /// Work of kinematic bodies on the group of an island [J]; the first island reports all of it. 0
+  /// for an island in no group.
   double driven_work_of(std::size_t island) const;
 
   /// Visits everything that the next step continues from, as engine/support/memory.h describes.

@@ -366,6 +366,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
                                        SequentialImpulses* method, State* state) {
   const Model& model = step.model;
   HitReport report;
+  bool has_missed_any = false;
   List<TouchingPair> of_others;
   const auto is_of_group = [&](const TouchingPair& pair) {
     return divided_.contains(pair.a) || divided_.contains(pair.b);
@@ -394,12 +395,12 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
       state->states[body] = moved(at_start[body], MassProperties{}, Vector3d::Zero(), done);
     const double left = h - done;
     const List<Broadphase::Pair> near =
-        divided_.find_pairs(step, *state, moving_shapes, left, broadphase, &report.has_left_any);
+        divided_.find_pairs(step, *state, moving_shapes, left, broadphase, &has_missed_any);
     allowed.clear();
     const bool is_any_hit = collide_group(model, near, left, state);
     double duration = left;
     if ((report.hits == kMostHits && !is_on_joints) || is_used_up(leg, advances, near)) {
-      report.has_left_any = true;
+      has_missed_any = true;
     } else if (is_on_joints) {
       report.hits += is_any_hit && !was_hit ? 1 : 0;  // velocities left by sweeps go on closing
       was_hit = is_any_hit;
@@ -418,7 +419,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
                  &report.impulses);
     divided_.sum_joints(model, duration, state);
     if (!are_in_range(*state, divided_.group().bodies)) break;  // the step fails at its end
-    report.has_left_any = report.has_left_any || has_outrun(step, *state, near, allowed, duration);
+    has_missed_any = has_missed_any || has_outrun(step, *state, near, allowed, duration);
     add_contacts(state->touching, &hits_);
     done = is_last ? h : done + duration;
   }
@@ -427,6 +428,7 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   for (TouchingPair& pair : hits_)
     for (Manifold::Point& point : pair.manifold.points) point.depth = std::max(point.depth, 0.0);
   state->touching = std::move(of_others);
+  if (has_missed_any) note_missed_hits(divided_.group().bodies.front());
   return report;
 }
 

@@ -19,9 +19,6 @@ namespace constraint_sim::engine {
 struct HitReport {
   ImpulseReport impulses;
   std::uint32_t hits = 0;
-  /// Hits may have been missed: there were too many, a body of the group moved by twice its gap, or
-  /// a body that had taken its step was in the way.
-  bool has_left_any = false;
 };
 
 /// Bodies that move so far in a step that they could pass through another body, or through
@@ -63,7 +60,11 @@ class ContinuousCollision {
   /// none.
   bool divide(const StepContext& step, const IslandLists& lists, const List<int>& bodies,
               const List<int>& joints, State* state);
-  void begin_impulses() { divided_.clear(); }
+  /// Begins an attempt of a step, in which no step of a group has been divided yet.
+  void begin_step() {
+    divided_.clear();
+    first_body_with_missed_hits_.reset();
+  }
   bool is_divided() const { return !divided_.group().is_empty(); }
   /// Whether the step of a body was divided.
   bool divides(int body) const { return is_divided() && divided_.contains(body); }
@@ -75,8 +76,13 @@ class ContinuousCollision {
   HitReport advance(const StepContext& step, const IslandLists& lists, const AwakeSets& awake,
                     const List<int>& moving_shapes, const List<ActingWrench>& wrenches,
                     Broadphase* broadphase, SequentialImpulses* method, State* state);
-  /// First body of the group.
-  int first_body() const { return divided_.group().bodies.front(); }
+  /// First body of a group whose hits may have been missed in this step: there were too many hits,
+  /// a body moved by more than twice its gap, or a body that had taken its step was in the way.
+  const std::optional<int>& first_body_with_missed_hits() const {
+    return first_body_with_missed_hits_;
+  }
+  /// Notes that hits of the group of this first body may have been missed.
+  void note_missed_hits(int first_body) { first_body_with_missed_hits_ = first_body; }
   /// Returns the contacts of the group to the contacts of all, and the number of their points.
   std::uint32_t return_contacts(State* state) const;
 
@@ -92,6 +98,7 @@ class ContinuousCollision {
   DividedStep divided_;  // step of the group
   ImpulseGroup others_;
   List<TouchingPair> hits_;  // contacts of the group, with the impulses of all its hits
+  std::optional<int> first_body_with_missed_hits_;
 };
 
 }  // namespace constraint_sim::engine

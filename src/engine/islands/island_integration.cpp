@@ -239,16 +239,14 @@ void IslandIntegration::list_by_method(const Model& model, const Topology& topol
       partition_.impulse_joints.push_back(j);
 }
 
-IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
-                                             const ContinuousCollision& continuous,
-                                             ContactGroups* groups) {
+void IslandIntegration::integrate(const IntegrationStep& in, const ContinuousCollision& continuous,
+                                  ContactGroups* groups) {
   const Model& model = in.step.model;
   const Topology& topology = in.step.topology;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
   const List<int>& integrated = partition_.integrated;
-  IntegrationWork work;
   const StageTimer timer(in.step.clock, Stage::kIntegration, &report.costs.stage_times);
   if (!entering_.empty()) begin_entering(in);
   if (is_partition_new_) list_time_varying_joints(model, *state, *lists);
@@ -296,11 +294,10 @@ IntegrationWork IslandIntegration::integrate(const IntegrationStep& in,
     }
   }
   if (!groups->is_empty()) groups->take_out_contacts(topology, &state->touching);
-  if (report_islands(in, *groups, &work)) {
+  if (report_islands(in, *groups)) {
     list_by_method(model, topology, in.awake, *state, *lists);
     report.costs.islands = partition_.islands;
   }
-  return work;
 }
 
 // Begins islands that were not integrated in the step before, or were edited. Joints that do not
@@ -460,8 +457,7 @@ void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval
 
 // Adds up the results of islands in their order, which does not depend on the number of threads.
 // True where the method of an island changed.
-bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactGroups& groups,
-                                       IntegrationWork* work) {
+bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactGroups& groups) {
   const Model& model = in.step.model;
   IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
@@ -471,8 +467,6 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
     Island& island = lists->islands[index];
     IslandParts& parts = lists->island_parts[index];
     report.energy.projected += parts.projected_energy;
-    work->corrections += parts.correction_work;
-    parts.energy.corrections += parts.correction_work;
     report.costs.method_changes += parts.changes;
     any_needs_choice_ = any_needs_choice_ || parts.needs_method_choice;
     any_changed = any_changed || parts.changes > 0;
@@ -484,12 +478,7 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
       island.dependent_rows = static_cast<std::uint32_t>(equations.delassus().dependent());
       island.events = motion.events();
     }
-    if (groups.contains(to_index(index))) {
-      island.events = groups.events_of(to_index(index));
-      const double driven = groups.driven_work_of(to_index(index));
-      work->drives += driven;
-      parts.energy.corrections += driven;
-    }
+    if (groups.contains(to_index(index))) island.events = groups.events_of(to_index(index));
     report.costs.events += island.events;
     if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
       island.unresolved_bodies = find_unresolved(model, *in.state, in.rollback, parts.members,

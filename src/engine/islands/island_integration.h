@@ -28,12 +28,6 @@ namespace constraint_sim::engine {
 /// the time `t` [s] on.
 void begin_closing(const Model& model, std::size_t j, double t, State* state);
 
-/// Work on integrated islands in a step [J].
-struct IntegrationWork {
-  double corrections = 0.0;  ///< work of position corrections
-  double drives = 0.0;       ///< work of kinematic bodies on event-driven groups
-};
-
 /// Chooses the method of each awake island, and advances the islands that are integrated.
 class IslandIntegration {
  public:
@@ -63,8 +57,8 @@ class IslandIntegration {
                       Sleep* sleep, ContactGroups* groups);
   /// Advances the integrated islands by a step. Islands that cannot be advanced are left to
   /// impulses at the start of the step.
-  IntegrationWork integrate(const IntegrationStep& in, const ContinuousCollision& continuous,
-                            ContactGroups* groups);
+  void integrate(const IntegrationStep& in, const ContinuousCollision& continuous,
+                 ContactGroups* groups);
   /// Compiles islands anew whose joints without axes have closed their errors.
   void compile_where_closed(const Model& model, const Topology& topology, const JointStep& interval,
                             State* state, IslandLists* lists);
@@ -105,8 +99,7 @@ class IslandIntegration {
   bool integrate_island(const IntegrationStep& in, std::size_t i, const Interval& interval);
   void advance_groups(const IntegrationStep& in, const Interval& part, ContactGroups* groups);
   void reject(const IntegrationStep& in, std::size_t i, MethodReason why);
-  bool report_islands(const IntegrationStep& in, const ContactGroups& groups,
-                      IntegrationWork* work);
+  bool report_islands(const IntegrationStep& in, const ContactGroups& groups);
 
   MethodPartition partition_;
   bool any_rejected_ = false;      // an island is left to impulses for a while

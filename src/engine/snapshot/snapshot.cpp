@@ -28,7 +28,7 @@ namespace {
 // Returns the first line of a snapshot. Another format, compiler or Eigen makes other bits.
 const std::string& build() {
   static const std::string kBuild =
-      "constraint_sim snapshot 14, compiled by " __VERSION__ " with Eigen " +
+      "constraint_sim snapshot 15, compiled by " __VERSION__ " with Eigen " +
       std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
       std::to_string(EIGEN_MINOR_VERSION) + "\n";
   return kBuild;

@@ -85,8 +85,7 @@ double unclosed_error(const MonitorInput& in, std::size_t j) {
 bool find_worst_joint(const Model& model, const State& state, const List<int>& among,
                       StepReport* worst) {
   bool is_any_askew = false;
-  for (const int index : among) {
-    const auto j = static_cast<std::size_t>(index);
+  for (const int j : among) {
     is_any_askew |= state.joint_states[j].angle_error > kUnclosedAngle;
     const double error = std::abs(state.joint_states[j].error);
     if (!acts(model.joints[j], state.joint_states[j]) || !is_rigid(model.joints[j])) continue;
@@ -144,7 +143,7 @@ void Monitors::measure(const MonitorInput& in, IslandLists* lists, StepReport* r
       std::max(report->joints.max_error, report->joints.closing_error) > kLeastUnclosed ||
       !open_.empty())
     watch_joints(in, *lists, report);
-  if (!in.partition.impulse_joints.empty()) {
+  if (!in.partition.impulse_joints.empty())
     for (const int i : in.awake.islands) {
       Island& island = lists->islands[i];
       if (!uses_impulses(island.method)) continue;
@@ -152,7 +151,6 @@ void Monitors::measure(const MonitorInput& in, IslandLists* lists, StepReport* r
           find_spinning(in.model, in.state, in.rollback, lists->island_parts[i].members, nullptr);
       report->unresolved_bodies += island.unresolved_bodies;
     }
-  }
   if (!in.state.touching.empty() || !held_.empty()) watch_contacts(in, report);
   watch_energy(in, lists, report);
 }
@@ -170,7 +168,7 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
     IslandParts& parts = lists->island_parts[i];
     parts.energy = WatchedEnergy{};
     parts.energy.was_by_impulses = uses_impulses(method_for(parts.nature, model.options));
-    parts.energy.was_driven = is_driven(model, state, topology, lists->island_parts[i].members, i);
+    parts.energy.was_driven = is_driven(model, state, topology, parts.members, i);
     parts.has_limited_spring = false;
     for (const int index : parts.members.joints) {
       const Joint& joint = model.joints[index];
@@ -183,12 +181,22 @@ void Monitors::begin(const Model& model, const State& state, const Topology& top
   }
 }
 
+// Adds up the work of a valid step: a step that failed or was stopped has moved nothing.
 void Monitors::watch_energy(const MonitorInput& in, IslandLists* lists, StepReport* report) {
   if (!in.partition.impulse_bodies.empty())
     impulse_work_ += report->energy.correction_work + report->energy.driven_work;
   if (!in.partition.integrated.empty()) {
-    report->energy.correction_work += integrated_corrections_;
-    report->energy.driven_work += integrated_drives_;
+    double corrections = 0.0, drives = 0.0;  // work on integrated islands [J]
+    const bool has_groups = !in.groups.is_empty();
+    for (const int i : in.partition.integrated) {
+      IslandParts& parts = lists->island_parts[i];
+      const double driven = has_groups ? in.groups.driven_work_of(to_index(i)) : 0.0;
+      corrections += parts.correction_work;
+      drives += driven;
+      parts.energy.corrections += parts.correction_work + driven;
+    }
+    report->energy.correction_work += corrections;
+    report->energy.driven_work += drives;
   }
   if (++steps_ >= kWindow) compare_energies(in, lists);
   if (energy_rise_ == 0.0) return;
@@ -239,33 +247,31 @@ void Monitors::compare_energies(const MonitorInput& in, IslandLists* lists) {
   const IslandParts* most = nullptr;
   energy_rise_ = 0.0;
   for (std::size_t i = 0; i < lists->islands.size(); ++i) {
-    if (!awake_changed_ && state.asleep[lists->island_parts[i].members.bodies.front()]) continue;
-    WatchedEnergy& watched = lists->island_parts[i].energy;
+    IslandParts& parts = lists->island_parts[i];
+    if (!awake_changed_ && state.asleep[parts.members.bodies.front()]) continue;
+    WatchedEnergy& watched = parts.energy;
     double allowed_here = 0.0;
-    const double gain_here =
-        compare_island(model, state, lists->islands[i], &allowed_here, &lists->island_parts[i]);
+    const double gain_here = compare_island(model, state, lists->islands[i], &allowed_here, &parts);
     const bool was_driven = watched.was_driven || has_wrench_ended_;
     const bool was_by_impulses = watched.was_by_impulses;
-    watched.was_driven = is_driven(model, state, in.topology, lists->island_parts[i].members, i);
+    watched.was_driven = is_driven(model, state, in.topology, parts.members, i);
     watched.was_by_impulses = uses_impulses(lists->islands[i].method);
     const bool any_driven = was_driven || watched.was_driven;
-    const bool has_changed = watched.has_changed;
-    watched.has_changed = false;
+    const bool has_changed = std::exchange(watched.has_changed, false);
     if (!was_by_impulses && !watched.was_by_impulses && !has_changed) {
       if (any_driven) continue;
       watched.gain = gain_of(watched.gain, gain_here, allowed_here);
-      note_rise(model, lists->island_parts[i], watched.gain,
-                kRise * watched.most_kinetic + allowed_here);
+      note_rise(model, parts, watched.gain, kRise * watched.most_kinetic + allowed_here);
       continue;
     }
     // The work of drives on islands that were integrated in a part of the window is unknown.
-    is_known = is_known && !lists->island_parts[i].has_limited_spring &&
-               !(any_driven && (has_changed || !was_by_impulses));
+    is_known =
+        is_known && !parts.has_limited_spring && !(any_driven && (has_changed || !was_by_impulses));
     gain += gain_here;
     allowed += allowed_here;
     most_kinetic += watched.most_kinetic;
     watched.gain = watched.was_by_impulses ? watched.gain + gain_here : 0.0;
-    if (most == nullptr || watched.gain > most->energy.gain) most = &lists->island_parts[i];
+    if (most == nullptr || watched.gain > most->energy.gain) most = &parts;
   }
   if (is_known && most != nullptr) {
     gain_ = gain_of(gain_, gain, allowed);
@@ -306,27 +312,23 @@ void Monitors::watch_joints(const MonitorInput& in, const IslandLists& lists, St
                    [&](double since) { now.closing_since = std::max(now.closing_since, since); });
     while (before != open_before_.end() && before->id.value < now.id.value) ++before;
     const bool is_known = before != open_before_.end() && before->id == now.id;
-    const bool closes_anew =
-        is_known && joint_state.closing && now.closing_since > before->closing_since;
-    if (is_known && !closes_anew && error > kFallenShare * before->error) {
+    if (is_known && error > kFallenShare * before->error &&
+        !(joint_state.closing && now.closing_since > before->closing_since)) {
       now = *before;
       now.age += h;
     }
     open_.push_back(now);
-    // Errors in inconsistent or sleeping islands stay, so their joints are listed at once, unless
-    // these are being closed.
+    // Errors of joints in inconsistent or sleeping islands stay: listed at once, unless closing.
     const MethodReason why = lists.islands[in.topology.island_of_joint(model, j)].why;
     const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
-    // Joints that impulses open beside contacts, or in place of an integration that gave up, are
-    // unclosed from the first step.
+    // Joints that impulses open, beside contacts or after a failed integration: listed at once.
     const bool is_opened = why == MethodReason::kManyContacts || why == MethodReason::kContact ||
                            why == MethodReason::kContactsGivenUp || why == MethodReason::kOverlap ||
                            why == MethodReason::kRefused;
     if (now.age < patience && ((!stays && !is_opened) || joint_state.closing)) continue;
     unclosed_.push_back(now.id);
-    if (error <= worst) continue;
-    worst = error;
-    report->joints.worst_unclosed = now.id;
+    if (error > worst) report->joints.worst_unclosed = now.id;
+    worst = std::max(worst, error);
   }
   report->joints.unclosed = static_cast<std::uint32_t>(unclosed_.size());
 }

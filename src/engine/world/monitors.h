@@ -46,12 +46,6 @@ class Monitors {
   void set_resting(const Model& model, const State& state, const RestingSets& resting,
                    const IslandLists& lists);
   void note_wrench_ended() { has_wrench_ended_ = true; }
-  /// Takes over the work on integrated islands in a step: of corrections, and of kinematic bodies
-  /// on event-driven groups [J].
-  void set_work(double corrections, double drives) {
-    integrated_corrections_ = corrections;
-    integrated_drives_ = drives;
-  }
   /// Measures a step.
   void measure(const MonitorInput& in, IslandLists* lists, StepReport* report);
 
@@ -77,7 +71,6 @@ class Monitors {
     visit(self.impulse_work_);
     visit(self.has_wrench_ended_);
     visit(self.awake_changed_);
-    visit(self.integrated_corrections_);
     visit(self.gain_);
     visit(self.energy_rise_);
     visit(self.energy_rise_body_);
@@ -119,9 +112,6 @@ class Monitors {
   int steps_ = 0;
   double impulse_work_ = 0.0;
   bool has_wrench_ended_ = false, awake_changed_ = false;
-  double integrated_corrections_ = 0.0;  // work of corrections on integrated islands, this step [J]
-  // Work of kinematic bodies on event-driven groups, this step [J].
-  double integrated_drives_ = 0.0;
   double gain_ = 0.0;         // rise of all islands that impulses advance, above its minimum [J]
   double energy_rise_ = 0.0;  // largest rise without a cause [J]
   BodyId energy_rise_body_;

@@ -112,7 +112,7 @@ void World::Impl::restore_state() {
 }
 
 void World::Impl::choose_methods(const StepContext& step) {
-  continuous.begin_impulses();
+  continuous.begin_step();
   control.begin_step();
   unseen.begin_step();
   const bool may_change =
@@ -137,10 +137,8 @@ void World::Impl::note_pairs(const StepContext& step) {
 }
 
 void World::Impl::integrate(const StepContext& step) {
-  if (integration.partition().integrated.empty()) return;
-  const IntegrationWork work =
-      integration.integrate({step, sleep.awake(), rollback, this, this, this}, continuous, &groups);
-  monitors.set_work(work.corrections, work.drives);
+  if (!integration.partition().integrated.empty())
+    integration.integrate({step, sleep.awake(), rollback, this, this, this}, continuous, &groups);
 }
 
 // Lists the wrenches that act within the step on bodies that impulses advance, with the duration of
@@ -187,8 +185,7 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
     report.costs.substeps += controlled.substeps;
     report.costs.rejected += controlled.rejected;
     report.contacts.hits += controlled.hits;
-    if (controlled.left_body)
-      report.contacts.hits_left_body = body_ids[to_index(*controlled.left_body)];
+    if (controlled.left_body) continuous.note_missed_hits(*controlled.left_body);
     return;
   }
   if (!continuous.fast_bodies().empty() &&
@@ -199,7 +196,6 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
                            pipeline.broadphase(), &sequential_impulses, this);
     add_impulses(hits.impulses, &report);
     report.contacts.hits += hits.hits;
-    if (hits.has_left_any) report.contacts.hits_left_body = body_ids[continuous.first_body()];
     if (continuous.others().is_empty()) return;
     const auto is_spent = [&](const ActingWrench& wrench) {
       return continuous.divides(static_cast<int>(wrench.body));
@@ -234,7 +230,7 @@ void World::Impl::set_estimates(const StepContext& step) {
     double& error = islands[island_of(body)].local_error;
     error = larger(error, control.is_used() ? control.error_of(body)
                                             : sequential_impulses.error_of(to_index(body)));
-    if (report.contacts.hits_left_body && continuous.divides(body)) error = kUnknown;
+    if (continuous.first_body_with_missed_hits() && continuous.divides(body)) error = kUnknown;
   }
   for (const auto& [pair, depth] : unseen.find(step, rollback, *this))
     for (const int body : {pair.first, pair.second})
@@ -298,9 +294,12 @@ void World::Impl::read_results(const StepContext& step) {
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
   if (!touching.empty() || contacts.size() > resting_contacts)
     set_contacts(touching, options.time_step);
+  if (const std::optional<int> body = continuous.first_body_with_missed_hits())
+    report.contacts.hits_left_body = body_ids[to_index(*body)];
 }
 
 // Counts a valid step, and prepares the next one. The order matters:
+//  - The step is counted before fall_asleep(), which asks whether motors still drive at its end.
 //  - Wrenches that ended are dropped before fall_asleep(), since wrenches keep islands awake.
 //  - Islands that fall asleep move contacts from `touching` to `resting`, so list_resting() and
 //    set_contacts() list both anew.

@@ -133,23 +133,16 @@ bool World::Impl::wake_touched() {
 }
 
 // Returns to the start of the step, with longer assumed paths, where a body may have met a shape
-// that no pair covers. Returns whether the step has to be repeated. Sets hits_left_body instead
-// where paths have been made longer often enough.
+// that no pair covers. Returns whether the step has to be repeated. Notes missed hits instead where
+// paths have been made longer often enough.
 bool World::Impl::return_if_missed(const StepContext& step) {
   if (is_set(stop)) return false;
-  const MovedBodies moved{step,
-                          *this,
-                          rollback,
-                          *this,
-                          pipeline.moving_shapes(),
-                          reach,
-                          groups,
-                          continuous,
-                          report.contacts.hits_left_body.has_value()};
+  const MovedBodies moved{step,  *this,  rollback,  *this, pipeline.moving_shapes(),
+                          reach, groups, continuous};
   const std::optional<int> body = assumed.find_missed(moved, pipeline.broadphase());
   if (!body) return false;
   if (!assumed.lengthen(bodies.size())) {
-    report.contacts.hits_left_body = body_ids[to_index(*body)];
+    continuous.note_missed_hits(*body);
     return false;
   }
   return_to_start();
@@ -158,13 +151,6 @@ bool World::Impl::return_if_missed(const StepContext& step) {
 
 // Returns to the start of the step, with nothing left of the attempt but the paths that it found.
 void World::Impl::return_to_start() {
-  for (const int i : integration.partition().integrated) {
-    IslandParts& parts = island_parts[i];
-    parts.energy.corrections -= parts.correction_work;
-    if (groups.contains(to_index(i)))
-      parts.energy.corrections -= groups.driven_work_of(to_index(i));
-  }
-  monitors.set_work(0.0, 0.0);
   restore_state();
   rollback.restore_methods(sleep.awake(), this);
   sleep.choose_again();
@@ -194,13 +180,10 @@ void World::Impl::restore_start() {
   report.time = time();
 }
 
-// Ends a step in which the code of a plugin threw, on any thread.
+// Ends a step in which the code of a plugin threw, on any thread. No plugin is called before the
+// state is saved.
 void World::Impl::fail_by(const CustomFailure& failed) {
-  if (rollback.is_saved())
-    end_failed_step(Failure::kCustom);
-  else
-    abandon_step();
-  report.outcome.failure = Failure::kCustom;
+  end_failed_step(Failure::kCustom);
   failed_why = failed.what();
   failed_joint.reset();
   const auto found = joint_by_name.find(failed.joint_name);

@@ -61,10 +61,10 @@ void World::take_snapshot(World* snapshot) const {
     to.failed_why = from.failed_why;
   }
   to.contacts = from.contacts;
-  to.resting_contacts = from.resting_contacts;
+  to.resting_contact_count = from.resting_contact_count;
   to.events = from.events;
   to.monitors.set_unclosed(from.monitors.unclosed());
-  to.sleep.continue_from(from.sleep.is_stale());
+  to.sleep.continue_from(from.sleep.has_new_waking());
   SnapshotAnswers* const answers = to.edits.begin_snapshot(from.edits);
   answers->unresolved_bodies = unresolved_bodies();
   if (!from.edits.any()) {
@@ -174,7 +174,7 @@ void World::continue_from(const World& other) {
   impl_->failed_joint.reset();
   impl_->monitors.set_unclosed({});
   impl_->contacts.clear();
-  impl_->resting_contacts = 0;
+  impl_->resting_contact_count = 0;
   impl_->events.clear();
   impl_->edits.note_topology();
   impl_->edits.note_all();
@@ -185,7 +185,7 @@ void World::Impl::forget_contacts() {
   touching.clear();
   resting.clear();
   contacts.clear();
-  resting_contacts = 0;
+  resting_contact_count = 0;
   events.clear();
 }
 

@@ -50,12 +50,13 @@ class AssumedPaths {
   }
 
   /// Whether this attempt of the step assumes paths beside velocities and gravity.
-  bool is_any() const { return !paths_.empty(); }
+  bool has_longer_paths() const { return !paths_.empty(); }
   /// Path of a body that this attempt assumes [m]; 0 where velocity and gravity bound it.
   double of(int body) const { return paths_.empty() ? 0.0 : paths_[body]; }
 
-  /// Whether joints or wrenches may accelerate a shape. False in scenes in which nothing can touch.
-  bool is_any_driven(const State& state) const {
+  /// Whether joints or wrenches may move a shape further than assumed. False in scenes in which
+  /// nothing can touch.
+  bool may_outrun(const State& state) const {
     return has_shapes_ && !(on_joints_.empty() && state.wrenches.empty());
   }
   /// Returns a body whose path was longer than assumed and may have met a shape that was not looked

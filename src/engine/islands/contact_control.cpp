@@ -10,9 +10,9 @@
 
 namespace constraint_sim::engine {
 
-// Groups in the order of their first bodies, each with the contacts of its bodies, which leave
-// `state->touching`.
-List<ContactControl::Group> ContactControl::find_groups(
+// Returns the error-control groups, ordered by first body. Moves the contacts of their bodies out
+// of `state->touching`.
+List<ContactControl::ErrorGroup> ContactControl::find_groups(
     const StepContext& step, const List<int>& bodies, const List<int>& joints,
     const IslandLists& lists, const List<Broadphase::Pair>& near, State* state) const {
   const Model& model = step.model;
@@ -28,7 +28,7 @@ List<ContactControl::Group> ContactControl::find_groups(
       links.emplace_back(pair.first, pair.second);
   List<bool> acts(links.size());
   std::fill(acts.begin(), acts.end(), true);
-  List<Group> groups;
+  List<ErrorGroup> groups;
   List<int> group_of(model.bodies.size());
   std::fill(group_of.begin(), group_of.end(), -1);
   for (IslandMembers& members : find_islands(is_advanced, acts, links)) {
@@ -48,7 +48,7 @@ List<ContactControl::Group> ContactControl::find_groups(
     };
     const int of_pair = group_of_pair(pair.bodies());
     if (of_pair < 0 || step.topology.is_unpaired(pair.bodies())) continue;
-    Group& group = groups[of_pair];
+    ErrorGroup& group = groups[of_pair];
     if (takes_part(pair.first) && takes_part(pair.second))
       group.near.push_back(pair);
     else if (!group.has_left_any)
@@ -72,12 +72,12 @@ ContactControl::Outcome ContactControl::advance(const StepContext& step, const A
                                                 SequentialImpulses* method, State* state) {
   Outcome outcome;
   errors_.assign(step.model.bodies.size(), std::numeric_limits<double>::quiet_NaN());
-  List<Group> groups = find_groups(step, bodies, joints, lists, pipeline->pairs(), state);
+  List<ErrorGroup> groups = find_groups(step, bodies, joints, lists, pipeline->pairs(), state);
   List<TouchingPair> touching = std::move(state->touching);
   bool any_corrections = false;
   const List<BodyState> at_start = state->states;
   const GroupSurroundings around{step, awake, pipeline->moving_shapes(), wrenches, at_start};
-  for (Group& group : groups) {
+  for (ErrorGroup& group : groups) {
     const ControlledStep::Outcome of_group = controlled_.advance(
         around, group.members, group.near, &group.contacts, pipeline->broadphase(), method, state);
     for (const int body : group.members.bodies) errors_[body] = of_group.error;

@@ -30,15 +30,15 @@ class ContactControl {
   double error_of(int body) const { return errors_[body]; }
 
  private:
-  struct Group {
+  struct ErrorGroup {
     ImpulseGroup members;
     List<Broadphase::Pair> near;
     List<TouchingPair> contacts;
     bool has_left_any = false;  // a body that had taken its step may be hit
   };
-  List<Group> find_groups(const StepContext& step, const List<int>& bodies, const List<int>& joints,
-                          const IslandLists& lists, const List<Broadphase::Pair>& near,
-                          State* state) const;
+  List<ErrorGroup> find_groups(const StepContext& step, const List<int>& bodies,
+                               const List<int>& joints, const IslandLists& lists,
+                               const List<Broadphase::Pair>& near, State* state) const;
 
   ControlledStep controlled_;
   List<double> errors_;  // by body; empty where this step has none

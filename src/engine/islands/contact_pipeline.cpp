@@ -86,7 +86,7 @@ void ContactPipeline::collide(const StepContext& step, State* state, StepReport*
   }
 }
 
-void ContactPipeline::take_back(List<TouchingPair>* touching) {
+void ContactPipeline::restore_contacts(List<TouchingPair>* touching) {
   if (!is_collided_) return;
   std::swap(*touching, touching_before_);
   touching_before_.clear();  // contacts of the attempt, whose numbers may be beyond all range

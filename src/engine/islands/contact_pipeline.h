@@ -32,8 +32,8 @@ class ContactPipeline {
   void collide(const StepContext& step, State* state, StepReport* report);
   /// Contacts of the step before; where the shapes were not collided yet, of the step before that.
   const List<TouchingPair>& touching_before() const { return touching_before_; }
-  /// Returns the contacts of the step before, and forgets those of this step.
-  void take_back(List<TouchingPair>* touching);
+  /// Restores the contacts of the step before, and forgets the contacts of this step.
+  void restore_contacts(List<TouchingPair>* touching);
 
   /// Visits everything that the next step continues from, as engine/support/memory.h describes.
   template <class Self, class Visit>

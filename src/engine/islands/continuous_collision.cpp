@@ -184,7 +184,7 @@ bool ContinuousCollision::is_fast_body(const StepContext& step, const State& sta
                                        int body) const {
   const BodyState& now = state.states[body];
   if (now.linear_velocity.squaredNorm() > fast_square_) return true;
-  return (!now.angular_velocity.isZero(0.0) || step.assumed.is_any()) &&
+  return (!now.angular_velocity.isZero(0.0) || step.assumed.has_longer_paths()) &&
          max_point_displacement(step, now, body, step.model.options.time_step) >
              fast_share(step.model.options) * thinnest_;
 }

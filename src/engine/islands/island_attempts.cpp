@@ -20,16 +20,14 @@ constexpr std::size_t kMostAttemptsOfAll = 300000;
 /// Advances an island with joints by one method, and lets the island learn from the result.
 IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integration integration,
                                  const Interval& interval, const IntegratorOptions& options) {
-  const Model& model = in.step.model;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
-  IslandParts& parts = lists->island_parts[i];
-  IslandMotion& motion = lists->motions[parts.motion];
-  IntegrationResult progress = motion.advance(integration, interval, options, &state->states);
+  IslandParts& parts = in.lists->island_parts[i];
+  IslandMotion& motion = in.lists->motions[parts.motion];
+  IntegrationResult progress = motion.advance(integration, interval, options, &in.state->states);
   switch (integration) {
     case Integration::kRungeKutta: {
       const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
-      if (!learn_from_substeps(cost, state->step_count, model.options, &progress, &parts)) break;
+      if (!learn_from_substeps(cost, in.state->step_count, in.model.options, &progress, &parts))
+        break;
       parts.needs_method_choice = true;
       break;
     }
@@ -37,12 +35,12 @@ IntegrationResult advance_joints(const IntegrationStep& in, std::size_t i, Integ
       const EnergyMomentum& method = *motion.lent<EnergyMomentum>();
       const int intervals = method.was_first() ? 2 : 1;
       learn_from_gradients(progress.iterations / intervals, method.frequency(), motion.is_simple(),
-                           state->step_count, model.options, &parts);
+                           in.state->step_count, in.model.options, &parts);
       break;
     }
     case Integration::kInconsistent:
       if (!motion.lent<InconsistentMotion>()->can_be_met())
-        learn_from_inconsistency(state->step_count, &parts);
+        learn_from_inconsistency(in.state->step_count, &parts);
       break;
   }
   return progress;
@@ -72,46 +70,43 @@ bool add_result(IslandLists* lists, std::size_t i, const IntegrationResult& prog
 }
 
 IntegratorOptions integrator_options(const IntegrationStep& in, double most_frequency) {
-  const Model& model = in.step.model;
   ImplicitMode mode =
-      model.options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
-  if (model.options.dissipation) mode = ImplicitMode::kDissipate;
-  IntegratorOptions options{model.options.order, model.options.tolerance, mode, most_frequency};
+      in.model.options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
+  if (in.model.options.dissipation) mode = ImplicitMode::kDissipate;
+  IntegratorOptions options{in.model.options.order, in.model.options.tolerance, mode,
+                            most_frequency};
   const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, in.awake.bodies.size());
   options.most_attempts =
       static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
-  options.most_work = model.options.event_work;
+  options.most_work = in.model.options.event_work;
   return options;
 }
 
 bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& interval) {
-  const Model& model = in.step.model;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
-  IslandParts& parts = lists->island_parts[i];
-  Island& island = lists->islands[i];
+  IslandParts& parts = in.lists->island_parts[i];
+  Island& island = in.lists->islands[i];
   if (island.method == Method::kEventDriven) {
-    const EventDriven::Surroundings around{joint_step(model.options, interval.t, interval.h),
-                                           state->joint_states, in.rollback.joint_states(),
-                                           model.masses};
-    return add_result(lists, i,
-                      lists->motions[parts.motion].advance(
-                          interval, integrator_options(in, kInfinity), around, &state->states));
+    const EventDriven::Surroundings around{joint_step(in.model.options, interval.t, interval.h),
+                                           in.state->joint_states, in.rollback.joint_states(),
+                                           in.model.masses};
+    return add_result(in.lists, i,
+                      in.lists->motions[parts.motion].advance(
+                          interval, integrator_options(in, kInfinity), around, &in.state->states));
   }
   bool is_met = island.why != MethodReason::kInconsistent;
   const auto by = [&](Integration integration, const IntegratorOptions& options) {
     const IntegrationResult progress = advance_joints(in, i, integration, interval, options);
     is_met = !progress.is_inconsistent;
-    return add_result(lists, i, progress);
+    return add_result(in.lists, i, progress);
   };
   if (is_met && island.method == Method::kRungeKutta) {
-    const bool chooses = model.options.method == Method::kAuto;
+    const bool chooses = in.model.options.method == Method::kAuto;
     const double limit =
-        chooses ? stiffness_limit(model.options) / model.options.time_step : kInfinity;
+        chooses ? stiffness_limit(in.model.options) / in.model.options.time_step : kInfinity;
     if (by(Integration::kRungeKutta, integrator_options(in, limit))) return true;
     const MethodReason why =
         chooses && parts.is_stiff ? MethodReason::kStiff : MethodReason::kRefused;
-    if (is_met) switch_method(lists, i, Method::kEnergyMomentum, why);
+    if (is_met) switch_method(in.lists, i, Method::kEnergyMomentum, why);
   }
   // A jerk that no step of ordinary length gets across: substeps begin with velocities that fit the
   // joints, and the energy that this takes is bounded. Steps as short as needed take no such
@@ -119,7 +114,7 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
   const IntegratorOptions ordinary = integrator_options(in, kInfinity);
   IntegratorOptions substeps = ordinary, longer = ordinary;
   // tolerance 0 asks runge_kutta for one substep a step, and no method that it stands in for
-  if (substeps.tolerance == 0.0 && model.options.method != Method::kRungeKutta)
+  if (substeps.tolerance == 0.0 && in.model.options.method != Method::kRungeKutta)
     substeps.tolerance = WorldOptions{}.tolerance;
   IntegratorOptions bounded = substeps;
   bounded.most_projected = longer.most_projected = kMostProjected;
@@ -132,14 +127,14 @@ bool integrate_joints(const IntegrationStep& in, std::size_t i, const Interval& 
     if (!is_met) break;
     const Method method =
         integration == Integration::kRungeKutta ? Method::kRungeKutta : Method::kEnergyMomentum;
-    if (method != island.method) switch_method(lists, i, method, why);
+    if (method != island.method) switch_method(in.lists, i, method, why);
     if (by(integration, options)) return true;
   }
   // Soon after a contact, joints may be off by errors that impulses left. The island returns to
   // impulses then, which close these errors.
-  if (is_met || state->step_count < parts.touched_until) return false;
+  if (is_met || in.state->step_count < parts.touched_until) return false;
   if (island.why != MethodReason::kInconsistent)
-    switch_method(lists, i, Method::kEnergyMomentum, MethodReason::kInconsistent);
+    switch_method(in.lists, i, Method::kEnergyMomentum, MethodReason::kInconsistent);
   return by(Integration::kInconsistent, ordinary);
 }
 

@@ -17,6 +17,8 @@ namespace constraint_sim::engine {
 /// Everything that the integration of islands reads and writes in a step beside its own fields.
 struct IntegrationStep {
   const StepContext& step;
+  const Model& model;
+  const Topology& topology;
   const AwakeSets& awake;
   const Rollback& rollback;
   State* state;

@@ -29,33 +29,26 @@ bool is_integrated(const Model& model, const Topology& topology, const IslandLis
 }
 
 void report_switch(const IntegrationStep& in, EventKind kind, std::size_t i) {
-  const Model& model = in.step.model;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
-  const List<int>& members = lists->island_parts[i].members.bodies;
+  const List<int>& members = in.lists->island_parts[i].members.bodies;
   const int second = members.size() > 1 ? members[1] : members[0];
-  in.output->events.push_back({kind, state->time(model.options.time_step),
-                               model.body_ids[members[0]], model.body_ids[second]});
+  in.output->events.push_back({kind, in.state->time(in.model.options.time_step),
+                               in.model.body_ids[members[0]], in.model.body_ids[second]});
 }
 
 /// Switches the contacts of an island from events to impulses.
-void hand_over(const IntegrationStep& in, std::size_t i, MethodReason why) {
-  const Model& model = in.step.model;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
+void switch_to_impulses(const IntegrationStep& in, std::size_t i, MethodReason why) {
   StepReport& report = in.output->report;
-  learn_from_handover(why, state->step_count, model.options, &lists->island_parts[i]);
+  learn_from_handover(why, in.state->step_count, in.model.options, &in.lists->island_parts[i]);
   ++report.contacts.handed_over;
   if (!report.contacts.handed_over_body)
-    report.contacts.handed_over_body = lists->islands[i].first_body;
+    report.contacts.handed_over_body = in.lists->islands[i].first_body;
   report_switch(in, EventKind::kHandedOver, i);
 }
 
 /// Switches the contacts of an island back to events.
-void take_back(const IntegrationStep& in, std::size_t i) {
-  IslandLists* const lists = in.lists;
-  if (lists->island_parts[i].left_for == MethodReason::kSmooth) return;
-  lists->island_parts[i].left_for = MethodReason::kSmooth;
+void switch_to_events(const IntegrationStep& in, std::size_t i) {
+  if (in.lists->island_parts[i].left_for == MethodReason::kSmooth) return;
+  in.lists->island_parts[i].left_for = MethodReason::kSmooth;
   report_switch(in, EventKind::kTakenBack, i);
 }
 
@@ -63,14 +56,14 @@ void take_back(const IntegrationStep& in, std::size_t i) {
 MethodChoice choose_method(const IntegrationStep& in, std::size_t i, bool in_contact,
                            const ContactReach& reach, const ContactGroups& groups) {
   IslandParts& parts = in.lists->island_parts[i];
-  const WorldOptions& options = in.step.model.options;
+  const WorldOptions& options = in.model.options;
   MethodChoice choice = choose(parts.nature, in_contact, parts, in.state->step_count, options);
   if (groups.contains(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
-  if (groups.contains(i)) take_back(in, i);
+  if (groups.contains(i)) switch_to_events(in, i);
   if (choice.why == MethodReason::kContact) choice.why = groups.why_left(reach, i);
   if (parts.is_in_group && groups.is_left_in_contact(in.step, *in.state, reach, i)) {
     choice = {impulses_of(options), groups.why_left(reach, i)};
-    hand_over(in, i, choice.why);
+    switch_to_impulses(in, i, choice.why);
   }
   remember_choice(choice, in_contact, in.state->step_count, &parts);
   return choice;
@@ -144,29 +137,25 @@ void IslandIntegration::choose_methods(const IntegrationStep& in, bool may_chang
 
 void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactReach& reach,
                                      Sleep* sleep, ContactGroups* groups) {
-  const Model& model = in.step.model;
-  const Topology& topology = in.step.topology;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
-  in_contact_.resize(lists->islands.size());
+  in_contact_.resize(in.lists->islands.size());
   for (const int i : in.awake.islands) in_contact_[i] = false;
-  for (const TouchingPair& pair : state->touching)
+  for (const TouchingPair& pair : in.state->touching)
     for (const int body : {pair.a, pair.b})
-      if (topology.island_of(body) >= 0) in_contact_[topology.island_of(body)] = true;
+      if (in.topology.island_of(body) >= 0) in_contact_[in.topology.island_of(body)] = true;
 
-  bool changed = !lists->fresh_islands.empty() || sleep->has_changed();
+  bool changed = !in.lists->fresh_islands.empty() || sleep->awake_sets_changed();
   sleep->forget_change();
   any_rejected_ = any_needs_choice_ = false;
   for (const int index : in.awake.islands) {
     const std::size_t i = to_index(index);
-    Island& island = lists->islands[i];
-    IslandParts& parts = lists->island_parts[i];
+    Island& island = in.lists->islands[i];
+    IslandParts& parts = in.lists->island_parts[i];
     const bool has_woken = island.why == MethodReason::kAtRest;
     const bool was_in_group = island.why == MethodReason::kFewContacts;
     const MethodChoice choice = choose_method(in, i, in_contact_[i], reach, *groups);
     any_rejected_ = any_rejected_ || choice.why == MethodReason::kRefused ||
-                    state->step_count < parts.contacts_refused_until;
+                    in.state->step_count < parts.contacts_refused_until;
     any_needs_choice_ =
         any_needs_choice_ || choice.why == MethodReason::kInconsistent ||
         (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
@@ -186,9 +175,9 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     parts.energy.has_changed |= groups->contains(i);  // bodies that touch exchange energy
     const bool restarts = parts.is_fresh || has_woken;
     if (restarts) {
-      restart(parts, &lists->motions);
+      restart(parts, &in.lists->motions);
     } else if (parts.motion >= 0) {
-      IslandMotion& motion = lists->motions[parts.motion];
+      IslandMotion& motion = in.lists->motions[parts.motion];
       if (uses_impulses(before) || uses_impulses(island.method))
         motion.forget();
       else
@@ -197,8 +186,9 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     if ((restarts || uses_impulses(before)) && !uses_impulses(island.method))
       entering_.push_back(static_cast<int>(i));
   }
-  if (groups->had_groups() || !groups->is_empty()) groups->list_bodies(model, *lists, in.awake);
-  if (changed) list_by_method(model, topology, in.awake, *state, *lists);
+  if (groups->had_groups() || !groups->is_empty())
+    groups->list_bodies(in.model, *in.lists, in.awake);
+  if (changed) list_by_method(in.model, in.topology, in.awake, *in.state, *in.lists);
 }
 
 // Clears the memory of an island's method, so that a loaded scene continues with the same bits.
@@ -241,32 +231,31 @@ void IslandIntegration::list_by_method(const Model& model, const Topology& topol
 
 void IslandIntegration::integrate(const IntegrationStep& in, const ContinuousCollision& continuous,
                                   ContactGroups* groups) {
-  const Model& model = in.step.model;
-  const Topology& topology = in.step.topology;
-  State* const state = in.state;
   IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
   const List<int>& integrated = partition_.integrated;
   const StageTimer timer(in.step.clock, Stage::kIntegration, &report.costs.stage_times);
   if (!entering_.empty()) begin_entering(in);
-  if (is_partition_new_) list_time_varying_joints(model, *state, *lists);
-  begin_islands(integrated, state->joint_states, lists);
+  if (is_partition_new_) list_time_varying_joints(in.model, *in.state, *lists);
+  begin_islands(integrated, in.state->joint_states, lists);
   // a thread takes tens of microseconds to wake up, which some hundreds of bodies are worth
   constexpr std::size_t kBodiesWorthIt = 500;
-  const int threads =
-      integrated.size() > 1 && in.awake.bodies.size() >= kBodiesWorthIt ? model.options.threads : 1;
+  const int threads = integrated.size() > 1 && in.awake.bodies.size() >= kBodiesWorthIt
+                          ? in.model.options.threads
+                          : 1;
   split_step(in);
   for (std::size_t k = 0; k + 1 < interval_ends_.size(); ++k) {
     const double t = interval_ends_[k];
-    const JointStep interval = joint_step(model.options, t, interval_ends_[k + 1] - t);
+    const JointStep interval = joint_step(in.model.options, t, interval_ends_[k + 1] - t);
     const bool had_loads = !loads_.empty();
-    if (!state->wrenches.empty() || had_loads) find_loads(model, *state, t, interval_ends_[k + 1]);
+    if (!in.state->wrenches.empty() || had_loads)
+      find_loads(in.model, *in.state, t, interval_ends_[k + 1]);
     const bool is_disturbed = had_loads || !loads_.empty() || k > 0;
     for (const int j : time_varying_joints_)
-      if (is_integrated(model, topology, *lists, to_index(j)))
-        prescribed_[j].begin(model.joints[j], interval, state->joint_states[j]);
+      if (is_integrated(in.model, in.topology, *lists, to_index(j)))
+        prescribed_[j].begin(in.model.joints[j], interval, in.state->joint_states[j]);
     const double since = t - in.step.tick.start;
-    const Interval continued{t,      interval.h,   model.options.gravity,
+    const Interval continued{t,      interval.h,   in.model.options.gravity,
                              loads_, prescribed_,  is_disturbed,
                              k > 0,  in.step.stop, since};
     workers_.run(threads, integrated.size(), [&](std::size_t s) {
@@ -283,19 +272,19 @@ void IslandIntegration::integrate(const IntegrationStep& in, const ContinuousCol
         reject(in, to_index(i), MethodReason::kRefused);
     if (!groups->is_empty()) advance_groups(in, continued, groups);
     for (const int j : time_varying_joints_)
-      if (is_integrated(model, topology, *lists, to_index(j)))
-        finish_interval(model.joints[j], interval, state->joint_states[j]);
+      if (is_integrated(in.model, in.topology, *lists, to_index(j)))
+        finish_interval(in.model.joints[j], interval, in.state->joint_states[j]);
   }
   if (!continuous.jointed_pairs().empty()) {
-    for (const int i : continuous.find_passing(in.step, *state, in.rollback, *lists)) {
+    for (const int i : continuous.find_passing(in.step, *in.state, in.rollback, *lists)) {
       reject(in, to_index(i), MethodReason::kContact);
-      remember_choice({impulses_of(model.options), MethodReason::kContact}, true, state->step_count,
-                      &lists->island_parts[i]);
+      remember_choice({impulses_of(in.model.options), MethodReason::kContact}, true,
+                      in.state->step_count, &lists->island_parts[i]);
     }
   }
-  if (!groups->is_empty()) groups->take_out_contacts(topology, &state->touching);
+  if (!groups->is_empty()) groups->take_out_contacts(in.topology, &in.state->touching);
   if (report_islands(in, *groups)) {
-    list_by_method(model, topology, in.awake, *state, *lists);
+    list_by_method(in.model, in.topology, in.awake, *in.state, *lists);
     report.costs.islands = partition_.islands;
   }
 }
@@ -303,28 +292,25 @@ void IslandIntegration::integrate(const IntegrationStep& in, const ContinuousCol
 // Begins islands that were not integrated in the step before, or were edited. Joints that do not
 // fit close their errors from here on.
 void IslandIntegration::begin_entering(const IntegrationStep& in) {
-  const Model& model = in.step.model;
-  const Topology& topology = in.step.topology;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
-  const JointStep interval = joint_step(model.options, in.step.tick.start, model.options.time_step);
+  const JointStep interval =
+      joint_step(in.model.options, in.step.tick.start, in.model.options.time_step);
   for (const int i : entering_) {
-    IslandParts& parts = lists->island_parts[i];
+    IslandParts& parts = in.lists->island_parts[i];
     // a saved scene knows which joints cannot all be met
-    const bool is_known_off = lists->islands[i].why == MethodReason::kInconsistent;
+    const bool is_known_off = in.lists->islands[i].why == MethodReason::kInconsistent;
     for (const int index : parts.members.joints) {
       const std::size_t j = to_index(index);
-      if (!is_known_off && is_rigid(model.joints[j]) &&
-          !fits(model.joints[j], topology.state_a(*state, j), topology.state_b(*state, j), interval,
-                state->joint_states[j]))
-        begin_misfit(model, j, interval.t, state);
+      if (!is_known_off && is_rigid(in.model.joints[j]) &&
+          !fits(in.model.joints[j], in.topology.state_a(*in.state, j),
+                in.topology.state_b(*in.state, j), interval, in.state->joint_states[j]))
+        begin_misfit(in.model, j, interval.t, in.state);
     }
-    compile_if_opened(model, topology, state->joint_states, &parts, &lists->motions);
+    compile_if_opened(in.model, in.topology, in.state->joint_states, &parts, &in.lists->motions);
   }
-  prescribed_.resize(model.joints.size());
+  prescribed_.resize(in.model.joints.size());
   for (const int i : entering_)
-    for (const int index : lists->island_parts[i].members.joints)
-      prescribed_[index].begin(model.joints[index], interval, state->joint_states[index]);
+    for (const int index : in.lists->island_parts[i].members.joints)
+      prescribed_[index].begin(in.model.joints[index], interval, in.state->joint_states[index]);
 }
 
 void IslandIntegration::compile_where_closed(const Model& model, const Topology& topology,
@@ -366,29 +352,27 @@ void IslandIntegration::list_time_varying_joints(const Model& model, const State
 
 // Splits the step where forces or prescribed velocities jump.
 void IslandIntegration::split_step(const IntegrationStep& in) {
-  const Model& model = in.step.model;
-  State* const state = in.state;
   const Tick& tick = in.step.tick;
   interval_ends_.resize(2);
   interval_ends_[0] = tick.start;
   interval_ends_[1] = tick.end;
-  if (state->wrenches.empty() && time_varying_joints_.empty()) return;
+  if (in.state->wrenches.empty() && time_varying_joints_.empty()) return;
   // Share of the time step within which times are moved to its ends: rounding of times after some
   // million steps, as in are_equal_steps().
   constexpr double kEndShare = 1e-9;
-  const double margin = kEndShare * model.options.time_step;
+  const double margin = kEndShare * in.model.options.time_step;
   const auto split_at = [&](double time) {
     if (time > tick.start + margin && time < tick.end - margin) interval_ends_.push_back(time);
   };
-  for (const Wrench& wrench : state->wrenches) {
+  for (const Wrench& wrench : in.state->wrenches) {
     split_at(wrench.start);
     split_at(wrench.end);
   }
   for (const int j : time_varying_joints_) {
-    visit_motors(model.joints[j], state->joint_states[j],
+    visit_motors(in.model.joints[j], in.state->joint_states[j],
                  [&](const Motor&, double end) { split_at(end); });
-    if (state->joint_states[j].closing)
-      visit_ends(state->joint_states[j].to_close, model.options.closing_time, split_at);
+    if (in.state->joint_states[j].closing)
+      visit_ends(in.state->joint_states[j].to_close, in.model.options.closing_time, split_at);
   }
   if (interval_ends_.size() == 2) return;
   std::sort(interval_ends_.begin(), interval_ends_.end());
@@ -406,7 +390,6 @@ void IslandIntegration::find_loads(const Model& model, const State& state, doubl
 
 bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t i,
                                          const Interval& interval) {
-  const Model& model = in.step.model;
   State* const state = in.state;
   IslandLists* const lists = in.lists;
   const IslandParts& parts = lists->island_parts[i];
@@ -416,7 +399,7 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
       if (load.body == body) torque += load.torque;
     if (!FreeRotation::turns(torque, state->states[body])) continue;
     if (!add_result(lists, i,
-                    rotations_[body].advance(interval.h, torque, model.masses[body],
+                    rotations_[body].advance(interval.h, torque, in.model.masses[body],
                                              integrator_options(in, kInfinity), interval.stop,
                                              &state->states[body])))
       return false;
@@ -424,30 +407,28 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
   if (parts.motion >= 0) return integrate_joints(in, i, interval);
 
   const int body = parts.members.bodies.front();
-  Vector3d acceleration = model.gravity_on(to_index(body));
+  Vector3d acceleration = in.model.gravity_on(to_index(body));
   for (const AppliedWrench& load : loads_)
-    if (load.body == body) acceleration += model.masses[body].inverse_mass * load.force;
+    if (load.body == body) acceleration += in.model.masses[body].inverse_mass * load.force;
   integrate_ballistic(interval.h, acceleration, &state->states[body]);
   return true;
 }
 
 void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval& part,
                                        ContactGroups* groups) {
-  const Model& model = in.step.model;
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
   Interval interval = part;
   if (interval_ends_.size() == 2)
-    interval.h = model.options.time_step;  // the whole step, however late it is
+    interval.h = in.model.options.time_step;  // the whole step, however late it is
   for (std::size_t g = 0; g < groups->groups().size(); ++g) {
     const ContactGroup& group = groups->groups()[g];
     if (group.has_failed) continue;
     const IntegrationResult progress =
-        groups->advance(g, interval, integrator_options(in, kInfinity), model.options, state);
-    const bool is_done = add_result(lists, to_index(group.islands.front()), progress);
+        groups->advance(g, interval, integrator_options(in, kInfinity), in.model.options, in.state);
+    const bool is_done = add_result(in.lists, to_index(group.islands.front()), progress);
     for (const int i : group.islands) {
-      if (i != group.islands.front()) lists->islands[i].local_error += progress.local_error;
-      if (group.islands.size() > 1) lists->island_parts[i].energy.has_changed = true;  // exchanged
+      if (i != group.islands.front()) in.lists->islands[i].local_error += progress.local_error;
+      if (group.islands.size() > 1)
+        in.lists->island_parts[i].energy.has_changed = true;  // exchanged
     }
     if (is_done) continue;
     groups->mark_failed(g);
@@ -458,7 +439,6 @@ void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval
 // Adds up the results of islands in their order, which does not depend on the number of threads.
 // True where the method of an island changed.
 bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactGroups& groups) {
-  const Model& model = in.step.model;
   IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
   bool any_changed = false;
@@ -481,7 +461,7 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
     if (groups.contains(to_index(index))) island.events = groups.events_of(to_index(index));
     report.costs.events += island.events;
     if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
-      island.unresolved_bodies = find_unresolved(model, *in.state, in.rollback, parts.members,
+      island.unresolved_bodies = find_unresolved(in.model, *in.state, in.rollback, parts.members,
                                                  lists->motions[parts.motion], nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
     report.local_error = larger(report.local_error, island.local_error);
@@ -495,22 +475,20 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
 
 // Leaves this step of an island, from its start, and some more steps to impulses.
 void IslandIntegration::reject(const IntegrationStep& in, std::size_t i, MethodReason why) {
-  State* const state = in.state;
-  IslandLists* const lists = in.lists;
   StepReport& report = in.output->report;
-  in.rollback.restore(lists->island_parts[i].members, state);
-  lists->islands[i].method = impulses_of(in.step.model.options);
-  lists->islands[i].why = why;
-  lists->island_parts[i].is_in_group = false;
-  lists->island_parts[i].projected_energy = lists->island_parts[i].correction_work = 0.0;
+  in.rollback.restore(in.lists->island_parts[i].members, in.state);
+  in.lists->islands[i].method = impulses_of(in.model.options);
+  in.lists->islands[i].why = why;
+  in.lists->island_parts[i].is_in_group = false;
+  in.lists->island_parts[i].projected_energy = in.lists->island_parts[i].correction_work = 0.0;
   if (why == MethodReason::kContactsGivenUp)
-    hand_over(in, i, why);
+    switch_to_impulses(in, i, why);
   else if (why != MethodReason::kContact)
-    learn_from_refusal(state->step_count, &lists->island_parts[i]);
+    learn_from_refusal(in.state->step_count, &in.lists->island_parts[i]);
   any_rejected_ = true;
-  ++lists->island_parts[i].changes;
-  lists->island_parts[i].energy.has_changed = true;
-  report.costs.rejected += lists->islands[i].rejected;
+  ++in.lists->island_parts[i].changes;
+  in.lists->island_parts[i].energy.has_changed = true;
+  report.costs.rejected += in.lists->islands[i].rejected;
 }
 
 }  // namespace constraint_sim::engine

@@ -110,7 +110,7 @@ double max_center_displacement(const StepContext& step, const BodyState& now, in
   const double fall =
       model.is_movable(to_index(body)) ? duration * model.options.gravity.norm() : 0.0;
   const double known = duration * (now.linear_velocity.norm() + fall);
-  if (!step.assumed.is_any()) return known;
+  if (!step.assumed.has_longer_paths()) return known;
   return std::max(known, duration / model.options.time_step * step.assumed.of(body));
 }
 

@@ -43,11 +43,11 @@ void Sleep::wake_around(const Model& model, BodyId id, State* state) {
 RestingSets Sleep::spread(const Model& model, const Topology& topology, IslandLists* lists,
                           State* state) {
   if (any_waking_) {
-    List<const List<int>*> groups;
-    for (const IslandParts& parts : lists->island_parts) groups.push_back(&parts.members.bodies);
+    List<const List<int>*> islands;
+    for (const IslandParts& parts : lists->island_parts) islands.push_back(&parts.members.bodies);
     List<std::pair<int, int>> near;
     for (const TouchingPair& pair : state->resting) near.push_back(pair.ends());
-    spread_waking(model, groups, near, &state->asleep);
+    spread_waking(model, islands, near, &state->asleep);
   }
   any_waking_ = false;
   move_over(&state->resting, &state->touching, [&](const TouchingPair& pair) {
@@ -56,7 +56,7 @@ RestingSets Sleep::spread(const Model& model, const Topology& topology, IslandLi
   return list_awake(model, topology, *state, lists);
 }
 
-void spread_waking(const Model& model, const List<const List<int>*>& groups,
+void spread_waking(const Model& model, const List<const List<int>*>& islands,
                    const List<std::pair<int, int>>& near, List<bool>* sleeps) {
   const auto wake_other = [&](int body, int other) {
     if (!model.is_movable(to_index(body)) || (*sleeps)[body] || !(*sleeps)[other]) return false;
@@ -65,9 +65,9 @@ void spread_waking(const Model& model, const List<const List<int>*>& groups,
   };
   for (bool spreads = true; spreads;) {
     spreads = false;
-    for (const List<int>* group : groups) {
-      for (const int body : *group) spreads = wake_other(group->front(), body) || spreads;
-      for (const int body : *group) spreads = wake_other(body, group->front()) || spreads;
+    for (const List<int>* island : islands) {
+      for (const int body : *island) spreads = wake_other(island->front(), body) || spreads;
+      for (const int body : *island) spreads = wake_other(body, island->front()) || spreads;
     }
     for (const auto& [a, b] : near) {
       spreads = wake_other(a, b) || spreads;
@@ -206,7 +206,7 @@ bool Sleep::find_candidates(const Model& model, const Topology& topology, const 
 // Lists the sets that the stages go through, after a body woke up or fell asleep.
 RestingSets Sleep::list_awake(const Model& model, const Topology& topology, const State& state,
                               IslandLists* lists) {
-  has_changed_ = true;
+  awake_sets_changed_ = true;
   const double quiet = std::ceil(model.options.sleep_after / model.options.time_step);
   quiet_steps_ = quiet < 1e18 ? static_cast<std::uint64_t>(quiet) : 0;
   awake_.islands.clear();

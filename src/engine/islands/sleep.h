@@ -28,8 +28,8 @@ struct RestingSets {
 };
 
 /// Wakes all bodies of an island as soon as one of them, or a body near one of them, is awake.
-/// `groups`: bodies of each island.
-void spread_waking(const Model& model, const List<const List<int>*>& groups,
+/// `islands`: bodies of each island.
+void spread_waking(const Model& model, const List<const List<int>*>& islands,
                    const List<std::pair<int, int>>& near, List<bool>* sleeps);
 
 /// Whether a kinematic body moves.
@@ -50,14 +50,14 @@ class Sleep {
  public:
   const AwakeSets& awake() const { return awake_; }
   /// Whether a body woke up since the awake sets were listed.
-  bool is_stale() const { return any_waking_; }
+  bool has_new_waking() const { return any_waking_; }
   /// Whether the awake sets changed since the methods were chosen.
-  bool has_changed() const { return has_changed_; }
+  bool awake_sets_changed() const { return awake_sets_changed_; }
   /// Whether the stages of a step have work: something is awake, or the awake sets changed.
-  bool needs_stages() const { return has_changed_ || !awake_.bodies.empty(); }
-  void forget_change() { has_changed_ = false; }
+  bool needs_stages() const { return awake_sets_changed_ || !awake_.bodies.empty(); }
+  void forget_change() { awake_sets_changed_ = false; }
   /// The methods are chosen again, as after a change of the awake sets.
-  void choose_again() { has_changed_ = true; }
+  void choose_again() { awake_sets_changed_ = true; }
 
   void wake(std::size_t body, State* state) {
     if (!state->asleep[body]) return;
@@ -91,7 +91,7 @@ class Sleep {
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.any_waking_);
-    visit(self.has_changed_);
+    visit(self.awake_sets_changed_);
   }
 
  private:
@@ -103,7 +103,7 @@ class Sleep {
                          IslandLists* lists);
 
   bool may_sleep_ = true;  // false: no body is asleep
-  bool any_waking_ = false, has_changed_ = true;
+  bool any_waking_ = false, awake_sets_changed_ = true;
   AwakeSets awake_;
   std::uint64_t quiet_steps_ = 0;  // after which an island may rest; 0: never
   List<bool> is_candidate_;        // islands about to fall asleep

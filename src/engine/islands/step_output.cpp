@@ -7,11 +7,11 @@ namespace constraint_sim::engine {
 void StepOutput::set_resting_contacts(const List<TouchingPair>& resting, double time_step) {
   contacts.clear();
   for (const TouchingPair& pair : resting) add_contacts(pair, time_step);
-  resting_contacts = contacts.size();
+  resting_contact_count = contacts.size();
 }
 
 void StepOutput::set_contacts(const List<TouchingPair>& touching, double time_step) {
-  contacts.resize(resting_contacts);
+  contacts.resize(resting_contact_count);
   for (const TouchingPair& pair : touching) add_contacts(pair, time_step);
 }
 

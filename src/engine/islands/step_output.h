@@ -15,8 +15,8 @@ namespace constraint_sim::engine {
 /// Everything that a step reports.
 struct StepOutput {
   StepReport report;
-  std::vector<Contact> contacts;     ///< contacts of sleeping islands first
-  std::size_t resting_contacts = 0;  ///< number of contacts of sleeping islands
+  std::vector<Contact> contacts;          ///< contacts of sleeping islands first
+  std::size_t resting_contact_count = 0;  ///< number of contacts of sleeping islands
   std::vector<Event> events;
   std::optional<JointId> failed_joint;  ///< joint whose plugin failed the step (Failure::kCustom)
   std::string failed_why;               ///< message of the plugin that failed the step

@@ -475,13 +475,13 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   ContactGroups::visit_memory(self.groups, visit);
   IslandIntegration::visit_prescribed(self.integration, visit);
   visit(self.contacts);
-  visit(self.resting_contacts);
+  visit(self.resting_contact_count);
   Monitors::visit_memory(self.monitors, visit);
   visit(self.report);
   if constexpr (Visit::kReads) {
     check_indices(self.integration.time_varying_joints(),
                   std::min(self.joints.size(), self.integration.prescribed().size()));
-    if (self.resting_contacts > self.contacts.size()) fail_damaged("its contacts");
+    if (self.resting_contact_count > self.contacts.size()) fail_damaged("its contacts");
     check_ids(self, visit.most_ids());
     self.forget_unknown_ids();
   }

@@ -74,7 +74,7 @@ bool are_in_bounds(const Model& model, const State& state, const AwakeSets& awak
     }
   }
   double forces = 0.0;
-  for (std::size_t i = output.resting_contacts; i < output.contacts.size(); ++i) {
+  for (std::size_t i = output.resting_contact_count; i < output.contacts.size(); ++i) {
     const Contact& contact = output.contacts[i];
     sum += contact.position.sum() + contact.normal.sum() + contact.depth + contact.normal_force;
     forces += contact.force.squaredNorm();

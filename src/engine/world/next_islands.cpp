@@ -31,7 +31,7 @@ void choose_next_methods(const WorldImpl& world, const List<JointEnds>& ends,
     for (const TouchingPair& pair : *pairs)
       if (world.is_known(pair)) near.emplace_back(world.find(pair.id_a), world.find(pair.id_b));
   List<bool> sleeps = world.asleep;
-  if (world.sleep.is_stale()) {
+  if (world.sleep.has_new_waking()) {
     List<const List<int>*> members;
     for (const NextIsland& island : *next) members.push_back(&island.members.bodies);
     spread_waking(world, members, near, &sleeps);

@@ -22,24 +22,49 @@ namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
 
+namespace {
+
+/// Returns everything that the integration of islands reads and writes beside its own fields.
+IntegrationStep integration_step(const StepContext& step, WorldImpl* world) {
+  State* const state = world;
+  IslandLists* const lists = world;
+  StepOutput* const output = world;
+  return {step,  step.model, step.topology, world->sleep.awake(), world->rollback,
+          state, lists,      output};
+}
+
+}  // namespace
+
 // The numbers count the stages of the tutorial (docs/tutorial.md): broad phase, narrow phase, rows,
 // velocities, sweeps, positions. Impl inherits Model, State, IslandLists and StepOutput, so one
 // `world` is passed as each of them. A step in which a stage throws StepFailed or CustomFailure
 // ends with the bodies where they began, and a report; other exceptions, as std::bad_alloc, leave
 // step(). Where return_if_missed returns true, the stages from the broad phase on are repeated. In
-// the table, `groups` are the event-driven groups.
+// the table, `groups` are the event-driven groups. Each stage may also write the report.
 //
-// stage                        | reads                         | writes
-// begin_step                   | edits, wakings                | topology, awake sets, rollback
-// run_broadphase               | poses, velocities, paths      | pairs of `pipeline` and `reach`
-// run_narrowphase              | pairs, poses                  | touching, hits, groups, awake sets
-// remove_correction_velocities | corrections of the last step  | velocities
-// choose_methods               | islands, groups, touching     | methods, partition, `unseen`
-// integrate                    | partition, groups, wrenches   | states, motions, groups, touching
-// advance_by_impulses          | partition, touching, wrenches | states, joint_states, touching
-// return_if_missed             | paths of bodies               | assumed paths; the state before
-// advance_kinematic_bodies     | velocities                    | states
-// finish_step                  | results in motions and groups | joint_states, contacts, report
+// stage                        | reads                     | writes
+// begin_step                   | edits, wakings            | topology, islands, touching, resting,
+//                              |                           | awake sets, rollback; clears report
+//                              |                           | and events
+// run_broadphase               | poses, velocities, paths  | fast bodies, pairs of `pipeline` and
+//                              |                           | `reach`
+// run_narrowphase              | pairs, poses, touching    | touching, resting, fast pairs, groups,
+//                              |                           | awake sets, rollback
+// remove_correction_velocities | corrections               | velocities, corrections
+// choose_methods               | islands, groups, touching | methods, partition, motions, events,
+//                              |                           | `unseen`
+// integrate                    | partition, groups,        | states, joint_states, motions, groups,
+//                              | wrenches                  | touching, events; moves rejected
+//                              |                           | islands to the impulse part of the
+//                              |                           | partition
+// advance_by_impulses          | partition, touching,      | states, joint_states, corrections,
+//                              | wrenches                  | touching, missed hits
+// return_if_missed             | states, rollback          | missed hits; or assumed paths, and the
+//                              |                           | state before the step
+// advance_kinematic_bodies     | velocities                | states
+// finish_step                  | motions, groups, unseen   | joint_states, touching, contacts,
+//                              |                           | events, report; then awake sets,
+//                              |                           | wrenches and step_count
 const StepReport& World::step() {
   Impl& world = *impl_;
   const std::uint64_t step_count = world.step_count;
@@ -47,7 +72,7 @@ const StepReport& World::step() {
     const StepContext step = world.begin_step();
     bool is_due = world.sleep.needs_stages();
     while (is_due) {
-      // grow() is not called in every attempt, so pairs of an earlier attempt would stay.
+      // Only ContactReach::grow(), in run_broadphase(), replaces the pairs of an earlier attempt.
       world.reach.forget_pairs();
       if (!world.pipeline.moving_shapes().empty())
         world.run_broadphase(step);  // 1. broadphase: fast and approximate
@@ -62,7 +87,7 @@ const StepReport& World::step() {
         world.advance_by_impulses(step);  // 3. to 6.: all other islands, by SequentialImpulses
       // Returns to the start of the step, with longer assumed paths, where a body may have met a
       // shape that no pair covers.
-      is_due = world.assumed.is_any_driven(world) && world.return_if_missed(step);
+      is_due = world.assumed.may_outrun(world) && world.return_if_missed(step);
     }
     world.advance_kinematic_bodies();
     world.finish_step(step);
@@ -88,7 +113,7 @@ StepContext World::Impl::begin_step() {
   assumed.begin_step();
   if (edits.any())
     rebuild_topology();
-  else if (sleep.is_stale())
+  else if (sleep.has_new_waking())
     spread_waking();
   save_state();
   const StepContext step{
@@ -103,12 +128,12 @@ StepContext World::Impl::begin_step() {
 
 void World::Impl::save_state() {
   rollback.save(sleep.awake(), *this, island_parts);
-  if (assumed.is_any_driven(*this)) rollback.save_methods(sleep.awake(), *this);
+  if (assumed.may_outrun(*this)) rollback.save_methods(sleep.awake(), *this);
 }
 
 void World::Impl::restore_state() {
   rollback.restore(sleep.awake(), this, &island_parts);
-  pipeline.take_back(&touching);
+  pipeline.restore_contacts(&touching);
 }
 
 void World::Impl::choose_methods(const StepContext& step) {
@@ -116,9 +141,8 @@ void World::Impl::choose_methods(const StepContext& step) {
   control.begin_step();
   unseen.begin_step();
   const bool may_change =
-      sleep.has_changed() || !touching.empty() || !pipeline.touching_before().empty();
-  integration.choose_methods({step, sleep.awake(), rollback, this, this, this}, may_change, reach,
-                             &sleep, &groups);
+      sleep.awake_sets_changed() || !touching.empty() || !pipeline.touching_before().empty();
+  integration.choose_methods(integration_step(step, this), may_change, reach, &sleep, &groups);
   note_pairs(step);
 }
 
@@ -138,7 +162,7 @@ void World::Impl::note_pairs(const StepContext& step) {
 
 void World::Impl::integrate(const StepContext& step) {
   if (!integration.partition().integrated.empty())
-    integration.integrate({step, sleep.awake(), rollback, this, this, this}, continuous, &groups);
+    integration.integrate(integration_step(step, this), continuous, &groups);
 }
 
 // Lists the wrenches that act within the step on bodies that impulses advance, with the duration of
@@ -292,7 +316,7 @@ void World::Impl::read_results(const StepContext& step) {
     read_integrated_joints(joint_step(options, step.tick.start, options.time_step));
   if (!groups.is_empty())
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
-  if (!touching.empty() || contacts.size() > resting_contacts)
+  if (!touching.empty() || contacts.size() > resting_contact_count)
     set_contacts(touching, options.time_step);
   if (const std::optional<int> body = continuous.first_body_with_missed_hits())
     report.contacts.hits_left_body = body_ids[to_index(*body)];

@@ -106,7 +106,7 @@ void World::Impl::run_narrowphase(const StepContext& step) {
   pipeline.collide(step, this, &report);
   find_hits(step);
   while (wake_touched()) {
-    pipeline.take_back(&touching);
+    pipeline.restore_contacts(&touching);
     spread_waking();
     save_state();
     run_broadphase(step);
@@ -126,10 +126,10 @@ void World::Impl::find_hits(const StepContext& step) {
 // a body slept.
 bool World::Impl::wake_touched() {
   for (const TouchingPair& pair : touching) sleep.wake(pair.ends(), this);
-  if (!sleep.is_stale() && follows_contacts(options))
+  if (!sleep.has_new_waking() && follows_contacts(options))
     for (const auto& [pair, apart] : reach.watched_pairs())
       if (asleep[pair.first] || asleep[pair.second]) sleep.wake(pair.bodies(), this);
-  return sleep.is_stale();
+  return sleep.has_new_waking();
 }
 
 // Returns to the start of the step, with longer assumed paths, where a body may have met a shape
@@ -174,7 +174,7 @@ void World::Impl::restore_start() {
   restore_state();
   for (IslandMotion& motion : motions) motion.forget();
   restart_all();
-  contacts.resize(resting_contacts);
+  contacts.resize(resting_contact_count);
   events.clear();
   report.step = step_count;
   report.time = time();

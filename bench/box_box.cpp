@@ -63,7 +63,7 @@ void ours(benchmark::State& state) {
   int points = 0;
   for ([[maybe_unused]] auto unused : state)
     for (const Boxes& p : pairs) {
-      const Manifold manifold = collide_box_box(p.size_a, p.a, p.size_b, p.b);
+      const Manifold manifold = Collide{p.a, p.b}(Box{p.size_a}, Box{p.size_b});
       benchmark::DoNotOptimize(&manifold);
       points += manifold.count;
     }

@@ -41,7 +41,7 @@ struct ScaledBoxes {
   Vector3d size_a = Vector3d::Ones(), size_b = Vector3d::Ones();
   BodyState a, b;
 
-  Manifold contact() const { return collide_box_box(size_a, a, size_b, b); }
+  Manifold contact() const { return collide(Box{size_a}, a, Box{size_b}, b); }
   /// Sum of the largest edges [m].
   double scale() const { return size_a.maxCoeff() + size_b.maxCoeff(); }
   /// Motion of vertices by rounding [m]: half a unit in the last place per coordinate, and some ten

@@ -196,7 +196,7 @@ TEST(Jacobians, NormalRowOfSpheresIsTheGradientOfTheirGap) {
   for (int trial = 0; trial < kJacobianTrials; ++trial) {
     PairPose pose{random.state(), random.state()};
     pose.b.position = pose.a.position + (0.6 + 0.3 * random()) * random.vector().normalized();
-    const Manifold manifold = collide_sphere_sphere(pose.a.position, 0.4, pose.b.position, 0.7);
+    const Manifold manifold = collide(Sphere{0.4}, pose.a, Sphere{0.7}, pose.b);
     ASSERT_EQ(manifold.count, 1);
     const auto gap = [](const PairPose& at) {
       return (at.a.position - at.b.position).norm() - 1.1;

@@ -2,12 +2,18 @@
 
 #include <limits>
 
+#include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/contact.h"
 
 namespace constraint_sim::engine {
 
 /// Smallest square of a length [m²] that has a reliable direction.
 inline constexpr double kSmallestSquare = std::numeric_limits<double>::min();
+
+/// Returns the normal N of a plane: the z axis of its body. The solid half-space is N·x ≤ N·p.
+inline Eigen::Vector3d normal_of_plane(const BodyState& plane) {
+  return plane.orientation * Eigen::Vector3d::UnitZ();
+}
 
 /// Adds a point where its gap is less than the margin. Two boxes share at most eight points; more
 /// could come from rounding alone.

@@ -474,9 +474,12 @@ Separation separation_of_boxes(const Vector3d& size_a, const BodyState& a, const
   return {a.orientation * n, -axis.depth};
 }
 
-Manifold collide_box_box(const Vector3d& size_a, const BodyState& a, const Vector3d& size_b,
-                         const BodyState& b, double margin) {
-  const BoxPair pair(size_a, a, size_b, b);
+Separation Separate::operator()(const Box& box_a, const Box& box_b) const {
+  return separation_of_boxes(box_a.size, a, box_b.size, b);
+}
+
+Manifold Collide::operator()(const Box& box_a, const Box& box_b) const {
+  const BoxPair pair(box_a.size, a, box_b.size, b);
   const Axis axis = least_axis(pair, margin);
   Manifold manifold;
   if (!(axis.depth > -margin)) return manifold;

@@ -28,9 +28,10 @@ struct OrientedBox {
 
 }  // namespace
 
-Manifold collide_box_plane(const Vector3d& size_a, const BodyState& a, const Vector3d& N, double d,
-                           double margin) {
-  const OrientedBox box(size_a, a);
+Manifold Collide::operator()(const Box& box_a, const Plane&) const {
+  const Vector3d N = normal_of_plane(b);
+  const double d = N.dot(b.position);
+  const OrientedBox box(box_a.size, a);
   Manifold manifold;
   manifold.normal = N;
   for (std::uint32_t vertex = 0; vertex < 8; ++vertex) {
@@ -42,28 +43,27 @@ Manifold collide_box_plane(const Vector3d& size_a, const BodyState& a, const Vec
   return manifold;
 }
 
-Manifold collide_box_sphere(const Vector3d& size_a, const BodyState& a, const Vector3d& p_b,
-                            double radius_b, double margin) {
-  const OrientedBox box(size_a, a);
-  const Vector3d centre = box.axes.transpose() * (p_b - box.centre);
+Manifold Collide::operator()(const Box& box_a, const Sphere& sphere_b) const {
+  const OrientedBox box(box_a.size, a);
+  const Vector3d centre = box.axes.transpose() * (b.position - box.centre);
   const Vector3d nearest = centre.cwiseMax(-box.half).cwiseMin(box.half);
   const double distance_squared = (nearest - centre).squaredNorm();
-  if (distance_squared >= (radius_b + margin) * (radius_b + margin)) return {};
+  if (distance_squared >= (sphere_b.radius + margin) * (sphere_b.radius + margin)) return {};
 
   Manifold manifold;
   double depth = 0.0;
   if (distance_squared >= kSmallestSquare) {
     const double distance = std::sqrt(distance_squared);
     manifold.normal = box.axes * (nearest - centre) / distance;
-    depth = radius_b - distance;
+    depth = sphere_b.radius - distance;
   } else {
     // A centre inside the box leaves through the nearest face, the first on ties.
     int k = 0;
     const double below_face = (box.half - centre.cwiseAbs()).minCoeff(&k);
     manifold.normal = box.axes.col(k) * (centre[k] < 0.0 ? 1.0 : -1.0);
-    depth = radius_b + below_face;
+    depth = sphere_b.radius + below_face;
   }
-  add_point(manifold, p_b + radius_b * manifold.normal, depth, 0, margin);
+  add_point(manifold, b.position + sphere_b.radius * manifold.normal, depth, 0, margin);
   return manifold;
 }
 

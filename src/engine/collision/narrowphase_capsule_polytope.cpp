@@ -135,27 +135,23 @@ Manifold collide_line_polytope(const Segment& line, double radius, const Polytop
 
 }  // namespace
 
-Manifold collide_capsule_box(const Capsule& capsule_a, const BodyState& a, const Vector3d& size_b,
-                             const BodyState& b, double margin) {
+Manifold Collide::operator()(const Capsule& capsule_a, const Box& box_b) const {
   return collide_line_polytope(middle_line(capsule_a, a, b.position), capsule_a.radius,
-                               Polytope(size_b, b, b.position), b.position, margin);
+                               Polytope(box_b.size, b, b.position), b.position, margin);
 }
 
-Manifold collide_capsule_hull(const Capsule& capsule_a, const BodyState& a, const Hull& hull_b,
-                              const BodyState& b, double margin) {
+Manifold Collide::operator()(const Capsule& capsule_a, const Hull& hull_b) const {
   return collide_line_polytope(middle_line(capsule_a, a, b.position), capsule_a.radius,
                                Polytope(hull_b, b, b.position), b.position, margin);
 }
 
-Separation separation_of_capsule_and_box(const Capsule& capsule_a, const BodyState& a,
-                                         const Vector3d& size_b, const BodyState& b) {
+Separation Separate::operator()(const Capsule& capsule_a, const Box& box_b) const {
   const LineGap found =
-      gap_of(middle_line(capsule_a, a, b.position), Polytope(size_b, b, b.position), kInfinity);
+      gap_of(middle_line(capsule_a, a, b.position), Polytope(box_b.size, b, b.position), kInfinity);
   return {found.normal, found.gap - capsule_a.radius};
 }
 
-Separation separation_of_capsule_and_hull(const Capsule& capsule_a, const BodyState& a,
-                                          const Hull& hull_b, const BodyState& b) {
+Separation Separate::operator()(const Capsule& capsule_a, const Hull& hull_b) const {
   const LineGap found =
       gap_of(middle_line(capsule_a, a, b.position), Polytope(hull_b, b, b.position), kInfinity);
   return {found.normal, found.gap - capsule_a.radius};

@@ -128,8 +128,9 @@ std::optional<PlaceRange> line_over_cap(const Segment& line, const Solid& cylind
 
 }  // namespace
 
-Manifold collide_capsule_plane(const Capsule& capsule_a, const BodyState& a, const Vector3d& N,
-                               double d, double margin) {
+Manifold Collide::operator()(const Capsule& capsule_a, const Plane&) const {
+  const Vector3d N = normal_of_plane(b);
+  const double d = N.dot(b.position);
   const Segment line = middle_line(capsule_a, a, Vector3d::Zero());
   Manifold manifold;
   manifold.normal = N;
@@ -142,22 +143,20 @@ Manifold collide_capsule_plane(const Capsule& capsule_a, const BodyState& a, con
   return manifold;
 }
 
-Manifold collide_capsule_sphere(const Capsule& capsule_a, const BodyState& a, const Vector3d& p_b,
-                                double radius_b, double margin) {
-  const Segment line = middle_line(capsule_a, a, p_b);
+Manifold Collide::operator()(const Capsule& capsule_a, const Sphere& sphere_b) const {
+  const Segment line = middle_line(capsule_a, a, b.position);
   const Vector3d p = line.at(line.nearest(Vector3d::Zero()));
   const double square = p.squaredNorm();
   Manifold manifold;
   // A centre on the line leaves across it.
   manifold.normal =
       square >= kSmallestSquare ? Vector3d(p / std::sqrt(square)) : line.axis.unitOrthogonal();
-  add_point(manifold, p_b + radius_b * manifold.normal,
-            capsule_a.radius + radius_b - std::sqrt(square), 0, margin);
+  add_point(manifold, b.position + sphere_b.radius * manifold.normal,
+            capsule_a.radius + sphere_b.radius - std::sqrt(square), 0, margin);
   return manifold;
 }
 
-Manifold collide_capsule_capsule(const Capsule& capsule_a, const BodyState& a,
-                                 const Capsule& capsule_b, const BodyState& b, double margin) {
+Manifold Collide::operator()(const Capsule& capsule_a, const Capsule& capsule_b) const {
   const Segment line = middle_line(capsule_a, a, b.position);
   const Segment other = middle_line(capsule_b, b, b.position);
   const double reach = capsule_a.radius + capsule_b.radius;
@@ -175,8 +174,7 @@ Manifold collide_capsule_capsule(const Capsule& capsule_a, const BodyState& a,
   return manifold;
 }
 
-Manifold collide_capsule_cylinder(const Capsule& capsule_a, const BodyState& a,
-                                  const Cylinder& cylinder_b, const BodyState& b, double margin) {
+Manifold Collide::operator()(const Capsule& capsule_a, const Cylinder& cylinder_b) const {
   const Segment line = middle_line(capsule_a, a, b.position);
   const Solid cylinder(cylinder_b, b, b.position);
   const Vector3d k = cylinder.axis();
@@ -203,15 +201,13 @@ Manifold collide_capsule_cylinder(const Capsule& capsule_a, const BodyState& a,
                             add_feature);
 }
 
-Separation separation_of_capsules(const Capsule& capsule_a, const BodyState& a,
-                                  const Capsule& capsule_b, const BodyState& b) {
+Separation Separate::operator()(const Capsule& capsule_a, const Capsule& capsule_b) const {
   const LineGap found =
       gap_of(middle_line(capsule_a, a, b.position), middle_line(capsule_b, b, b.position));
   return {found.normal, found.gap - capsule_a.radius - capsule_b.radius};
 }
 
-Separation separation_of_capsule_and_cylinder(const Capsule& capsule_a, const BodyState& a,
-                                              const Cylinder& cylinder_b, const BodyState& b) {
+Separation Separate::operator()(const Capsule& capsule_a, const Cylinder& cylinder_b) const {
   const LineGap found =
       gap_of(middle_line(capsule_a, a, b.position), Solid(cylinder_b, b, b.position));
   return {found.normal, found.gap - capsule_a.radius};

@@ -372,8 +372,9 @@ Separation separation(const Solid& a, const Solid& b) {
 
 }  // namespace
 
-Manifold collide_cylinder_plane(const Cylinder& cylinder_a, const BodyState& a, const Vector3d& N,
-                                double d, double margin) {
+Manifold Collide::operator()(const Cylinder& cylinder_a, const Plane&) const {
+  const Vector3d N = normal_of_plane(b);
+  const double d = N.dot(b.position);
   const Solid cylinder(cylinder_a, a, Vector3d::Zero());
   const double cosine = N.dot(cylinder.axis());
   const int lower = cosine > 0.0 ? -1 : 1;
@@ -398,10 +399,9 @@ Manifold collide_cylinder_plane(const Cylinder& cylinder_a, const BodyState& a, 
   return manifold;
 }
 
-Manifold collide_cylinder_sphere(const Cylinder& cylinder_a, const BodyState& a,
-                                 const Vector3d& p_b, double radius_b, double margin) {
+Manifold Collide::operator()(const Cylinder& cylinder_a, const Sphere& sphere_b) const {
   const Solid cylinder(cylinder_a, a, Vector3d::Zero());
-  const Vector3d centre = cylinder.axes.transpose() * (p_b - cylinder.centre);
+  const Vector3d centre = cylinder.axes.transpose() * (b.position - cylinder.centre);
   const double across = math::hypot(centre.x(), centre.y());
   const double r = cylinder.radius(), half = cylinder.half.z();
   const Vector3d radial =
@@ -410,49 +410,46 @@ Manifold collide_cylinder_sphere(const Cylinder& cylinder_a, const BodyState& a,
   nearest.z() = std::clamp(centre.z(), -half, half);
   const Vector3d d = nearest - Vector3d(across * radial.x(), across * radial.y(), centre.z());
   const double distance_squared = d.squaredNorm();
-  if (distance_squared >= (radius_b + margin) * (radius_b + margin)) return {};
+  if (distance_squared >= (sphere_b.radius + margin) * (sphere_b.radius + margin)) return {};
 
   Manifold manifold;
   double depth = 0.0;
   if (distance_squared >= kSmallestSquare) {
     const double distance = std::sqrt(distance_squared);
     manifold.normal = cylinder.axes * d / distance;
-    depth = radius_b - distance;
+    depth = sphere_b.radius - distance;
   } else {  // centre inside: leaves through the nearest of side and caps, on a tie the side
     const double below_side = r - across, below_cap = half - std::abs(centre.z());
     const bool by_side = below_side <= below_cap;
     manifold.normal = by_side ? Vector3d(-(cylinder.axes * radial))
                               : Vector3d(centre.z() < 0.0 ? cylinder.axis() : -cylinder.axis());
-    depth = radius_b + std::min(below_side, below_cap);
+    depth = sphere_b.radius + std::min(below_side, below_cap);
   }
-  add_point(manifold, p_b + radius_b * manifold.normal, depth, 0, margin);
+  add_point(manifold, b.position + sphere_b.radius * manifold.normal, depth, 0, margin);
   return manifold;
 }
 
-Manifold collide_box_cylinder(const Vector3d& size_a, const BodyState& a,
-                              const Cylinder& cylinder_b, const BodyState& b, double margin) {
-  return collide(Solid(size_a, a, b.position), Solid(cylinder_b, b, b.position), b.position,
+Manifold Collide::operator()(const Box& box_a, const Cylinder& cylinder_b) const {
+  return collide(Solid(box_a.size, a, b.position), Solid(cylinder_b, b, b.position), b.position,
                  margin);
 }
 
-Manifold collide_cylinder_cylinder(const Cylinder& cylinder_a, const BodyState& a,
-                                   const Cylinder& cylinder_b, const BodyState& b, double margin) {
+Manifold Collide::operator()(const Cylinder& cylinder_a, const Cylinder& cylinder_b) const {
   return collide(Solid(cylinder_a, a, b.position), Solid(cylinder_b, b, b.position), b.position,
                  margin);
 }
 
-Separation separation_of_box_and_cylinder(const Vector3d& size_a, const BodyState& a,
-                                          const Cylinder& cylinder_b, const BodyState& b) {
-  return separation(Solid(size_a, a, b.position), Solid(cylinder_b, b, b.position));
+Separation Separate::operator()(const Box& box_a, const Cylinder& cylinder_b) const {
+  return separation(Solid(box_a.size, a, b.position), Solid(cylinder_b, b, b.position));
 }
 
-Separation separation_of_cylinders(const Cylinder& cylinder_a, const BodyState& a,
-                                   const Cylinder& cylinder_b, const BodyState& b) {
+Separation Separate::operator()(const Cylinder& cylinder_a, const Cylinder& cylinder_b) const {
   return separation(Solid(cylinder_a, a, b.position), Solid(cylinder_b, b, b.position));
 }
 
-Separation separation_of_cylinder_and_plane(const Cylinder& cylinder_a, const BodyState& a,
-                                            const Vector3d& N, double d) {
+Separation Separate::operator()(const Cylinder& cylinder_a, const Plane&) const {
+  const Vector3d N = normal_of_plane(b);
+  const double d = N.dot(b.position);
   const Solid cylinder(cylinder_a, a, Vector3d::Zero());
   return {N, N.dot(a.position) - d - cylinder.reach(N)};
 }

@@ -365,8 +365,7 @@ Vector3d with_flat_normal(const Polytope& a, const Solid& b, const Vector3d& n) 
 
 }  // namespace
 
-Manifold collide_hull_cylinder(const Hull& hull_a, const BodyState& a, const Cylinder& cylinder_b,
-                               const BodyState& b, double margin) {
+Manifold Collide::operator()(const Hull& hull_a, const Cylinder& cylinder_b) const {
   const Polytope hull(hull_a, a, b.position);
   const Solid cylinder(cylinder_b, b, b.position);
   if (hull.centre.norm() - hull.radius - math::hypot(cylinder.radius(), cylinder.half.z()) >=
@@ -385,8 +384,7 @@ Manifold collide_hull_cylinder(const Hull& hull_a, const BodyState& a, const Cyl
   return points.manifold();
 }
 
-Separation separation_of_hull_and_cylinder(const Hull& hull_a, const BodyState& a,
-                                           const Cylinder& cylinder_b, const BodyState& b) {
+Separation Separate::operator()(const Hull& hull_a, const Cylinder& cylinder_b) const {
   const Polytope hull(hull_a, a, b.position);
   const Solid cylinder(cylinder_b, b, b.position);
   HullCylinderAxis axis(hull, cylinder);

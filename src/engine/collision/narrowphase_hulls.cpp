@@ -244,8 +244,9 @@ SurfacePoint nearest_on_surface(const ConvexHull& hull, const Vector3d& point) {
 
 }  // namespace
 
-Manifold collide_hull_plane(const Hull& hull_a, const BodyState& a, const Vector3d& N, double d,
-                            double margin) {
+Manifold Collide::operator()(const Hull& hull_a, const Plane&) const {
+  const Vector3d N = normal_of_plane(b);
+  const double d = N.dot(b.position);
   const Polytope hull(hull_a, a, Vector3d::Zero());
   PointChoice points(N, margin);
   for (int i = 0; i < hull.vertices(); ++i) {
@@ -258,43 +259,41 @@ Manifold collide_hull_plane(const Hull& hull_a, const BodyState& a, const Vector
   return points.manifold(u, N.cross(u));
 }
 
-Manifold collide_hull_sphere(const Hull& hull_a, const BodyState& a, const Vector3d& p_b,
-                             double radius_b, double margin) {
-  const Vector3d apart = p_b - a.position;
-  const double reach = hull_a.surface->radius() + radius_b + margin;
+Manifold Collide::operator()(const Hull& hull_a, const Sphere& sphere_b) const {
+  const Vector3d apart = b.position - a.position;
+  const double reach = hull_a.surface->radius() + sphere_b.radius + margin;
   if (apart.squaredNorm() >= reach * reach) return {};
   const Vector3d centre = a.orientation.conjugate() * apart;
   const SurfacePoint nearest = nearest_on_surface(*hull_a.surface, centre);
   Manifold manifold;
   manifold.normal = a.orientation * -nearest.normal;
-  add_point(manifold, p_b + radius_b * manifold.normal, radius_b - nearest.distance, 0, margin);
+  add_point(manifold, b.position + sphere_b.radius * manifold.normal,
+            sphere_b.radius - nearest.distance, 0, margin);
   return manifold;
 }
 
-Manifold collide_hull_hull(const Hull& hull_a, const BodyState& a, const Hull& hull_b,
-                           const BodyState& b, double margin) {
+Manifold Collide::operator()(const Hull& hull_a, const Hull& hull_b) const {
   return collide_polytopes(Polytope(hull_a, a, b.position), Polytope(hull_b, b, b.position),
                            b.position, margin);
 }
 
-Manifold collide_box_hull(const Vector3d& size_a, const BodyState& a, const Hull& hull_b,
-                          const BodyState& b, double margin) {
-  return collide_polytopes(Polytope(size_a, a, b.position), Polytope(hull_b, b, b.position),
+Manifold Collide::operator()(const Box& box_a, const Hull& hull_b) const {
+  return collide_polytopes(Polytope(box_a.size, a, b.position), Polytope(hull_b, b, b.position),
                            b.position, margin);
 }
 
-Separation separation_of_hulls(const Hull& hull_a, const BodyState& a, const Hull& hull_b,
-                               const BodyState& b) {
+Separation Separate::operator()(const Hull& hull_a, const Hull& hull_b) const {
   return separation_of_polytopes(Polytope(hull_a, a, b.position), Polytope(hull_b, b, b.position));
 }
 
-Separation separation_of_box_and_hull(const Vector3d& size_a, const BodyState& a,
-                                      const Hull& hull_b, const BodyState& b) {
-  return separation_of_polytopes(Polytope(size_a, a, b.position), Polytope(hull_b, b, b.position));
+Separation Separate::operator()(const Box& box_a, const Hull& hull_b) const {
+  return separation_of_polytopes(Polytope(box_a.size, a, b.position),
+                                 Polytope(hull_b, b, b.position));
 }
 
-Separation separation_of_hull_and_plane(const Hull& hull_a, const BodyState& a, const Vector3d& N,
-                                        double d) {
+Separation Separate::operator()(const Hull& hull_a, const Plane&) const {
+  const Vector3d N = normal_of_plane(b);
+  const double d = N.dot(b.position);
   return {N, -Polytope(hull_a, a, Vector3d::Zero()).reach(-N) - d};
 }
 

@@ -76,7 +76,7 @@ TEST(Rest, LeavesEverythingOutAndStillTellsOfIt) {
   EXPECT_EQ(report.costs.rows, 0u);
   EXPECT_EQ(report.contacts.points, 0u);
   EXPECT_EQ(report.costs.iterations, 0u);
-  EXPECT_EQ(report.costs.broadphase_tests, 0u);
+  EXPECT_EQ(report.costs.candidate_pairs, 0u);
   for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kAtRest);
 
   // Five weights on the floor, 2 + 1 + 1 on boxes; impulses changed by at most that of 1e-8 m/s in

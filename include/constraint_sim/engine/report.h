@@ -180,10 +180,9 @@ struct StepReport {
     std::uint32_t rejected = 0;  ///< rejected substeps
     /// Sweeps over the rows, and Newton iterations of stiff islands.
     std::uint32_t iterations = 0;
-    std::uint32_t events = 0;  ///< moments at which a one-sided row began or ceased to act
-    std::uint32_t rows = 0;    ///< scalar equations solved
-    std::uint64_t broadphase_tests = 0;  ///< tests of a bounding box against another
-    std::uint32_t candidate_pairs = 0;   ///< pairs of bodies that passed the broadphase
+    std::uint32_t events = 0;           ///< moments at which a one-sided row began or ceased to act
+    std::uint32_t rows = 0;             ///< scalar equations solved
+    std::uint32_t candidate_pairs = 0;  ///< pairs of bodies that passed the broadphase
     /// Duration of each stage [s]; zero without a clock.
     std::array<double, kStageCount> stage_times{};
   };

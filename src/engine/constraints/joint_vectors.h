@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 
 #include "constraint_sim/engine/body.h"
@@ -36,6 +37,10 @@ struct JointVectors {
   const CustomCode* custom = nullptr;  ///< functions of a custom joint, which owns them
 
   JointVectors() = default;
+  /// Takes arms and axes on A and B.
+  JointVectors(const std::array<Eigen::Vector3d, 2>& arms, const Eigen::Vector3d& separation,
+               const std::array<Eigen::Matrix3d, 2>& axes, const CustomCode* code)
+      : r_A(arms[0]), r_B(arms[1]), d(separation), axes_A(axes[0]), axes_B(axes[1]), custom(code) {}
   JointVectors(const Joint& joint, const BodyState& a, const BodyState& b);
   /// Uses the moving frame on B in place of the joint's own.
   JointVectors(const Joint& joint, const BodyState& a, const BodyState& b,

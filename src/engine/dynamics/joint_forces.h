@@ -21,9 +21,6 @@ class JointForces {
   /// Sorts all lists for another order of the rows; `unknown`: index of the unknown of each row.
   void sort(const List<std::size_t>& unknown);
   std::size_t unknowns() const { return impulses_.size(); }
-  std::size_t of_spring(const IslandModel& island, std::size_t l) const {
-    return unknown_.size() + l - island.first().spring;
-  }
   std::size_t of_soft(const IslandModel& island, std::size_t soft) const {
     return of_spring(island, island.links().size()) + soft;
   }
@@ -92,6 +89,9 @@ class JointForces {
   }
 
  private:
+  std::size_t of_spring(const IslandModel& island, std::size_t l) const {
+    return unknown_.size() + l - island.first().spring;
+  }
   std::size_t of_single(const IslandModel& island, std::size_t l) const {
     return island.is_rod(l) ? unknown_[l] : of_spring(island, l);
   }

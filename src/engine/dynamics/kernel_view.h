@@ -38,6 +38,25 @@ struct KernelView {
   BodyTree* tree;
 };
 
+/// Base of kernels whose state vector, error and sums are those of the equations.
+class EquationsKernel {
+ public:
+  std::size_t size() const { return equations_.size(); }
+  template <class Pair>
+  void accept(double h) {
+    equations_.accept<Pair>(h);
+  }
+  double rounding() const { return equations_.rounding(); }
+  double squared_size_of(const double* dy, double h) const {
+    return equations_.squared_size_of(dy, h);
+  }
+
+ protected:
+  explicit EquationsKernel(EquationsOfMotion& equations) : equations_(equations) {}
+
+  EquationsOfMotion& equations_;
+};
+
 inline void Kinematics::lend(KernelView* view) {
   view->position = position_.data();
   view->velocity = velocity_.data();

@@ -155,17 +155,6 @@ void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
   }
 }
 
-JointVectors RegularizedRows::JointGeometry::vectors() const {
-  JointVectors vectors;
-  vectors.custom = custom;
-  vectors.r_A = arm[0];
-  vectors.r_B = arm[1];
-  vectors.d = d;
-  vectors.axes_A = axes[0];
-  vectors.axes_B = axes[1];
-  return vectors;
-}
-
 // Linearizes a row of a general joint. Arms of rows along world axes meet halfway, so that such
 // rows have no moment where they are off.
 void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,

@@ -60,7 +60,7 @@ class RegularizedRows {
     std::array<Eigen::Matrix3d, 2> axes;  ///< general joints only
     const CustomCode* custom = nullptr;
 
-    JointVectors vectors() const;
+    JointVectors vectors() const { return {arm, d, axes, custom}; }
   };
   using Geometry = List<JointGeometry>;
   void measure(const Configuration& configuration, Geometry* geometry) const;

@@ -38,6 +38,31 @@ void scatter_state(const IslandModel& island, const double* y, List<BodyState>* 
   }
 }
 
+void gather_state(const List<int>& bodies, const List<BodyState>& states, List<Vector3d>* x,
+                  List<Eigen::Quaterniond>* q, List<Vector3d>* v, List<Vector3d>* w) {
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const BodyState& state = states[bodies[i]];
+    (*x)[i] = state.position;
+    (*v)[i] = state.linear_velocity;
+    if (i >= q->size()) continue;
+    (*q)[i] = state.orientation;
+    (*w)[i] = state.angular_velocity;
+  }
+}
+
+void scatter_state(const List<int>& bodies, const List<Vector3d>& x,
+                   const List<Eigen::Quaterniond>& q, const List<Vector3d>& v,
+                   const List<Vector3d>& w, List<BodyState>* states) {
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    BodyState& state = (*states)[bodies[i]];
+    state.position = x[i];
+    state.linear_velocity = v[i];
+    if (i >= q.size()) continue;
+    state.orientation = q[i];
+    state.angular_velocity = w[i];
+  }
+}
+
 double kinetic_energy(const IslandModel& island, const double* y) {
   const double* const v = y + island.layout().v_at;
   const double* const q = y + island.layout().q_at;

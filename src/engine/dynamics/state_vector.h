@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
 
 #include "constraint_sim/engine/body.h"
@@ -24,6 +25,15 @@ struct Motions {
 void gather_state(const IslandModel& island, const List<BodyState>& states, double* y);
 /// Writes a state vector to the bodies of an island.
 void scatter_state(const IslandModel& island, const double* y, List<BodyState>* states);
+/// Copies the states of bodies, by index in `states`, to lists of positions, orientations,
+/// velocities and angular velocities. Only the first bodies, as many as there are orientations,
+/// rotate.
+void gather_state(const List<int>& bodies, const List<BodyState>& states, List<Eigen::Vector3d>* x,
+                  List<Eigen::Quaterniond>* q, List<Eigen::Vector3d>* v, List<Eigen::Vector3d>* w);
+/// Copies such lists to the states of bodies.
+void scatter_state(const List<int>& bodies, const List<Eigen::Vector3d>& x,
+                   const List<Eigen::Quaterniond>& q, const List<Eigen::Vector3d>& v,
+                   const List<Eigen::Vector3d>& w, List<BodyState>* states);
 /// Returns the kinetic energy of a state vector [J].
 double kinetic_energy(const IslandModel& island, const double* y);
 /// Extracts the accelerations from the derivative dydt at y.

@@ -51,7 +51,6 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
   }
   report->costs.candidate_pairs =
       static_cast<std::uint32_t>(broadphase_.find_pairs(proxies_).size());
-  report->costs.broadphase_tests += broadphase_.tests();
   if (broadphase_.is_full()) throw StepFailed{Failure::kTooManyPairs};
 }
 

@@ -46,13 +46,14 @@ class FrontalLu {
 
   /// Returns the largest entry of b − A x, as a share of the largest sum of |terms|.
   double residual(const double* values, const double* b, const double* x);
-  static double at_last(double residual, double share, int steps);
   /// Replaces b by A⁻¹ b; false where A is singular.
   bool solve(const double* values, double* b);
   /// Drops the factors, so that the next solution depends on its matrix alone.
   void forget() { has_factors_ = false; }
 
  private:
+  static double at_last(double residual, double share, int steps);
+
   /// A dense matrix by rows. Its unknowns are first delayed ones of children, then its own, which
   /// the front may eliminate, then its border: unknowns of later fronts that couple with them.
   struct Front {

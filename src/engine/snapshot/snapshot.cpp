@@ -14,6 +14,7 @@
 
 #include "engine/constraints/custom_code.h"
 #include "engine/islands/method_choice.h"
+#include "engine/math/fnv1a.h"
 #include "engine/math/list.h"
 #include "engine/model/fields.h"
 #include "engine/model/shape_names.h"
@@ -401,13 +402,6 @@ void visit_world(Impl& impl, Visit& visit) {
   std::remove_const_t<Impl>::visit_memory(impl, visit);
 }
 
-std::uint64_t checksum(const char* bytes, std::size_t size) {
-  std::uint64_t sum = 0xcbf29ce484222325ULL;  // 64-bit FNV-1a
-  for (std::size_t i = 0; i < size; ++i)
-    sum = (sum ^ static_cast<unsigned char>(bytes[i])) * 0x100000001b3ULL;
-  return sum;
-}
-
 }  // namespace
 
 // Visits all data that outlive a step, in a world with compiled edits: first model and state, then,
@@ -495,7 +489,7 @@ std::string write_snapshot(const World& world) {
   const std::uint64_t hash = impl.hash();
   writer(hash);
   std::string& text = writer.bytes().text;
-  const std::uint64_t sum = checksum(text.data(), text.size());
+  const std::uint64_t sum = fnv1a(text.data(), text.size());
   writer(sum);
   return std::move(text);
 }
@@ -508,7 +502,7 @@ World read_world(const std::string& bytes, bool checks_sums) {
   if (bytes.size() < start + sizeof sum) throw SnapshotError("snapshot: is cut off");
   const std::size_t end = bytes.size() - sizeof sum;
   std::memcpy(&sum, bytes.data() + end, sizeof sum);
-  if (checks_sums && sum != checksum(bytes.data(), end))
+  if (checks_sums && sum != fnv1a(bytes.data(), end))
     throw SnapshotError("snapshot: is damaged, or cut off");
   World world;
   Visitor<ReadBytes> reader(ReadBytes{bytes, start});

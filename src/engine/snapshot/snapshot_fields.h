@@ -72,7 +72,7 @@ CONSTRAINT_SIM_FIELDS(StepReport::Joints, a, b, c, d, e, f, g, h)
 CONSTRAINT_SIM_FIELDS(StepReport::Energy, a, b, c, d, e, f, g)
 CONSTRAINT_SIM_FIELDS(StepReport::Contacts, a, b, c, d, e, f, g, h, i, j, k, l)
 CONSTRAINT_SIM_FIELDS(StepReport::Outcome, a, b, c, d)
-CONSTRAINT_SIM_FIELDS(StepReport::Costs, a, b, c, d, e, f, g, h, i, j, k)
+CONSTRAINT_SIM_FIELDS(StepReport::Costs, a, b, c, d, e, f, g, h, i, j)
 CONSTRAINT_SIM_FIELDS(StepReport, a, b, c, d, e, f, g, h, i)
 CONSTRAINT_SIM_FIELDS(State, a, b, c, d, e, f, g, h, i, j, k, l)
 // Leaves out the options, which snapshots visit before, and the maps by name, which a reader makes.

@@ -4,6 +4,7 @@
 #include <type_traits>
 
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/fnv1a.h"
 #include "engine/math/list.h"
 #include "engine/model/fields.h"
 #include "engine/world/next_islands.h"
@@ -12,13 +13,10 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// 64-bit FNV-1a (Fowler, Noll & Vo) over the bytes of all added values.
+/// Hash over the bytes of all added values.
 class Fnv1a {
  public:
-  void add(const void* data, std::size_t size) {
-    const auto* bytes = static_cast<const unsigned char*>(data);
-    for (std::size_t i = 0; i < size; ++i) hash_ = (hash_ ^ bytes[i]) * 0x100000001b3ULL;
-  }
+  void add(const void* data, std::size_t size) { hash_ = fnv1a(data, size, hash_); }
   void add(double value) { add(&value, sizeof value); }
   void add(std::uint64_t value) { add(&value, sizeof value); }
   void add(int value) { add(static_cast<std::uint64_t>(value)); }
@@ -55,7 +53,7 @@ class Fnv1a {
   std::uint64_t value() const { return hash_; }
 
  private:
-  std::uint64_t hash_ = 0xcbf29ce484222325ULL;
+  std::uint64_t hash_ = kEmptyFnv1a;
 };
 
 /// Visitor that adds the memory of methods to a hash (engine/support/memory.h).

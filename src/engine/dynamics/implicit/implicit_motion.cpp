@@ -1,5 +1,6 @@
 #include "engine/dynamics/implicit/implicit_motion.h"
 
+#include "engine/dynamics/state_vector.h"
 #include "engine/math/cross_matrix.h"
 
 namespace constraint_sim::engine {
@@ -24,26 +25,12 @@ ImplicitMotion::ImplicitMotion(const ImplicitModel& model, std::size_t points) {
 
 void ImplicitMotion::gather_state(const List<BodyState>& states,
                                   const EquationsOfMotion& equations) {
-  for (std::size_t i = 0; i < p_.size(); ++i) {
-    const BodyState& state = states[equations.bodies()[i]];
-    x_[i] = state.position;
-    v_[i] = state.linear_velocity;
-    if (i >= q_.size()) continue;
-    q_[i] = state.orientation;
-    angular_velocity_[i] = state.angular_velocity;
-  }
+  engine::gather_state(equations.bodies(), states, &x_, &q_, &v_, &angular_velocity_);
 }
 
 void ImplicitMotion::scatter_state(const EquationsOfMotion& equations,
                                    List<BodyState>* states) const {
-  for (std::size_t i = 0; i < p_.size(); ++i) {
-    BodyState& state = (*states)[equations.bodies()[i]];
-    state.position = x_[i];
-    state.linear_velocity = v_[i];
-    if (i >= q_.size()) continue;
-    state.orientation = q_[i];
-    state.angular_velocity = angular_velocity_[i];
-  }
+  engine::scatter_state(equations.bodies(), x_, q_, v_, angular_velocity_, states);
 }
 
 void ImplicitMotion::write_points(const ImplicitModel& model, Points* points) const {

@@ -11,17 +11,6 @@ using Kind = ImplicitLink::Kind;
 
 }  // namespace
 
-JointVectors LinkInStep::start() const {
-  JointVectors vectors;
-  vectors.custom = custom;
-  vectors.r_A = r0[0];
-  vectors.r_B = r0[1];
-  vectors.d = d0;
-  vectors.axes_A = axes0[0];
-  vectors.axes_B = axes0[1];
-  return vectors;
-}
-
 // ---- start of the step
 
 void LinkInStep::place(const ImplicitLink& link, const ImplicitModel& model,

@@ -54,7 +54,7 @@ struct LinkInStep {
   void set_target(const ImplicitLink& link, const ImplicitMotion& motion,
                   const EquationsOfMotion& equations, List<SoftInStep>* softs);
   /// Vectors of a general joint at the start of the step.
-  JointVectors start() const;
+  JointVectors start() const { return {r0, d0, axes0, custom}; }
   bool is_in(int row) const { return !is_left_out[to_index(row)]; }
 
  private:

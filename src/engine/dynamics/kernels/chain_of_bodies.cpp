@@ -102,7 +102,7 @@ List<ChainPair> pairs_of_chain(const IslandModel& island) {
 }
 
 ChainOfBodies::ChainOfBodies(EquationsOfMotion& equations)
-    : equations_(equations),
+    : EquationsKernel(equations),
       view_(equations.kernel_view()),
       pairs_(view_.pairs),
       joints_(equations.links().size()),

@@ -13,23 +13,14 @@ namespace constraint_sim::engine {
 /// eliminates the rows of their joints while they are in registers; a pass back from the middle
 /// finds the forces. Dependent rows are left to the equations. Valid for one interval: points into
 /// the equations.
-class ChainOfBodies {
+class ChainOfBodies : public EquationsKernel {
  public:
   explicit ChainOfBodies(EquationsOfMotion& equations);
 
-  std::size_t size() const { return equations_.size(); }
   void derivative(std::size_t stage, double t, const double* y, double* dydt);
   /// Projects by Newton steps with the factors of the last stage, as EquationsOfMotion does.
   bool project(double t, double* y);
-  template <class Pair>
-  void accept(double h) {
-    equations_.accept<Pair>(h);
-  }
   bool restart(double* y, double* dydt);
-  double rounding() const { return equations_.rounding(); }
-  double squared_size_of(const double* dy, double h) const {
-    return equations_.squared_size_of(dy, h);
-  }
 
  private:
   using Vector3d = Eigen::Vector3d;
@@ -62,7 +53,6 @@ class ChainOfBodies {
   // lane takes.
   bool is_idle(std::size_t e) const { return e == middle_ && joints_ % 2 == 0; }
 
-  EquationsOfMotion& equations_;
   KernelView view_;
   ChainPair* pairs_;
   std::size_t joints_;

@@ -12,12 +12,10 @@ namespace constraint_sim::engine {
 /// Kernel for a chain of rods between centres (is_chain()), the most common swinging shape. Bodies
 /// and rods lie in chain order: nothing is looked up, A is tridiagonal, and one pass fills it.
 /// Dependent rows are left to the equations. Valid for one interval: points into the equations.
-class ChainOfRods {
+class ChainOfRods : public EquationsKernel {
  public:
   explicit ChainOfRods(EquationsOfMotion& equations)
       : ChainOfRods(equations, equations.kernel_view()) {}
-
-  std::size_t size() const { return equations_.size(); }
 
   void derivative(std::size_t stage, double t, const double* y, double* dydt) {
     if (equations_.inputs().is_time_dependent()) {
@@ -48,11 +46,6 @@ class ChainOfRods {
         });
   }
 
-  template <class Pair>
-  void accept(double h) {
-    equations_.accept<Pair>(h);
-  }
-
   bool restart(double* y, double* dydt) {
     depends_ = false;
     const double* const rate = rate_target_;
@@ -75,14 +68,9 @@ class ChainOfRods {
     return true;
   }
 
-  double rounding() const { return equations_.rounding(); }
-  double squared_size_of(const double* dy, double h) const {
-    return equations_.squared_size_of(dy, h);
-  }
-
  private:
   ChainOfRods(EquationsOfMotion& equations, const KernelView& view)
-      : equations_(equations),
+      : EquationsKernel(equations),
         rods_(equations.links().size()),
         bodies_(equations.bodies().size()),
         v_at_(view.v_at),
@@ -211,7 +199,6 @@ class ChainOfRods {
     if (ends_with_body_) take(i, before);
   }
 
-  EquationsOfMotion& equations_;
   std::size_t rods_, bodies_;
   std::size_t v_at_;          // offset of v in a state
   std::size_t first_, last_;  // points at the ends of the chain

@@ -80,18 +80,19 @@ class TreeDynamics {
   /// Writes the momenta of all bodies, about the origin, and their inertia there.
   void find_momentum(const JointTree& tree, SpatialVector* momentum,
                      CompositeInertia* inertia) const;
-  /// Evaluates what rates of all motions add to the motion of each body; see added().
-  void add_along_branches(const JointTree& tree, const double* rates) const;
-  /// Evaluates likewise with ẍ of the unknown motions.
+  /// Evaluates added() for the accelerations ẍ of the unknown motions.
   void add_accelerations(const JointTree& tree) const {
     add_along_branches(tree, unknown_acceleration_.data());
   }
+  /// Part of the motion of a body that rates or accelerations of the motions along its branch add.
   const SpatialVector& added(std::size_t body) const { return added_[body]; }
   /// Returns the largest square of a displacement by a small change of all motions [m²]. Centres of
   /// mass count, and points at the radius of gyration.
   double squared_size_of(const JointTree& tree, const double* change) const;
 
  private:
+  /// Evaluates added() for rates of all motions.
+  void add_along_branches(const JointTree& tree, const double* rates) const;
   /// Row k of H: an entry for each motion before motion k by its depth, then the diagonal one.
   double* row(std::size_t k) { return H_.data() + k * direction_.size(); }
   const double* row(std::size_t k) const { return H_.data() + k * direction_.size(); }

@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 }  // namespace
 
 TreeOfBodies::TreeOfBodies(EquationsOfMotion& equations)
-    : equations_(equations),
+    : EquationsKernel(equations),
       view_(equations.kernel_view()),
       tree_(*view_.tree),
       nodes_(tree_.nodes),

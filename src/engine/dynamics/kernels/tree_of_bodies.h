@@ -14,23 +14,14 @@ namespace constraint_sim::engine {
 /// pivot instead of a five-row matrix. Motions follow from the root to the leaves. The state holds
 /// positions of bodies, which are projected as in EquationsOfMotion. Valid for one interval: points
 /// into the equations.
-class TreeOfBodies {
+class TreeOfBodies : public EquationsKernel {
  public:
   explicit TreeOfBodies(EquationsOfMotion& equations);
 
-  std::size_t size() const { return equations_.size(); }
   void derivative(std::size_t stage, double t, const double* y, double* dydt);
   /// Projects by Newton steps with the factors of the last stage, as EquationsOfMotion does.
   bool project(double t, double* y);
-  template <class Pair>
-  void accept(double h) {
-    equations_.accept<Pair>(h);
-  }
   bool restart(double* y, double* dydt);
-  double rounding() const { return equations_.rounding(); }
-  double squared_size_of(const double* dy, double h) const {
-    return equations_.squared_size_of(dy, h);
-  }
 
  private:
   using Vector3d = Eigen::Vector3d;
@@ -69,7 +60,6 @@ class TreeOfBodies {
     return view_.vectors[node.link - first_general_];
   }
 
-  EquationsOfMotion& equations_;
   KernelView view_;
   BodyTree& tree_;
   List<TreeNode>& nodes_;

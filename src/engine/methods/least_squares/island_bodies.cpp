@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/dynamics/state_vector.h"
 #include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
@@ -40,26 +41,14 @@ Configuration IslandBodies::configuration() const {
 
 void IslandBodies::gather_state(const List<BodyState>& states, Configuration* configuration,
                                 BodyVectors* velocity) const {
-  for (std::size_t i = 0; i < size(); ++i) {
-    const BodyState& state = states[indices_[i]];
-    configuration->position[i] = state.position;
-    velocity->linear[i] = state.linear_velocity;
-    if (i >= rotating()) continue;
-    configuration->orientation[i] = state.orientation;
-    velocity->angular[i] = state.angular_velocity;
-  }
+  engine::gather_state(indices_, states, &configuration->position, &configuration->orientation,
+                       &velocity->linear, &velocity->angular);
 }
 
 void IslandBodies::scatter_state(const Configuration& configuration, const BodyVectors& velocity,
                                  List<BodyState>* states) const {
-  for (std::size_t i = 0; i < size(); ++i) {
-    BodyState& state = (*states)[indices_[i]];
-    state.position = configuration.position[i];
-    state.linear_velocity = velocity.linear[i];
-    if (i >= rotating()) continue;
-    state.orientation = configuration.orientation[i];
-    state.angular_velocity = velocity.angular[i];
-  }
+  engine::scatter_state(indices_, configuration.position, configuration.orientation,
+                        velocity.linear, velocity.angular, states);
 }
 
 double IslandBodies::displace(const BodyVectors& change, Configuration* configuration) const {

@@ -16,9 +16,9 @@ struct MarkerMessage {
   std::vector<const visualization_msgs::Marker*> markers;
 };
 
-/// Writes a Marker as on the wire, block by block where the layout in memory is the same. The
-/// serializer of roscpp checks the end of the buffer for each number, which takes longer than
-/// making the markers.
+/// Serializes a Marker, copying whole blocks where memory layout equals wire layout. The serializer
+/// of roscpp checks the end of the buffer for each number, which takes longer than making the
+/// markers.
 class MarkerWriter {
  public:
   static std::uint32_t length(const visualization_msgs::Marker& marker) {

@@ -105,8 +105,8 @@ class Markers {
   std::vector<JointLook> joint_looks_;
   ShownMarker* cubes_ = nullptr;  // marker of `fixed`, where there is one
   Extent extent_;
-  std::pair<std::size_t, std::int32_t>
-      extent_of_;  // number of bodies, and id of the last one, for extent_
+  // Number of bodies, and id of the last body, when extent_ was measured.
+  std::pair<std::size_t, std::int32_t> extent_of_;
   std::map<std::int32_t, double>
       broken_since_;  // stamp at which a constraint was seen to break [s], by id
 };

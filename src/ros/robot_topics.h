@@ -24,7 +24,8 @@ class RobotTopics {
   RobotTopics(const RobotTopics&) = delete;
   RobotTopics& operator=(const RobotTopics&) = delete;
 
-  /// Advertises topics of new robots and sets their parameters; ends those of removed ones.
+  /// Advertises the topics and sets the parameters of new robots. Shuts down topics and deletes
+  /// parameters of removed robots.
   void update(const std::vector<RobotDescription>& robots);
   bool anybody_listens() const;
   /// Adds the joints of all robots that are fixed since they move no mass, at rest: programs such

@@ -32,7 +32,7 @@ struct DriveChanges {
   bool empty() const { return motors.empty() && states.empty() && wrenches.empty(); }
 };
 
-/// Changes a world and records the changes.
+/// Sets motors, body states and wrenches of a world, and records each for a second world.
 class Driver {
  public:
   /// `changes`: where the changes are recorded; null: nowhere.

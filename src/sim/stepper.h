@@ -89,7 +89,8 @@ class Stepper {
   /// passed time.
   using Clock = std::function<double()>;
 
-  static constexpr double kPatience = 0.25;       ///< run time [s]
+  /// Run time of a tick [s] after which queries are answered from the copy of the world.
+  static constexpr double kPatience = 0.25;
   static constexpr std::size_t kMostWaiting = 7;  ///< number of simultaneous calls of step()
   /// Run time between two moves of simulated time to the clock [s].
   static constexpr double kMovesTimeAgain = 0.25;
@@ -211,7 +212,7 @@ class Stepper {
   double last_clock_ = 0.0;
   // Simulated seconds that the world lags behind the clock; negative: the world is ahead.
   double owed_ = 0.0;
-  // Reading of the clock [s] at which it agreed with simulated time, with follows_clock.
+  // Clock reading [s] at which clock and simulated time last agreed. Used with follows_clock.
   double followed_since_ = 0.0;
   double moved_time_ = -kMovesTimeAgain;  // run time of the last move of simulated time [s]
   bool edited_ = false;

@@ -20,11 +20,11 @@ std::string path_of_file_uri(const std::string& uri);
 /// Returns the path of a `file://` URI, and nothing for other names.
 std::string path_of_file(const std::string& uri);
 
-/// Returns the path of the file of a URI; empty where there is none. An empty function: as
+/// Returns the file path of a URI, empty where there is none. An empty std::function stands for
 /// path_of_file().
 using MeshPath = std::function<std::string(const std::string& uri)>;
 
-/// Returns whether there is the file of a URI. An empty function: not checked.
+/// Returns whether the file of a URI exists. With an empty std::function files are not checked.
 using MeshExists = std::function<bool(const std::string& uri)>;
 
 /// Replaces the names of meshes by their URIs. A visual without one gets an empty name and is not

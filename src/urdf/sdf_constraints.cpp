@@ -21,7 +21,7 @@ std::string yaml_list(const std::vector<double>& values) {
   return "[" + text + "]";
 }
 
-/// Returns the laws of a coordinate as the content of a map.
+/// Returns the laws of a coordinate as the keys and values of a YAML map, without braces.
 std::string laws_text(const SdfAxis& axis) {
   std::string text;
   const auto law = [&](const char* key, double value) {

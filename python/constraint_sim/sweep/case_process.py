@@ -1,4 +1,5 @@
-"""Cases in a process of their own: one that crashes or hangs costs that case, and is told."""
+"""Runs each case of a study in its own process. A crash or hang fails that case alone, and its result reports the
+cause."""
 import multiprocessing
 import os
 import signal

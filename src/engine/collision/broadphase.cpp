@@ -30,7 +30,8 @@ struct HalfExtent {
     return (0.5 * capsule.length * along.cwiseAbs()).array() + capsule.radius;
   }
   Eigen::Vector3d operator()(const Plane&) const { return Eigen::Vector3d::Constant(kInfinity); }
-  // Half extents are equal on both sides of the centre, which the farther side decides.
+  // The bounding box is symmetric about the centre of the hull. Each half extent is the largest
+  // distance of a vertex along that world axis.
   Eigen::Vector3d operator()(const Hull& hull) const {
     const Eigen::Matrix3d R = state.orientation.toRotationMatrix();
     Eigen::Vector3d most = Eigen::Vector3d::Zero();

@@ -67,7 +67,7 @@ void LeastDepthAxis::find_flat() {
 
 // Tries vertices of a box against the side and the rims of B.
 void LeastDepthAxis::find_corners() {
-  if (a_.is_round) {  // sides of parallel cylinders
+  if (a_.is_round) {  // A is a cylinder or line: tries the direction between the parallel axes
     try_axis(t_ - b_.axis() * b_.axis().dot(t_), kParallelSine * size_);
     return;
   }

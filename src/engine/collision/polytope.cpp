@@ -137,7 +137,8 @@ Support support_of(const A& a, const Polytope& b, const Vector3d& direction) {
   return support;
 }
 
-/// Returns the nearest points of a shape with vertices and a polytope of a size [m] together.
+/// Returns the nearest points of a vertex shape and a polytope (GJK). `size`: sum of both sizes
+/// [m], to which rounding is relative.
 template <class A>
 NearestPoints nearest_of(const A& a, const Polytope& b, double size, double margin) {
   constexpr int kMostGjkSteps = 200;  // bounds the run time

@@ -14,7 +14,7 @@ inline constexpr int kOfCoupling = -2;
 /// Time, length and settings of a step.
 struct JointStep {
   double t;             ///< simulated time at the start [s]
-  double h;             ///< length [s]
+  double h;             ///< duration of the step [s]
   double beta;          ///< Baumgarte's share for joints without a share of their own
   double closing_time;  ///< time in which an error left by an edit is closed [s]; 0: by Baumgarte
   /// Coordinates at the end of the step, from a method that counts turns within it. NaN or nullptr

@@ -31,7 +31,8 @@ enum class Hold : char {
   kLower,
   kStill,  ///< at rate 0, by friction
   kDrive,  ///< at ζ, by the motor
-  /// At ζ, by a position motor that lost its prescribed motion and comes to rest at its position.
+  /// At ζ: a position motor whose force limit broke its prescribed motion decelerates the
+  /// coordinate. The braking rate ends at zero at the motor's target.
   kBrake,
 };
 

@@ -61,7 +61,7 @@ inline Prescribed motor_motion(const MotorRate& motor, const math::SineCosine& p
   // With x = ωh/2 the phase advances by x to the middle and by 2x to the end.
   const double omega = motor_omega(motor);
   const double x = 0.5 * omega * h;
-  // The root is cheaper than a cosine, and as exact where s² is far below 1.
+  // √(1 − s²) is cheaper than a cosine, and as exact where s² is far below 1.
   const double s = math::sin(x);
   const double c = std::abs(x) <= 0.5 ? std::sqrt(1.0 - s * s) : math::cos(x);
   const double sinc = x == 0.0 ? 1.0 : s / x;

@@ -27,7 +27,7 @@ double moving_errors(const IslandModel& island, const IntervalInputs& inputs, st
   return std::sqrt(square);
 }
 
-// Bound of the error of a moving coordinate until it is closed.
+// Returns a bound of the error that a moving coordinate has while the error closes [m or rad].
 double largest_error(int /*function*/, const MovingStart& moving) {
   // max u − 6u³ + 8u⁴ − 3u⁵ < 0.2, max ½ u² (1 − u)³ < 0.02
   return std::abs(moving.offset) +

@@ -49,7 +49,7 @@ class IntervalInputs {
   bool has_loads(const IslandModel& island, const List<AppliedWrench>& loads) const;
   /// Forgets which joints move with time.
   void forget() { std::fill(is_changing_.begin(), is_changing_.end(), false); }
-  /// Adds a constant force [N] and torque [N m] to the loads on a body.
+  /// Adds a force [N] and torque [N m] on a body, constant in the interval, to its loads.
   void add_load(const IslandModel& island, std::size_t body, const Eigen::Vector3d& force,
                 const Eigen::Vector3d& torque);
   /// Moves lengths, frames and targets of links with a prescribed motion to time t [s].
@@ -74,7 +74,8 @@ class IntervalInputs {
   /// Largest length or prescribed coordinate, and largest arm of a joint [m], at the last begin().
   double scale() const { return scale_; }
 
-  /// Acceleration of a point without joints [m/s²]: gravity and loads, or prescribed.
+  /// Per point, the acceleration without joint forces [m/s²]: gravity and loads for a body,
+  /// prescribed for a fixed point.
   const List<Eigen::Vector3d>& acceleration() const { return acceleration_; }
   /// Torque on a rotating body by loads [N m].
   const List<Eigen::Vector3d>& torque() const { return torque_; }

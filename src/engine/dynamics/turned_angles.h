@@ -18,11 +18,11 @@ namespace constraint_sim::engine {
 class TurnedAngles {
  public:
   struct Angle {
-    std::size_t joint;                ///< number of the joint in its method
-    int coordinate;                   ///< index of the coordinate in its joint
-    std::size_t a, b;                 ///< numbers of ends A and B in their method
-    bool is_about_b;                  ///< whether the axis is z_B
-    double position, rate;            ///< as of time() [rad, rad/s]
+    std::size_t joint;      ///< number of the joint in its method
+    int coordinate;         ///< index of the coordinate in its joint
+    std::size_t a, b;       ///< bodies or points A and B of the joint, by the method's numbers
+    bool is_about_b;        ///< whether the axis is z_B
+    double position, rate;  ///< as of time() [rad, rad/s]
     double kept_position, kept_rate;  ///< values that keep() saved
   };
 

@@ -74,7 +74,8 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
     for (int step = 0; step < 8 && !is_found; ++step) {
       const Vector3d change = equations.correction(mean);
       mean -= change;
-      is_found = k * change.squaredNorm() <= kMomentumSolved * L;  // the error that is left
+      // Newton converges quadratically: estimated error after this step.
+      is_found = k * change.squaredNorm() <= kMomentumSolved * L;
     }
     half_turn = scale * mass.inverse_inertia.cwiseProduct(mean);
   }

@@ -29,8 +29,8 @@ class GroupBodies;
 struct ContactGroup {
   List<int> islands;
   List<Broadphase::Pair> pairs;
-  Storage<ContactEvents> events;            ///< advance the group in this step
-  std::shared_ptr<ElasticSpheres> spheres;  ///< advance the group instead of `events`
+  Storage<ContactEvents> events;            ///< method that advances the group in this step
+  std::shared_ptr<ElasticSpheres> spheres;  ///< method in place of `events`; null: none
   bool has_failed = false;                  ///< in this step: impulses advance its islands
   bool is_small_enough = false;             ///< small enough for `events`
   bool closes = false;                      ///< has overlaps, which `events` close

@@ -88,7 +88,7 @@ void ContactPipeline::collide(const StepContext& step, State* state, StepReport*
 void ContactPipeline::restore_contacts(List<TouchingPair>* touching) {
   if (!is_collided_) return;
   std::swap(*touching, touching_before_);
-  touching_before_.clear();  // contacts of the attempt, whose numbers may be beyond all range
+  touching_before_.clear();  // contacts of the abandoned attempt may hold numbers out of range
   is_collided_ = false;
 }
 

@@ -43,8 +43,8 @@ class ContinuousCollision {
   /// Least thickness of the shapes that can touch [m].
   double thinnest() const { return thinnest_; }
 
-  /// Adds pairs without points to the contacts: pairs of fast bodies that hit something, and of
-  /// everything that these may hit then. Lists the fast pairs with joints.
+  /// Adds to `touching`, with empty manifolds, each pair with a fast body that meets a shape within
+  /// the step, and each pair that either body may meet afterwards. Fills jointed_pairs().
   void find_hits(const StepContext& step, const List<Broadphase::Pair>& near,
                  const IslandLists& lists, State* state);
   /// Fast pairs that are apart, and of which one body has joints.

@@ -131,7 +131,7 @@ void ControlledStep::list_met(const Model& model, const List<TouchingPair>& touc
   }
 }
 
-// Takes over the result of an attempt.
+// Accepts an attempted part: adds its impulses, error and joint forces to the sums of the step.
 void ControlledStep::accept(const GroupSurroundings& around, double h, const Attempt& attempt,
                             State* state) {
   const Model& model = around.step.model;

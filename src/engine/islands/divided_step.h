@@ -53,11 +53,13 @@ inline void add_impulses(const ImpulseReport& impulses, StepReport* report) {
     report->costs.stage_times[i] += impulses.stage_times[i];
 }
 
-/// The contact of two shapes in a list that is sorted; null where there is none.
+/// Finds the contact of two shapes in a list sorted by TouchingPair::in_order; null where there is
+/// none.
 const TouchingPair* find_contact(const List<TouchingPair>& pairs, const ShapePair& shapes);
-/// A contact of two shapes without points.
+/// Makes a contact of two shapes, without points.
 TouchingPair new_contact(const Model& model, const ShapePair& shapes);
-/// Adds the contact impulses of a part of a step to `sums`, the impulses of the parts before.
+/// Adds the contacts of a part of a step to `sums`, the contacts of the earlier parts with their
+/// summed impulses.
 void add_contacts(const List<TouchingPair>& of_part, List<TouchingPair>* sums);
 
 /// A time step of bodies that impulses advance in parts: of the group of fast bodies

@@ -13,10 +13,10 @@ namespace constraint_sim::engine {
 /// Eliminates the rows without bounds of a BodyConeProblem, with rows scaled by D. In blocks of
 /// free and bounded rows of D A D, without the softness of bounded rows,
 ///   Â = A_BB − A_BF A_FF⁻¹ A_FB,  b̂ = b_B − A_BF A_FF⁻¹ b_F
-/// is dense: this is for few bounded rows on bodies that many free rows join, as a robot on its
-/// feet. Free rows that depend on others get no impulse. Bounded rows that free rows hold have
-/// zeros in Â. Keeps its storage, the order of elimination while the rows stay, and the factors
-/// while A_FF stays, as for the corrections of a step.
+/// is dense: the elimination is for few bounded rows on bodies that many free rows join, as a robot
+/// on its feet. Free rows that depend on others get no impulse. Bounded rows that free rows hold
+/// have zeros in Â. Keeps its storage, the order of elimination while the rows stay, and the
+/// factors while A_FF stays, as for the corrections of a step.
 class RowElimination {
  public:
   using Block = BodyConeBlocks::Block;

@@ -313,7 +313,7 @@ int SparseLdlt::eliminate(const Supernode& node, double least) {
     if (column[k] < smallest_pivot_ * entry) smallest_pivot_ = column[k] / entry;
     if (column[k] < least * entry)
       column[k] = leave_out(node.first + k, entry, column[k], &left_out);
-    // 0 for a row left out or empty.
+    // A row that is left out or empty has a pivot of 0, and gets 0 in place of the inverse.
     const double factor = column[k] != 0.0 ? 1.0 / column[k] : 0.0;
     inverse = factor;
     for (std::size_t i = k + 1; i < rows; ++i) column[i] *= factor;

@@ -91,7 +91,8 @@ class RobotWalk {
     return true;
   }
 
-  /// Reaches all bodies of a tree, which hangs on at most one immovable body.
+  /// Finds all bodies and joints of the tree that contains `root`. Rejects loops, and a tree that
+  /// hangs on two immovable bodies.
   void reach_tree(std::size_t root) {
     List<std::size_t> queue{root};
     is_reached_[root] = true;

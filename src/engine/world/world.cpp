@@ -173,7 +173,7 @@ void World::Impl::find_acting_wrenches(const StepContext& step) {
     const double duration = acts_throughout ? options.time_step
                                             : std::min(wrench.end, step.tick.end) -
                                                   std::max(wrench.start, step.tick.start);
-    if (duration <= 0.0) continue;  // begins after this step
+    if (duration <= 0.0) continue;  // the wrench begins after this step
     const std::size_t i = index(wrench.body);
     if (uses_impulses(islands[static_cast<std::size_t>(topology.island_of(i))].method))
       acting_wrenches.push_back({i, duration, wrench.force, wrench.torque});

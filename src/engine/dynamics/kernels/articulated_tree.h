@@ -49,8 +49,8 @@ class ArticulatedTree {
   double size() const { return size_; }
   void set_size(double size) { size_ = size; }
   void note_size();
-  /// Whether the rows advance the island: from then on where a pivot of H was lost, else for the
-  /// rest of the step, as where a loop passes a singular pose.
+  /// Whether the equations with all rows advance the island in place of the tree: for good once a
+  /// pivot of H was lost, or for the rest of a step in which a loop passes a singular pose.
   bool is_left_to_rows() const { return is_ill_conditioned_ || is_by_rows_in_step_; }
   void set_ill_conditioned() {
     is_ill_conditioned_ = true;

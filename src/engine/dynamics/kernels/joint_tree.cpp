@@ -59,7 +59,7 @@ bool add_motions(const TreeNode& node, List<TreeMotion>* motions) {
     const std::uint8_t second = 0;
     add(k, from.axis < 3 ? from.axis : from.axis == 3 ? second : from.axis % 4, from.axis < 4);
   }
-  // From B to A the same motions are made backwards.
+  // The motions that lead from A to B lead back from B to A in the reverse order.
   const bool is_rotation = turns == 3;
   if (node.sense < 0.0 && !is_rotation)
     std::reverse(motions->begin() + static_cast<std::ptrdiff_t>(first), motions->end());

@@ -24,12 +24,12 @@ constexpr double kPivotToReturn = 1e-4;
 constexpr int kMostNewtonSteps = 8;  // corrections of the poses of a loop
 // A step far beyond stability, which is rejected also without a tolerance: one whose estimate is
 // this many sizes of the tree, that opens a loop by this share of the size, or leaves rates from
-// which closing joints change the fastest speed by this share. Changes below kSlowest sizes a
-// second are no motion.
+// which closing joints change the fastest speed by this share.
 constexpr double kMostSizes = 1.0;
 constexpr double kMostOpening = 1e-2;
 constexpr double kMostRateChange = 1e-3;
-constexpr double kSlowest = 1e-6;                      // [1/s]
+// Rate changes below this many sizes of the tree per second are not checked [1/s].
+constexpr double kSlowest = 1e-6;
 constexpr double kTurn = 2.0 * kPi;                    // [rad]
 constexpr double kTurnBelow = 2.4492935982947064e-16;  // the rest of a turn [rad]
 
@@ -131,7 +131,7 @@ void TreeSystem::start(double t) {
 void TreeSystem::begin(double t) {
   time_ = t;
   double* const y = state_.memory().state();
-  // Also constant ones: a tree that was read from a snapshot has not seen them.
+  // Constant motions are prescribed too: a tree that was read from a snapshot has not seen them.
   if (tree_.independent.size() < tree_.motions.size()) prescribe(y);
   if (is_prescribing()) {
     move_with_time(t, y);

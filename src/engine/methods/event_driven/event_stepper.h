@@ -103,7 +103,9 @@ class EventStepper {
   }
 
  private:
-  static constexpr double kReached = 0.999;  // share of the time to an expected event
+  // A substep of at least this share of the time to an expected event that finds no event counts as
+  // in vain.
+  static constexpr double kReached = 0.999;
 
   // Expects an event in a substep of at most `step` [s], where the present accelerations lead to
   // it.

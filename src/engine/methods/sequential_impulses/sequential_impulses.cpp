@@ -128,8 +128,8 @@ void SequentialImpulses::add_errors(const Model& model, const ImpulseStep& step,
       error_.add(to_index(body), std::numeric_limits<double>::quiet_NaN());
 }
 
-// Whether impulses are known well enough for an estimate. Sweeps have to leave no more than solved
-// impulses may.
+// Whether impulses are known well enough for an estimate. The residual that sweeps leave must not
+// exceed the residual allowed for solved impulses.
 bool SequentialImpulses::has_estimate(const Model& model, const ImpulseStep& step,
                                       const ImpulseReport& report) const {
   if (solves_impulses(model.options)) return !report.unsolved_body && !report.has_swept;

@@ -29,8 +29,8 @@ constexpr double kClosed = 0.1;
 // Share of a change of corrections above which the next one shows that they do not converge.
 constexpr double kLargestRatio = 0.5;
 
-// Whether the row holds a value that need not be linear in the motion. Springs and dampers are
-// forces, and coordinates have laws.
+// Whether the row is a rigid constraint whose position error may be nonlinear in the motion. False
+// for springs, dampers, contacts and rows of coordinate laws.
 bool holds_value(const Row& row) {
   return row.coordinate == -1 && row.normal_row == -1 && row.softness == 0.0;
 }

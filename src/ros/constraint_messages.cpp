@@ -201,7 +201,7 @@ engine::DistanceJoint lengths_of(const Constraint& msg, double present_distance)
     check_left_out(msg, {"length"});
     distance.length = length_of("length", msg.length);
   } else {
-    refuse("type", "there is no '" + msg.type + "' (yet); there are distance, rope, strut, spring" +
+    refuse("type", "there is no '" + msg.type + "'; there are distance, rope, strut, spring" +
                        engine::names_of_further_kinds() +
                        "; custom: and custom_force: go before the type of a plugin");
   }

@@ -331,7 +331,7 @@ INSTANTIATE_TEST_SUITE_P(
                     BadScene{"world:\n  gravity: -9.81\n",
                              "s:2: world.gravity: expected a list of 3 numbers, got '-9.81'"},
                     BadScene{"world:\n  method: featherstone\n",
-                             "s:2: world.method: there is no 'featherstone' (yet); there are "
+                             "s:2: world.method: there is no 'featherstone'; there are "
                              "auto, runge_kutta, energy_momentum, sequential_impulses, "
                              "event_driven, time_stepping"},
                     BadScene{"world:\n  method: [auto]\n",
@@ -376,7 +376,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{with_body("  - name: a b\n    mass: 1\n"),
                  "s:3: bodies[0].name: must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got 'a b'"},
         BadScene{with_body("  - name: a\n    type: fixed\n"),
-                 "s:4: bodies[0].type: there is no 'fixed' (yet); there are dynamic, static, "
+                 "s:4: bodies[0].type: there is no 'fixed'; there are dynamic, static, "
                  "kinematic"},
         BadScene{with_body("  - name: a\n    mass: 1\n    orientation: [0, 0, 0]\n"),
                  "s:5: bodies[0].orientation: expected a list of 4 numbers, got a list of 3"},
@@ -395,10 +395,9 @@ INSTANTIATE_TEST_SUITE_P(
                  "s:5: bodies[0].shape: expected exactly one shape, got 2"},
         BadScene{with_body("  - name: a\n    mass: 1\n    shape: {}\n"),
                  "s:5: bodies[0].shape: expected exactly one shape, got 0"},
-        BadScene{
-            with_body("  - name: a\n    mass: 1\n    shape:\n      ellipsoid: {radius: 1}\n"),
-            "s:6: bodies[0].shape: there is no 'ellipsoid' (yet); there are point, sphere, box, "
-            "plane, cylinder, hull, capsule"},
+        BadScene{with_body("  - name: a\n    mass: 1\n    shape:\n      ellipsoid: {radius: 1}\n"),
+                 "s:6: bodies[0].shape: there is no 'ellipsoid'; there are point, sphere, box, "
+                 "plane, cylinder, hull, capsule"},
         BadScene{
             with_body("  - name: a\n    mass: 1\n    shape:\n      sphere:\n        radius: 0\n"),
             "s:7: bodies[0].shape.sphere.radius: must be a finite number > 0, got 0"},
@@ -434,7 +433,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{with_constraints("  - name: j\n    body_b: b\n"),
                  "s:5: constraints[0].body_b: there is no body 'b'"},
         BadScene{with_constraints("  - name: j\n    type: cog\n    body_b: a\n"),
-                 "s:5: constraints[0].type: there is no 'cog' (yet); there are distance, rope, "
+                 "s:5: constraints[0].type: there is no 'cog'; there are distance, rope, "
                  "strut, spring, ball, hinge, slider, cylindrical, planar, universal, weld, "
                  "point_on_line, point_on_plane, parallel, free_distance, gear, pulley, screw, "
                  "custom, custom_force"},

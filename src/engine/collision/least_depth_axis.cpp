@@ -105,7 +105,7 @@ void LeastDepthAxis::find_across(const Vector3d& axis, const Vector3d& beside) {
   };
   const auto depth = [&](double s) {
     const Vector3d n = direction(s);
-    return a_.reach(n) + b_.reach(n) - std::abs(n.dot(t_));
+    return a_.support_extent(n) + b_.support_extent(n) - std::abs(n.dot(t_));
   };
   const auto slope = [&](double s) {
     const Vector3d n = direction(s);

@@ -34,7 +34,7 @@ struct Solid {
   double radius() const { return half.x(); }
 
   /// Returns the extent along n from the centre [m].
-  double reach(const Eigen::Vector3d& n) const {
+  double support_extent(const Eigen::Vector3d& n) const {
     const Eigen::Vector3d c = axes.transpose() * n;
     return is_round ? half.x() * math::hypot(c.x(), c.y()) + half.z() * std::abs(c.z())
                     : half.dot(c.cwiseAbs());
@@ -69,7 +69,7 @@ class LeastDepthAxis {
   const Eigen::Vector3d& normal() const { return normal_; }  ///< unit normal from B to A
   double depth() const { return depth_; }
   double depth_along(const Eigen::Vector3d& n) const {
-    return a_.reach(n) + b_.reach(n) - n.dot(t_);
+    return a_.support_extent(n) + b_.support_extent(n) - n.dot(t_);
   }
 
   /// Tries all axes; ends at the first axis of depth ≤ −margin.

@@ -22,16 +22,16 @@ inline constexpr bool kNeverCollide = std::is_same_v<A, Point> || std::is_same_v
 
 Manifold Collide::operator()(const Sphere& sphere_a, const Sphere& sphere_b) const {
   const Vector3d p_BA = a.position - b.position;
-  const double reach = sphere_a.radius + sphere_b.radius;
+  const double radii = sphere_a.radius + sphere_b.radius;
   const double distance_squared = p_BA.squaredNorm();
-  if (distance_squared >= (reach + margin) * (reach + margin)) return {};
+  if (distance_squared >= (radii + margin) * (radii + margin)) return {};
 
   // The default normal, z, serves where the centres coincide.
   Manifold manifold;
   const double distance = std::sqrt(distance_squared);
   if (distance_squared >= kSmallestSquare) manifold.normal = p_BA / distance;
   // The tutorial's S1 − N (r1 − p), without its cancellation.
-  add_point(manifold, b.position + sphere_b.radius * manifold.normal, reach - distance, 0, margin);
+  add_point(manifold, b.position + sphere_b.radius * manifold.normal, radii - distance, 0, margin);
   return manifold;
 }
 

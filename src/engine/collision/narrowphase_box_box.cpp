@@ -205,7 +205,7 @@ struct UpperFace : Polygon {
       coordinates[i][1] = middle + to_u - to_v;
       coordinates[i][2] = middle + to_u + to_v;
       coordinates[i][3] = middle - to_u + to_v;
-      reach[i] = std::abs(to_u) + std::abs(to_v);
+      half_width[i] = std::abs(to_u) + std::abs(to_v);
       centre[i] = middle;
     }
     edges[0] = first_edge + edge_number(u, false, upper);
@@ -215,8 +215,8 @@ struct UpperFace : Polygon {
     count = 4;
   }
 
-  double centre[3];  ///< centre of the face [m]
-  double reach[3];   ///< half widths [m]
+  double centre[3];      ///< centre of the face [m]
+  double half_width[3];  ///< half widths [m]
 };
 
 /// Writes the part of a polygon where side·coordinate ≤ limit (Sutherland & Hodgman 1974); the new
@@ -261,7 +261,7 @@ void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool 
   const Polygon* polygon = &face;
   const auto clip_by = [&](auto axis, double end, double most, std::uint32_t edge) {
     constexpr int kAxis = decltype(axis)::value;
-    if (end * face.centre[kAxis] + face.reach[kAxis] <= most) return;
+    if (end * face.centre[kAxis] + face.half_width[kAxis] <= most) return;
     Polygon* const part = polygon == &parts[0] ? &parts[1] : &parts[0];
     clip<kAxis>(*polygon, end, most, first_edge + edge, part);
     polygon = part;

@@ -26,7 +26,7 @@ class CrossedPolytope {
   LineGap find() {
     for (int i = 0; i < b_.faces(); ++i) {
       const Vector3d n = b_.normal(i);
-      const double depth = b_.reach_of_face(i) + line_.reach(-n);
+      const double depth = b_.extent_of_face(i) + line_.support_extent(-n);
       const Vector3d end = line_.vertex(line_.farthest(-n));
       if (is_less(depth)) take(n, depth, end + depth * n, b_.vertices() + b_.edges() + i);
     }
@@ -114,7 +114,7 @@ Manifold collide_line_polytope(const Segment& line, double radius, const Polytop
     const bool is_on_face = n.dot(N) >= kFaceCosine;
     CapsulePoints points(line, radius, is_on_face ? N : n, origin, margin);
     if (is_on_face) {
-      const double level = b.reach_of_face(face);
+      const double level = b.extent_of_face(face);
       if (const std::optional<PlaceRange> part = line_over_face(line, b, face))
         points.add_ends(*part, static_cast<std::uint32_t>(b.vertices() + b.edges() + face),
                         [&](const Vector3d& p) -> Vector3d { return p + (level - N.dot(p)) * N; });

@@ -56,7 +56,7 @@ LineGap gap_of(const Segment& a, const Segment& b) {
   const double sine = cross.norm();
   found.normal = sine > kParallelSine ? Vector3d(cross / sine) : a.axis.unitOrthogonal();
   if (found.normal.dot(a.centre - b.centre) < 0.0) found.normal = -found.normal;
-  found.gap = -a.reach(-found.normal) - b.reach(found.normal);
+  found.gap = -a.support_extent(-found.normal) - b.support_extent(found.normal);
   return found;
 }
 
@@ -159,16 +159,16 @@ Manifold Collide::operator()(const Capsule& capsule_a, const Sphere& sphere_b) c
 Manifold Collide::operator()(const Capsule& capsule_a, const Capsule& capsule_b) const {
   const Segment line = middle_line(capsule_a, a, b.position);
   const Segment other = middle_line(capsule_b, b, b.position);
-  const double reach = capsule_a.radius + capsule_b.radius;
+  const double radii = capsule_a.radius + capsule_b.radius;
   const LineGap found = gap_of(line, other);
   const auto add_feature = [&](const Vector3d& n) {
-    CapsulePoints points(line, reach, n, b.position, margin);
+    CapsulePoints points(line, radii, n, b.position, margin);
     if (line.axis.cross(other.axis).norm() <= kAlongSine)
       if (const auto part = line_beside(line, other.vertex(0), other.vertex(1)))
         points.add_ends(*part, 0, [&](const Vector3d& p) { return other.at(other.nearest(p)); });
     return points;
   };
-  Manifold manifold = contact_of_capsule(line, reach, found, b.position, margin, add_feature);
+  Manifold manifold = contact_of_capsule(line, radii, found, b.position, margin, add_feature);
   for (int i = 0; i < manifold.count; ++i)
     manifold.points[static_cast<std::size_t>(i)].position += capsule_b.radius * manifold.normal;
   return manifold;

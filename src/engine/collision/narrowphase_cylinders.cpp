@@ -451,7 +451,7 @@ Separation Separate::operator()(const Cylinder& cylinder_a, const Plane&) const 
   const Vector3d N = normal_of_plane(b);
   const double d = N.dot(b.position);
   const Solid cylinder(cylinder_a, a, Vector3d::Zero());
-  return {N, N.dot(a.position) - d - cylinder.reach(N)};
+  return {N, N.dot(a.position) - d - cylinder.support_extent(N)};
 }
 
 }  // namespace constraint_sim::engine

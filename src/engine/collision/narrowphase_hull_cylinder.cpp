@@ -34,7 +34,7 @@ class HullCylinderAxis {
   void find() {
     for (int i = 0; i < a_.faces(); ++i) {
       const Vector3d m = a_.normal(i);
-      take(m, a_.reach_of_face(i) + b_.reach(m));
+      take(m, a_.extent_of_face(i) + b_.support_extent(m));
     }
     for (const double side : {1.0, -1.0}) try_direction(side * b_.axis());
     for (int i = 0; i < a_.vertices(); ++i) find_at_vertex(a_.vertex(i));
@@ -47,10 +47,10 @@ class HullCylinderAxis {
     depth_ = depth;
     normal_ = -m;
   }
-  void try_direction(const Vector3d& m) { take(m, a_.reach(m) + b_.reach(m)); }
+  void try_direction(const Vector3d& m) { take(m, a_.support_extent(m) + b_.support_extent(m)); }
   // Tries a direction whose depth is at least the depth of a vertex of A.
   void try_at(const Vector3d& m, const Vector3d& vertex) {
-    if (m.dot(vertex) + b_.reach(m) < depth_) try_direction(m);
+    if (m.dot(vertex) + b_.support_extent(m) < depth_) try_direction(m);
   }
 
   // Tries a vertex against the side and the rims of B.
@@ -176,7 +176,7 @@ class HullCylinderPoints {
   // Adds a point of B below or above a face of A, along the normal.
   void add_on_face(int face, const Vector3d& on_b, std::uint32_t feature) {
     const Vector3d N = a_.normal(face);
-    add(on_b + n_ * ((a_.reach_of_face(face) - N.dot(on_b)) / N.dot(n_)), on_b, feature);
+    add(on_b + n_ * ((a_.extent_of_face(face) - N.dot(on_b)) / N.dot(n_)), on_b, feature);
   }
   // Adds a point of A against the plane of the cap, along the normal.
   void add_on_cap(const Vector3d& on_a, std::uint32_t feature) {

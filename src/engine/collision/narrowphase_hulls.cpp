@@ -111,7 +111,7 @@ void collide_faces(const Polytope& reference, int number, std::uint32_t first_ed
          next);
     std::swap(polygon, next);
   }
-  const double level = reference.reach_of_face(number);
+  const double level = reference.extent_of_face(number);
   for (std::size_t i = 0; i < polygon->count; ++i) {
     const auto& [p, edge] = polygon->vertices[i];
     const std::uint32_t previous = polygon->vertices[i == 0 ? polygon->count - 1 : i - 1].edge;
@@ -261,8 +261,8 @@ Manifold Collide::operator()(const Hull& hull_a, const Plane&) const {
 
 Manifold Collide::operator()(const Hull& hull_a, const Sphere& sphere_b) const {
   const Vector3d apart = b.position - a.position;
-  const double reach = hull_a.surface->radius() + sphere_b.radius + margin;
-  if (apart.squaredNorm() >= reach * reach) return {};
+  const double radii = hull_a.surface->radius() + sphere_b.radius + margin;
+  if (apart.squaredNorm() >= radii * radii) return {};
   const Vector3d centre = a.orientation.conjugate() * apart;
   const SurfacePoint nearest = nearest_on_surface(*hull_a.surface, centre);
   Manifold manifold;
@@ -294,7 +294,7 @@ Separation Separate::operator()(const Box& box_a, const Hull& hull_b) const {
 Separation Separate::operator()(const Hull& hull_a, const Plane&) const {
   const Vector3d N = normal_of_plane(b);
   const double d = N.dot(b.position);
-  return {N, -Polytope(hull_a, a, Vector3d::Zero()).reach(-N) - d};
+  return {N, -Polytope(hull_a, a, Vector3d::Zero()).support_extent(-N) - d};
 }
 
 }  // namespace constraint_sim::engine

@@ -195,11 +195,11 @@ class AxisSearch {
   PolytopeAxis find() {
     for (int i = 0; i < a_.faces(); ++i) {
       const Vector3d n = -a_.normal(i);
-      take(n, a_.reach_of_face(i) + b_.reach(n), -1, -1);
+      take(n, a_.extent_of_face(i) + b_.support_extent(n), -1, -1);
     }
     for (int i = 0; i < b_.faces(); ++i) {
       const Vector3d n = b_.normal(i);
-      take(n, b_.reach_of_face(i) + a_.reach(-n), -1, -1);
+      take(n, b_.extent_of_face(i) + a_.support_extent(-n), -1, -1);
     }
     const std::vector<Arc> of_b = arcs(b_, a_, -1.0);
     for (const Arc& arc : arcs(a_, b_, 1.0))
@@ -224,7 +224,7 @@ class AxisSearch {
       const ConvexHull::Edge& edge = of.edge(i);
       const Vector3d from = of.normal(edge.left), to = of.normal(edge.right);
       const Vector3d middle = (from + to).normalized();
-      const double depth = middle.dot(of.vertex(edge.from)) + other.reach(-middle);
+      const double depth = middle.dot(of.vertex(edge.from)) + other.support_extent(-middle);
       if (depth - size_ * (from - middle).norm() > least_.depth) continue;
       found.push_back({i, sign * from, sign * to, of.direction(i).normalized()});
     }
@@ -248,7 +248,7 @@ class AxisSearch {
     const Vector3d n = cross / (cross.dot(outward) > 0.0 ? -sine : sine);
     const double between = n.dot(b_.vertex(b_.edge(b.edge).from) - a_.vertex(a_.edge(a.edge).from));
     if (!(between < least_.depth)) return;
-    take(n, a_.reach(-n) + b_.reach(n), a.edge, b.edge);
+    take(n, a_.support_extent(-n) + b_.support_extent(n), a.edge, b.edge);
   }
 
   const Polytope& a_;

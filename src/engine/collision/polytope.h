@@ -44,11 +44,11 @@ class Polytope {
     return surface.farthest((axes.transpose() * direction).cwiseProduct(scale));
   }
   /// Returns the greatest coordinate along a direction [m].
-  double reach(const Eigen::Vector3d& direction) const {
+  double support_extent(const Eigen::Vector3d& direction) const {
     return direction.dot(vertex(farthest(direction)));
   }
   /// Returns the greatest coordinate along the normal of a face [m].
-  double reach_of_face(int i) const {
+  double extent_of_face(int i) const {
     const Eigen::Vector3d& n = face(i).normal;
     return n.cwiseAbs2().dot(scale) * face(i).offset + normal(i).dot(centre);
   }
@@ -69,7 +69,7 @@ struct Segment {
   /// Returns the vertex farthest along a direction, the second on ties.
   int farthest(const Eigen::Vector3d& direction) const { return axis.dot(direction) < 0.0 ? 0 : 1; }
   /// Returns the greatest coordinate along a direction [m].
-  double reach(const Eigen::Vector3d& direction) const {
+  double support_extent(const Eigen::Vector3d& direction) const {
     return direction.dot(vertex(farthest(direction)));
   }
   /// Returns the place that is nearest to a point [m].

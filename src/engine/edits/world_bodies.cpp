@@ -24,7 +24,7 @@ MassProperties mass_properties(const Body& body) {
   return mass;
 }
 
-// Largest number of passes that move a hull to its centre and axes. Two sufficed in all tests.
+// Largest number of moves of a hull or compound to its centre and axes. Measurements needed two.
 constexpr int kMostMoves = 6;
 
 bool is_homogeneous(const Body& body) {

@@ -54,7 +54,7 @@ double path_of(const MovedBodies& in, int body) {
     path = (m0.norm() + (3.0 * moved - m0 - m1).norm() + m1.norm()) / 3.0;
     spin = std::max(from.angular_velocity.norm(), to.angular_velocity.norm());
   }
-  const double radius = reach_of(model.bodies[body]);
+  const double radius = swing_radius(model.bodies[body]);
   if (radius == 0.0) return path;
   const double chord = 2.0 * (to.orientation * from.orientation.conjugate()).vec().norm();
   // Rotation moves a centred shape within its bounding sphere, so it comes at most one radius
@@ -171,7 +171,7 @@ bool AssumedPaths::is_missed(const MovedBodies& in, const Broadphase::Pair& pair
   if (!is_fast_pair && !follows) return false;
   const double gap = separation_at_start(in, pair).gap;
   if (gap > most) return false;
-  if (follows && gap > in.reach.of(a) + in.reach.of(b)) return true;
+  if (follows && gap > in.reach.travel_bound(a) + in.reach.travel_bound(b)) return true;
   if (!is_fast_pair) return false;
   return is_followed(in.groups, pair) ? has_changed_sides(in, pair)
                                       : passes(in.step, in.state, in.rollback, pair);

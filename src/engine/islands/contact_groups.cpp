@@ -110,7 +110,7 @@ bool compile_spheres(const Model& model, const State& state, const IslandLists& 
   const bool is_all = std::count_if(model.bodies.begin(), model.bodies.end(), may_touch) ==
                       static_cast<std::ptrdiff_t>(spheres.size() + planes.size());
   const double most_speed =
-      is_all ? kInfinity : reach.of(spheres.front().body) / model.options.time_step;
+      is_all ? kInfinity : reach.travel_bound(spheres.front().body) / model.options.time_step;
   group->spheres =
       std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
   if (group->spheres->begin(state.states, ContactTolerances(smallest).overlap)) return true;

@@ -38,7 +38,7 @@ void ContactPipeline::find_pairs(const StepContext& step, const State& state,
   auto fast = fast_bodies.begin();
   for (const int body : moving_shapes_) {
     const BodyState& now = state.states[body];
-    double margin = reach != nullptr ? reach->of(body) : 0.0;
+    double margin = reach != nullptr ? reach->travel_bound(body) : 0.0;
     if (fast != fast_bodies.end() && *fast == body) {
       margin += max_distance(step, now, body, model.options.time_step);
       ++fast;

@@ -90,22 +90,24 @@ bool is_elastic_sphere(const Model& model, std::size_t body) {
          inertia.y() == inertia.z();
 }
 
-// Gives all elastic spheres the reach of the fastest elastic sphere from the start, since a
+// Gives all elastic spheres the travel bound of the fastest elastic sphere from the start, since a
 // group of very many spheres would grow too slowly.
 void ContactReach::begin(const StepContext& step, const State& state,
                          const List<int>& moving_shapes) {
   const Model& model = step.model;
-  reach_.assign(model.bodies.size(), 0.0);
+  travel_bounds_.assign(model.bodies.size(), 0.0);
   double of_elastic = 0.0;
   for (const int body : moving_shapes) {
-    reach_[body] =
+    travel_bounds_[body] =
         2.0 * max_point_displacement(step, state.states[body], body, model.options.time_step) +
         kTouching;
-    if (is_elastic_sphere(model, to_index(body))) of_elastic = std::max(of_elastic, reach_[body]);
+    if (is_elastic_sphere(model, to_index(body)))
+      of_elastic = std::max(of_elastic, travel_bounds_[body]);
   }
   for (const int body : moving_shapes)
-    if (of_elastic > 0.0 && is_elastic_sphere(model, to_index(body))) reach_[body] = of_elastic;
-  own_reach_ = reach_;
+    if (of_elastic > 0.0 && is_elastic_sphere(model, to_index(body)))
+      travel_bounds_[body] = of_elastic;
+  own_travel_bounds_ = travel_bounds_;
 }
 
 bool ContactReach::grow(const StepContext& step, const State& state, const IslandLists& lists,
@@ -121,8 +123,8 @@ bool ContactReach::grow(const StepContext& step, const State& state, const Islan
     if (!size.has_pairs || !(size.is_elastic || size.bodies <= group_limits(model.options).bodies))
       continue;
     for (const int body : lists.island_parts[i].members.bodies) {
-      if (reach_[body] >= size.reach) continue;
-      reach_[body] = size.reach;
+      if (travel_bounds_[body] >= size.travel_bound) continue;
+      travel_bounds_[body] = size.travel_bound;
       any_grown = true;
     }
   }
@@ -162,9 +164,10 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
     GroupSize& size = sizes_[leader_of(to_index(island))];
     size.has_pairs = true;
     for (const int body : {pair.first, pair.second})  // kinematic bodies may hit the others
-      if (!model.is_movable(to_index(body))) size.reach = std::max(size.reach, reach_[body]);
+      if (!model.is_movable(to_index(body)))
+        size.travel_bound = std::max(size.travel_bound, travel_bounds_[body]);
     // Points count where the pair can touch without a third body that hits one of both.
-    if (apart.gap <= own_reach_[pair.first] + own_reach_[pair.second])
+    if (apart.gap <= own_travel_bounds_[pair.first] + own_travel_bounds_[pair.second])
       size.points +=
           ContactPairs::most_points(part_of(model.bodies[pair.first].shape, pair.part_first),
                                     part_of(model.bodies[pair.second].shape, pair.part_second));
@@ -180,7 +183,8 @@ void ContactReach::list_group_sizes(const StepContext& step, const State& state,
     size.bodies += members.size();
     size.is_elastic = size.is_elastic && members.size() == 1 &&
                       is_elastic_sphere(model, to_index(members.front()));
-    for (const int body : members) size.reach = std::max(size.reach, reach_[body]);
+    for (const int body : members)
+      size.travel_bound = std::max(size.travel_bound, travel_bounds_[body]);
   }
 }
 
@@ -189,7 +193,7 @@ std::optional<Separation> ContactReach::separation_to_watch(const Model& model,
                                                             const Topology& topology,
                                                             const State& state,
                                                             const Broadphase::Pair& pair) const {
-  const double most = reach_[pair.first] + reach_[pair.second];
+  const double most = travel_bounds_[pair.first] + travel_bounds_[pair.second];
   if (least_gap(model, state, to_index(pair.first), to_index(pair.second)) > most ||
       topology.is_unpaired(pair.bodies()) || gap_across(model, state, pair) > most)
     return std::nullopt;

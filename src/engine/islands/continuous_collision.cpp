@@ -63,8 +63,8 @@ double time_to_watch(const StepContext& step, const State& state, const IslandLi
   const double far = (a.position - b.position).norm();
   const double closing =
       std::max(0.0, -pair.manifold.normal.dot(a.linear_velocity - b.linear_velocity)) +
-      a.angular_velocity.norm() * reach_of(body_a, far) +
-      b.angular_velocity.norm() * reach_of(body_b, far);
+      a.angular_velocity.norm() * swing_radius(body_a, far) +
+      b.angular_velocity.norm() * swing_radius(body_b, far);
   return kFastShare * thinner_of(model, pair.shapes()) / closing;
 }
 
@@ -123,7 +123,7 @@ double time_without_hit(const StepContext& step, const State& state, const Islan
   const Model& model = step.model;
   double duration = left;
   for (const int body : bodies)
-    if (reach_of(model.bodies[body]) > 0.0)
+    if (swing_radius(model.bodies[body]) > 0.0)
       duration = std::min(duration, kMostSweptTurn / state.states[body].angular_velocity.norm());
   for (const TouchingPair& pair : state.touching)
     duration = std::min(duration, time_to_watch(step, state, lists, pair));

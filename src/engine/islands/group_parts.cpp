@@ -134,8 +134,8 @@ double GroupParts::longest_part(const GroupSurroundings& around, const State& st
     const double far = (a.position - b.position).norm();
     const double closing = longest * model.options.gravity.norm() -
                            apart.normal.dot(a.linear_velocity - b.linear_velocity) +
-                           a.angular_velocity.norm() * reach_of(model.bodies[pair.first], far) +
-                           b.angular_velocity.norm() * reach_of(model.bodies[pair.second], far);
+                           a.angular_velocity.norm() * swing_radius(model.bodies[pair.first], far) +
+                           b.angular_velocity.norm() * swing_radius(model.bodies[pair.second], far);
     if (closing * longest > std::max(apart.gap, known))
       longest = std::max(apart.gap, known) / closing;
   }

@@ -28,8 +28,8 @@ struct Thickness {
 /// Distance from its centre within which rotation moves a shape [m]: the bounding radius, except
 /// for a sphere, which rotates in its place, and a plane, of which only the part within `distance`
 /// counts.
-struct Reach : BoundingRadius {
-  explicit Reach(double distance) : distance(distance) {}
+struct SwingRadius : BoundingRadius {
+  explicit SwingRadius(double distance) : distance(distance) {}
   using BoundingRadius::operator();
   double operator()(const Sphere&) const { return 0.0; }
   double operator()(const Plane&) const { return distance; }
@@ -39,10 +39,11 @@ struct Reach : BoundingRadius {
 
 /// Largest distance from the centre of a body within which rotation moves a part [m]. Out of line,
 /// so that bodies of one shape pay nothing for it.
-[[gnu::noinline]] double farthest_reach(const Compound& compound, double distance) {
+[[gnu::noinline]] double farthest_swing(const Compound& compound, double distance) {
   double most = 0.0;
   for (const ShapePart& part : *compound.parts)
-    most = std::max(most, visit_convex(Reach(distance), part.shape) + part.pose.position.norm());
+    most =
+        std::max(most, visit_convex(SwingRadius(distance), part.shape) + part.pose.position.norm());
   return most;
 }
 
@@ -76,10 +77,10 @@ double thickness(const Shape& shape) {
   return least;
 }
 
-double reach_of(const Body& body, double distance) {
+double swing_radius(const Body& body, double distance) {
   if (const auto* compound = std::get_if<Compound>(&body.shape))
-    return farthest_reach(*compound, distance);
-  return visit_convex(Reach(distance), body.shape) + arm_of_shape(body);
+    return farthest_swing(*compound, distance);
+  return visit_convex(SwingRadius(distance), body.shape) + arm_of_shape(body);
 }
 
 bool is_centred(const Body& body) {
@@ -119,13 +120,13 @@ double max_point_displacement(const StepContext& step, const BodyState& now, int
   const double of_center = max_center_displacement(step, now, body, duration);
   const double turning = now.angular_velocity.norm();
   if (turning == 0.0) return of_center;  // planes reach to infinity
-  return of_center + duration * turning * reach_of(step.model.bodies[body]);
+  return of_center + duration * turning * swing_radius(step.model.bodies[body]);
 }
 
 double max_distance(const StepContext& step, const BodyState& now, int body, double duration) {
   return std::min(
       max_point_displacement(step, now, body, duration),
-      max_center_displacement(step, now, body, duration) + reach_of(step.model.bodies[body]));
+      max_center_displacement(step, now, body, duration) + swing_radius(step.model.bodies[body]));
 }
 
 double displacement_with_fall(const WorldOptions& options, const BodyState& body, double duration) {

@@ -41,9 +41,9 @@ inline constexpr double kMarginShare = 0.05;
 /// their velocities and gravity; forces may close it.
 double fast_share(const WorldOptions& options);
 
-/// Distance from the centre of a body within which its rotation moves its shape [m]. A plane is
-/// the same everywhere but at the distance where another shape meets it.
-double reach_of(const Body& body, double distance = 0.0);
+/// Radius about the centre of a body within which its rotation moves its shape [m]; 0 for a centred
+/// sphere. For a plane, the `distance` at which another shape meets it.
+double swing_radius(const Body& body, double distance = 0.0);
 
 /// Whether the shape of a body is centred in its centre of mass, without a pose of its own.
 bool is_centred(const Body& body);
@@ -58,8 +58,8 @@ double max_center_displacement(const StepContext& step, const BodyState& now, in
 /// Largest displacement of a point of a body [m].
 double max_point_displacement(const StepContext& step, const BodyState& now, int body,
                               double duration);
-/// Distance from its present place that a body cannot leave, whatever it bounces off [m]: however
-/// fast a body turns, it stays within its reach.
+/// Margin by which the bounds of a body hold the body throughout a duration, whatever it bounces
+/// off [m]: however fast the body turns, its shape stays within the swing radius.
 double max_distance(const StepContext& step, const BodyState& now, int body, double duration);
 
 /// Adds the shapes of a body at a pose for the broadphase, with boxes that are widened by a margin

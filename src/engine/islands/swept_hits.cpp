@@ -88,8 +88,8 @@ std::optional<double> time_of_hit(const StepContext& step, const State& state,
                      max_point_displacement(step, state.states[i], pair.first, duration) +
                      max_point_displacement(step, state.states[j], pair.second, duration);
   const double spin =
-      fastest_turn(state.states[i], model.masses[i]) * reach_of(model.bodies[i], far) +
-      fastest_turn(state.states[j], model.masses[j]) * reach_of(model.bodies[j], far);
+      fastest_turn(state.states[i], model.masses[i]) * swing_radius(model.bodies[i], far) +
+      fastest_turn(state.states[j], model.masses[j]) * swing_radius(model.bodies[j], far);
   const double near = kNearShare * thinner_of(model, pair);
   double t = 0.0;
   for (int k = 0; k < kMostAdvances; ++k) {
@@ -125,8 +125,8 @@ bool passes(const StepContext& step, const State& state, const Rollback& rollbac
   const Path of_i = path_of(i), of_j = path_of(j);
   const double far = (of_i.x0 - of_j.x0).norm() + of_i.displacement() + of_j.displacement();
   const double bound = of_i.displacement() + of_j.displacement() +
-                       of_i.angle() * reach_of(model.bodies[i], far) +
-                       of_j.angle() * reach_of(model.bodies[j], far);
+                       of_i.angle() * swing_radius(model.bodies[i], far) +
+                       of_j.angle() * swing_radius(model.bodies[j], far);
   const double least = fast_share(model.options) * thinner_of(model, pair);
   const auto gap_at = [&](double s) {
     return separation_of(model, pair, of_i.at(s), of_j.at(s)).gap;

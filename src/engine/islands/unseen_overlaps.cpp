@@ -40,7 +40,7 @@ double point_displacement(const StepContext& step, const Rollback& before, const
   }
   return turn == 0.0
              ? displacement
-             : displacement + turn * reach_of(step.model.bodies[body]);  // planes have no end
+             : displacement + turn * swing_radius(step.model.bodies[body]);  // planes have no end
 }
 
 // Displacement within which the bodies of a pair cannot overlap without a contact [m]. Swept

@@ -16,7 +16,7 @@ inline Method method_named(const std::string& text) {
     if (text == name(method)) return method;
     existing += (existing.empty() ? "" : ", ") + std::string(name(method));
   }
-  refuse("method", "there is no " + in_quotes(text) + " (yet); there are " + existing);
+  refuse("method", "there is no " + in_quotes(text) + "; there are " + existing);
 }
 
 }  // namespace constraint_sim::engine

@@ -16,7 +16,7 @@ namespace constraint_sim::engine {
 /// Fails at an element with an unknown word, with the words that exist.
 [[noreturn]] inline void fail_unknown(const YamlElement& element, const std::string& word,
                                       const std::string& existing) {
-  element.fail("there is no " + in_quotes(word) + " (yet); there are " + existing);
+  element.fail("there is no " + in_quotes(word) + "; there are " + existing);
 }
 
 /// Returns `further` keys and the keys of a list of fields of a struct.

@@ -221,6 +221,9 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
   return result;
 }
 
+// Samples in a tick where a tolerance sets the substeps, so that the tick is the longest of those
+// that are swept, 0.2 s.
+constexpr int kSamplesATick = 2;
 constexpr double kWild = 0.01;  // error over length beyond all graded errors
 
 constexpr char kHeader[] =
@@ -282,7 +285,7 @@ void run(const Arguments& arguments) {
   for (const double value : arguments.values) {
     Setting setting;
     setting.is_swept = !arguments.is_grid;
-    setting.tick = is_tick ? value : problem.sample;
+    setting.tick = is_tick ? value : kSamplesATick * problem.sample;
     if (!is_tick) setting.tolerance = value;
     std::printf("begin %.10g\n", value);
     std::fflush(stdout);

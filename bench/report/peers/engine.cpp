@@ -14,8 +14,6 @@ using engine::BodyId;
 using engine::Method;
 using engine::World;
 
-constexpr double kAutoTick = 0.1;  // tick for settings where the tolerance sets the substeps [s]
-
 engine::Shape shape_of(const Body& body) {
   switch (body.shape) {
     case Shape::kSphere:
@@ -209,7 +207,6 @@ std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Varia
   options.time_step = setting.tick;
   options.sleep_after = std::numeric_limits<double>::infinity();  // peers do not sleep either
   if (variant.knob == Knob::kTolerance && setting.is_swept) {
-    options.time_step = std::min(kAutoTick, problem.sample);
     options.tolerance = setting.tolerance;
   }
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)

@@ -19,7 +19,8 @@ struct Verdict {
   bool is_given_up = false;   ///< the engine reported that it gave up, and used impulses for a time
   bool is_left = false;       ///< has elements that are not event-driven
   bool is_back = false;       ///< event-driven again after impulses
-  /// Substeps taken or tried in the dearest event-driven tick, over those of the median one.
+  /// Evaluations of the equations of motion in the dearest event-driven tick, over those of the
+  /// median one.
   double worst_tick = 0.0;
 
   void find(const char* what, double time, double figure) {
@@ -98,11 +99,13 @@ inline double largest_work(std::vector<PositionMotor> before, const std::vector<
   return work;
 }
 
-/// Returns the largest of these costs over the median; a median below 1 counts as 1.
+/// Returns the largest of these numbers of evaluations over the median. A median below one substep
+/// of order 8 counts as one.
 inline double worst_over_median(std::vector<unsigned> costs) {
+  constexpr double kSubstep = 12.0;
   if (costs.empty()) return 0.0;
   std::sort(costs.begin(), costs.end());
-  return costs.back() / std::max(1.0, static_cast<double>(costs[costs.size() / 2]));
+  return costs.back() / std::max(kSubstep, static_cast<double>(costs[costs.size() / 2]));
 }
 
 /// Checks 2 s: energy within tolerance and motors' work, joints and gaps within rounding, events in
@@ -112,7 +115,7 @@ inline void follow(const Scene& scene, Verdict* verdict) {
   World world = world_of(scene);
   verdict->was_followed = scene.kind == Kind::kArm || !is_closing(world);
   if (!verdict->was_followed) return;
-  std::vector<unsigned> costs;  // costs of event-driven ticks
+  std::vector<unsigned> costs;  // evaluations of event-driven ticks
   // The bound covers 1e-8 m/s of tolerance over the exchanged energy, and rounding.
   const double allowed = 1e-7 * scene.largest;
   const double power = driven_power(scene);
@@ -145,7 +148,7 @@ inline void follow(const Scene& scene, Verdict* verdict) {
       continue;
     }
     verdict->is_back = verdict->is_back || was_by_impulses;
-    costs.push_back(report.costs.substeps + report.costs.rejected);
+    costs.push_back(report.costs.evaluations);
     verdict->events += report.costs.events;
     for (const Event& event : world.events()) {
       if (event.time < latest || event.time < before - 1e-12 || event.time > now + 1e-12)

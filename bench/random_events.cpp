@@ -5,8 +5,9 @@
 //
 // --seed: of the first scene of each kind; --kind: judges this kind only. Exit status 1 for
 // findings, 2 for wrong arguments. Scenes that the engine gives up are counted, and no failure: it
-// reports them. The last columns are the dearest tick of a scene over its median tick, in substeps
-// taken or tried: the largest of all scenes, and in how many it exceeds 200.
+// reports them. The last columns are the dearest tick of a scene over its median tick, in
+// evaluations of the equations of motion: the largest of all scenes, and in how many it exceeds
+// 200.
 
 #include <atomic>
 #include <boost/program_options.hpp>

@@ -152,6 +152,7 @@ class Island(TypedDict):
     local_error: Optional[float]  # error estimate [m]; None where there is none
     substeps: int
     rejected: int
+    evaluations: int  # evaluations of the equations of motion in explicit substeps
     events: int
     iterations: int
     unresolved_bodies: int
@@ -348,6 +349,9 @@ class StepReport:
     @property
     def rejected(self) -> int:
         """rejected substeps"""
+    @property
+    def evaluations(self) -> int:
+        """evaluations of the equations of motion in explicit substeps"""
     @property
     def iterations(self) -> int:
         """sweeps over the rows, and Newton iterations"""

@@ -109,6 +109,8 @@ void define_step_report(py::module* module) {
                              "substeps of all islands")
       .def_property_readonly("rejected", field_of(&Report::costs, &Report::Costs::rejected),
                              "rejected substeps")
+      .def_property_readonly("evaluations", field_of(&Report::costs, &Report::Costs::evaluations),
+                             "evaluations of the equations of motion in explicit substeps")
       .def_property_readonly("iterations", field_of(&Report::costs, &Report::Costs::iterations),
                              "sweeps over the rows, and Newton iterations")
       .def_property_readonly("events", field_of(&Report::costs, &Report::Costs::events),

@@ -32,6 +32,7 @@ py::dict island_dict(const engine::World& world, const engine::Island& island) {
   dict["local_error"] = known(island.local_error);
   dict["substeps"] = island.substeps;
   dict["rejected"] = island.rejected;
+  dict["evaluations"] = island.evaluations;
   dict["iterations"] = island.iterations;
   dict["events"] = island.events;
   dict["unresolved_bodies"] = island.unresolved_bodies;

@@ -1,6 +1,7 @@
 // Constraints and forces of other packages: the motion of equivalent joints of the engine, closed
 // forms, and messages for errors.
 
+#include "by_events.h"
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "custom_types.h"
@@ -118,6 +119,20 @@ TEST_F(Custom, ForcesDependOnTimeAndTurnBodies) {
                 kForce * std::abs(std::cos(kOmega)), 1e-9);
     EXPECT_EQ(world.report().energy.rise, 0.0);  // explained by the force
   }
+}
+
+// A force of two periods a step is the same at the start, in the middle and at the end of a step. A
+// ball on a smooth floor is where it was after each step: x = f (1 − cos ω t)/(m ω²).
+TEST_F(Custom, AForceThatRepeatsWithinAStepIsNotTakenForAConstant) {
+  constexpr double kStep = 0.01, kForce = 5e-5;  // too little to rotate the ball noticeably
+  World world(accurate_options(Method::kEventDriven, kStep));
+  world.add_body(plane("floor", Vector3d::Zero(), Vector3d::UnitZ(), 0.0, 0.0));
+  const BodyId ball =
+      world.add_body(with_surface(make_body("ball", Sphere{0.5}, 1.0, {0.0, 0.0, 0.5}), 0.0, 0.0));
+  world.add_joint(custom("test/shaker", {{"f", kForce}, {"omega", 4.0 * kPi / kStep}}, ball));
+  run(world, 100);
+  EXPECT_EQ(world.contacts().size(), 1u);
+  EXPECT_NEAR(world.state(ball).position.x(), 0.0, 1e-10);  // f t²/(2 m) is 2.5e-5 m
 }
 
 TEST_F(Custom, ForcesBetweenTwoBodiesKeepMomentum) {

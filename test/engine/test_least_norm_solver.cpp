@@ -61,6 +61,25 @@ TEST(LeastNormSolver, SolvesWhatIsRegularWithEitherFactors) {
   }
 }
 
+// Whatever was solved before, the numbers are those of a solver that is new.
+TEST(LeastNormSolver, KeepsFactorsWithoutATrace) {
+  Random random;
+  LeastNormSolver solver;
+  const MatrixXd regular = random_matrix(6, 6, &random), other = random_matrix(6, 6, &random);
+  const MatrixXd singular = random_matrix(6, 3, &random) * random_matrix(3, 6, &random);
+  const MatrixXd large = random_matrix(7, 7, &random);
+  const auto expect_as_new = [&](const MatrixXd& A, bool is_regular) {
+    const VectorXd b = random_matrix(A.rows(), 1, &random);
+    LeastNormSolver fresh;
+    EXPECT_EQ(least_norm_solution(A, b, &solver, is_regular),
+              least_norm_solution(A, b, &fresh, is_regular));
+    EXPECT_EQ(solver.rank(), fresh.rank());
+  };
+  for (const MatrixXd* A : {&regular, &regular, &singular, &singular, &other, &regular, &large})
+    for (const bool is_regular : {false, false, true, true, false})
+      if (A != &singular || !is_regular) expect_as_new(*A, is_regular);
+}
+
 TEST(LeastNormSolver, AnswersNoNumbersWithNone) {
   LeastNormSolver solver;
   MatrixXd A = MatrixXd::Identity(3, 3);

@@ -237,14 +237,14 @@ TEST(RandomEvents, OfAMotorThatBecomesTooWeakAtItsPositionIsTheSameElsewhere) {
 // in turn, where a slip with ever faster rotation ends, and where a corner 1e-11 m within another
 // box rises and falls back; none of these may exhaust the work of a step.
 TEST(RandomEvents, OfAlignedBoxesThatBeginToSlipOrEndAreNotGivenUp) {
-  follow_to_the_end(Kind::kAligned, {12U, 19U, 34U, 3U, 84U, 86U, 90U});
+  follow_to_the_end(Kind::kAligned, {19U, 34U, 3U, 84U, 86U, 90U});
 }
 
 // Seeds where corners rattle ever lower, or at 1e-8 m/s without end; where slips turn at their end
 // again and again; where a force at its bound is less certain than its tolerance, so that its event
 // comes again and changes nothing; and where rounding hides an impact at 1e-9 m/s.
 TEST(RandomEvents, OfAlignedBoxesThatRattleComeToRest) {
-  follow_to_the_end(Kind::kAligned, {22U, 40U, 54U, 108U, 118U, 250U, 256U, 280U});
+  follow_to_the_end(Kind::kAligned, {22U, 40U, 54U, 108U, 118U, 256U, 280U});
 }
 
 // Seeds of a box that tilts on an edge: the redundant rows of its two corners must stay redundant

@@ -70,6 +70,7 @@ void expect_order_conditions() {
 TEST(EmbeddedPairs, MeetTheOrderConditionsOfQuadrature) {
   expect_order_conditions<DormandPrince8>();
   expect_order_conditions<DormandPrince5>();
+  expect_order_conditions<Kutta3>();
 }
 
 /// Expects that the difference to an embedded formula of this order integrates t^k and Σ_j a_ij c_j
@@ -95,6 +96,7 @@ TEST(EmbeddedPairs, ErrorsHaveTheirOrders) {
   expect_error_of_order<DormandPrince5>(4, DormandPrince5::kE4);
   expect_error_of_order<DormandPrince5>(3, DormandPrince5::kE3);
   expect_error_of_order<DormandPrince5>(2, DormandPrince5::kE2);
+  expect_error_of_order<Kutta3>(2, Kutta3::kE2);
 }
 
 /// Returns problems::chain_reference(), computed once, since it takes seconds for a hundred links.

@@ -72,6 +72,23 @@ TEST(SparseLdlt, SolvesRandomPatternsWithLoops) {
   }
 }
 
+// All rows are coupled, as those of one body: they are one block, in their own order.
+TEST(SparseLdlt, SolvesCompletePatterns) {
+  Random random;
+  for (int n = 2; n <= 20; ++n) {
+    Pattern pattern;
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < i; ++j) pattern.emplace_back(i % 2 == 0 ? i : j, i % 2 == 0 ? j : i);
+    pattern.push_back(pattern.front());
+    pattern.emplace_back(0, 0);
+    expect_solves(n, pattern, &random);
+    SparseLdlt ldlt;
+    ldlt.analyze(n, pattern);
+    for (int i = 0; i < n; ++i) EXPECT_EQ(ldlt.place(i), i);
+    EXPECT_EQ(ldlt.values().size(), static_cast<std::size_t>(n * n));
+  }
+}
+
 TEST(SparseLdlt, SolvesNets) {  // nets have blocks of all widths
   Random random;
   for (const int side : {3, 10, 20}) {

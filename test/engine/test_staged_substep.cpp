@@ -21,6 +21,17 @@ double early(int order, double share, double least) {
                    1e-9);
 }
 
+// By order 3 only the middle is looked at beside the end.
+TEST(StagedSubstep, LooksAtTheMiddleByOrder3) {
+  const auto share_of_early = [](double middle) {
+    return StagedSubstep(0.1, 3).early_below([=](std::size_t i) { return i == 1 ? middle : 1.0; },
+                                             1.0, 1e-9);
+  };
+  EXPECT_EQ(share_of_early(-1e-3), 0.5);
+  EXPECT_EQ(share_of_early(1e-3), 0.0);
+  EXPECT_NEAR(StagedSubstep(0.1, 3).until_end(1), 0.05, 1e-16);
+}
+
 TEST(StagedSubstep, FindsAStageBelowZero) {
   EXPECT_EQ(early(8, 0.3333333333333333, -1e-3), DormandPrince8::kC[5]);
   EXPECT_EQ(early(8, 0.08, -1e-4), DormandPrince8::kC[2]);

@@ -47,9 +47,10 @@ struct Island {
   /// Estimate of the error of the step [m]; NaN where there is none, as in StepReport.
   double local_error = 0.0;
   std::uint32_t substeps = 0;
-  std::uint32_t rejected = 0;    ///< rejected substeps
-  std::uint32_t iterations = 0;  ///< Newton iterations; 0 where the method has none
-  std::uint32_t events = 0;      ///< moments at which a one-sided row began or ceased to act
+  std::uint32_t rejected = 0;     ///< rejected substeps
+  std::uint32_t evaluations = 0;  ///< evaluations of the equations of motion in explicit substeps
+  std::uint32_t iterations = 0;   ///< Newton iterations; 0 where the method has none
+  std::uint32_t events = 0;       ///< moments at which a one-sided row began or ceased to act
   /// Bodies that move too fast for the time step: their motion is inaccurate, though joints hold
   /// and energy is conserved.
   std::uint32_t unresolved_bodies = 0;

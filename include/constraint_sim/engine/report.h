@@ -178,6 +178,8 @@ struct StepReport {
     std::uint32_t method_changes = 0;
     std::uint32_t substeps = 0;  ///< substeps of all islands
     std::uint32_t rejected = 0;  ///< rejected substeps
+    /// Evaluations of the equations of motion in explicit substeps, rejected ones included.
+    std::uint32_t evaluations = 0;
     /// Sweeps over the rows, and Newton iterations of stiff islands.
     std::uint32_t iterations = 0;
     std::uint32_t events = 0;           ///< moments at which a one-sided row began or ceased to act

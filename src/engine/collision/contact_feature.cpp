@@ -250,9 +250,10 @@ ContactMotion motion_of(const ContactFeature& feature, const BodyState& a, const
     }
     motion.gap = distance - feature.radius_a - feature.radius_b;
   }
-  motion.p = c - feature.radius_a * motion.n;
+  // The arm is no difference of positions, so it has the same bits wherever the body is.
+  motion.r_a = to_c - feature.radius_a * motion.n;
+  motion.p = point_of(a, motion.r_a);
   const Vector3d p_dot = c_dot - feature.radius_a * motion.n_dot;
-  motion.r_a = motion.p - a.position;
   motion.r_b = motion.p - b.position;
   set_velocities(p_dot, a, b, &motion);
   return motion;

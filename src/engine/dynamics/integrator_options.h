@@ -13,7 +13,7 @@ enum class ImplicitMode {
 
 /// Settings of an integration, and limits beyond which it gives up.
 struct IntegratorOptions {
-  int order;         ///< 8 or 5, of explicit steps
+  int order;         ///< 8 or 5, of explicit steps; also 3, of a single substep
   double tolerance;  ///< local error per second [m]; 0: one substep per interval
   ImplicitMode mode = ImplicitMode::kOrder4;
   /// Frequency of bodies under joint forces beyond which the island counts as stiff [rad/s].

@@ -62,6 +62,7 @@ bool add_result(IslandLists* lists, std::size_t i, const IntegrationResult& prog
   island.local_error += progress.local_error;
   island.substeps += static_cast<std::uint32_t>(progress.substeps + progress.repeated);
   island.rejected += static_cast<std::uint32_t>(progress.rejected);
+  island.evaluations += static_cast<std::uint32_t>(progress.evaluations);
   island.iterations += static_cast<std::uint32_t>(progress.iterations);
   if (!progress.done) return false;
   lists->island_parts[i].projected_energy += progress.projected;

@@ -75,7 +75,8 @@ void begin_islands(const List<int>& integrated, const List<JointData>& joint_sta
   for (const int i : integrated) {
     Island& island = lists->islands[i];
     island.local_error = 0.0;
-    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
+    island.substeps = island.rejected = island.evaluations = island.iterations =
+        island.unresolved_bodies = 0;
     IslandParts& parts = lists->island_parts[i];
     parts.projected_energy = parts.correction_work = 0.0;
     parts.changes = 0;
@@ -160,7 +161,8 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
         any_needs_choice_ || choice.why == MethodReason::kInconsistent ||
         (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
     island.local_error = 0.0;
-    island.substeps = island.rejected = island.iterations = island.dependent_rows = 0;
+    island.substeps = island.rejected = island.evaluations = island.iterations =
+        island.dependent_rows = 0;
     island.events = 0;
     island.unresolved_bodies = 0;
     const Method before = island.method;
@@ -468,6 +470,7 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
     report.joints.dependent_rows = std::max(report.joints.dependent_rows, island.dependent_rows);
     report.costs.substeps += island.substeps;
     report.costs.rejected += island.rejected;
+    report.costs.evaluations += island.evaluations;
     report.costs.iterations += island.iterations;
   }
   return any_changed;
@@ -489,6 +492,7 @@ void IslandIntegration::reject(const IntegrationStep& in, std::size_t i, MethodR
   ++in.lists->island_parts[i].changes;
   in.lists->island_parts[i].energy.has_changed = true;
   report.costs.rejected += in.lists->islands[i].rejected;
+  report.costs.evaluations += in.lists->islands[i].evaluations;
 }
 
 }  // namespace constraint_sim::engine

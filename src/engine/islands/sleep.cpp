@@ -218,7 +218,8 @@ RestingSets Sleep::list_awake(const Model& model, const Topology& topology, cons
     Island& island = lists->islands[i];
     island.why = MethodReason::kAtRest;
     island.local_error = 0.0;
-    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
+    island.substeps = island.rejected = island.evaluations = island.iterations =
+        island.unresolved_bodies = 0;
     lists->island_parts[i].quiet_for = 0;
   }
   awake_.bodies.clear();

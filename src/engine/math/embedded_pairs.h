@@ -125,6 +125,20 @@ struct DormandPrince5 {
       -2187.0 / 6784.0, 11.0 / 84.0, -1.0 / 2.0};
 };
 
+/// Method of Kutta, 3(2), Zeitschrift für Mathematik und Physik 46 (1901) 435, with the midpoint
+/// rule as embedded formula. Exact where accelerations are constant.
+struct Kutta3 {
+  static constexpr int kOrder = 3;
+  static constexpr std::size_t kStages = 3;
+  static constexpr bool kNeedsNext = false;
+  static constexpr int kErrorOrder = 3;  // order of the error estimate of a step
+  static constexpr double kC[kStages] = {0.0, 1.0 / 2.0, 1.0};
+  static constexpr double kA[kStages + 1][kStages] = {
+      {0.0}, {1.0 / 2.0}, {-1.0, 2.0}, {1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0}};
+  // Weights of the difference to the midpoint rule.
+  static constexpr double kE2[kStages] = {1.0 / 6.0, -1.0 / 3.0, 1.0 / 6.0};
+};
+
 /// For each stage, whether the sum of forces over a step needs its forces; the stage after the last
 /// is the first of the next step.
 template <class Pair>

@@ -53,6 +53,7 @@ struct IntegrationResult {
   int substeps = 0;
   int rejected = 0;
   int repeated = 0;              ///< substeps of joints that were taken again to end at an event
+  int evaluations = 0;           ///< evaluations of the equations of motion in explicit substeps
   int iterations = 0;            ///< iterations of Newton's method, where used
   bool is_inconsistent = false;  ///< not done since the joints cannot all be met
   /// Frequency of the joints' forces, where it decides the next method [rad/s].
@@ -184,6 +185,12 @@ double estimate(DormandPrince5, const System& system, const StageMemory& memory,
   return h * std::sqrt(fourth2 * std::min(1.0, third2 / second2));
 }
 
+/// Returns the error of the midpoint rule, h³, which exceeds that of the step.
+template <class System>
+double estimate(Kutta3, const System& system, const StageMemory& memory, double h) {
+  return h * std::sqrt(squared_error<Kutta3::kE2>(system, memory, h));
+}
+
 /// Writes a step to candidate(); returns its error estimate [m], or a negative number without a
 /// result.
 template <class Pair, class System>
@@ -204,11 +211,13 @@ template <class Pair, class System>
 /// Returns the root of x of order kOrder.
 template <int kOrder>
 double root(double x) {
-  static_assert(kOrder == 8 || kOrder == 5);
+  static_assert(kOrder == 8 || kOrder == 5 || kOrder == 2);
   if constexpr (kOrder == 8)
     return std::sqrt(std::sqrt(std::sqrt(x)));
-  else
+  else if constexpr (kOrder == 5)
     return math::fifth_root(x);
+  else
+    return std::sqrt(x);
 }
 
 /// Returns the ratio of the next substep to this one.
@@ -239,6 +248,7 @@ struct SubstepLimits {
   double tolerance;   ///< error per second [m/s]; 0: any error
   int most_attempts;  ///< most substeps of an interval, rejected ones included
   StopFlag stop;
+  bool tries_once = false;  ///< gives up where an attempt is rejected
 };
 
 /// Takes a substep of at most `step` [s], and sets `step` for the next one. Returns false where it
@@ -257,11 +267,13 @@ template <class Pair, class System>
       return false;
     }
     const double error = runge_kutta::attempt<Pair>(system, memory, rest.t, h);
+    progress.evaluations += Pair::kStages - (Pair::kNeedsNext ? 0 : 1);
     const double allowed =
         limits.tolerance > 0.0 ? std::max(limits.tolerance * h, system.rounding()) : kInfinity;
     step = h * runge_kutta::stretch<Pair>(error, allowed);
     if (error < 0.0 || error > allowed) {
       ++progress.rejected;
+      if (limits.tries_once) return false;
       if (error < 0.0 && ++rest.failures > runge_kutta::kMostFailures) {
         progress.done = false;
         progress.is_inconsistent = true;
@@ -274,6 +286,7 @@ template <class Pair, class System>
     ++progress.substeps;
     progress.local_error += error;
     system.template accept<Pair>(h);
+    ++progress.evaluations;
     if (!system.restart(memory.candidate(), memory.derivatives())) {
       progress.done = false;
       return false;

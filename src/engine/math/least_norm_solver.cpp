@@ -5,8 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "engine/math/list.h"
+#include "engine/math/same_bits.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -35,12 +37,24 @@ void subtract(double s, const double* from, std::size_t n, double* to) {
 
 double* LeastNormSolver::resize(std::size_t n) {
   n_ = n;
-  A_.resize(n * n);
-  return A_.data();
+  given_.resize(n * n);
+  return given_.data();
+}
+
+// Whether A was factored before in this way. Otherwise makes A ready to be factored in place.
+bool LeastNormSolver::has_factors(bool is_lu, double least_pivot) {
+  if (is_lu == is_lu_ && least_pivot == least_pivot_ && given_.size() == factored_.size() &&
+      have_same_bits(given_.data(), factored_.data(), given_.size()))
+    return true;
+  is_lu_ = is_lu;
+  least_pivot_ = least_pivot;
+  A_ = given_;
+  std::swap(given_, factored_);
+  return false;
 }
 
 void LeastNormSolver::factor_regular() {
-  is_lu_ = true;
+  if (has_factors(true, 0.0)) return;
   rank_ = n_;
   order_.resize(n_);
   for (std::size_t k = 0; k < n_; ++k) {
@@ -59,7 +73,7 @@ void LeastNormSolver::factor_regular() {
 }
 
 void LeastNormSolver::factor(double least_pivot) {
-  is_lu_ = false;
+  if (has_factors(false, least_pivot)) return;
   for (List<double>* of : {&diagonal_, &beta_, &squares_, &exact_}) of->resize(n_);
   order_.resize(n_);
   std::iota(order_.begin(), order_.end(), std::size_t{0});

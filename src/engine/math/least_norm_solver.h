@@ -9,7 +9,8 @@ namespace constraint_sim::engine {
 /// Solves A x = b in the least-squares sense for a square A of a few rows and of any rank; returns
 /// the x of least norm. QR factorization with column pivots, with R made triangular by reflections
 /// from the right (Golub and Van Loan, "Matrix Computations", section 5.5.7), or LU where A is
-/// known to be regular. Keeps its storage.
+/// known to be regular. Keeps its storage, and its factors while A has the same bits, as where
+/// bodies move without rotating.
 class LeastNormSolver {
  public:
   /// Columns of rows of contacts and joints, scaled to like sizes, are dependent where they add
@@ -30,6 +31,7 @@ class LeastNormSolver {
   void solve(double* b);
 
  private:
+  bool has_factors(bool is_lu, double least_pivot);
   double* column(std::size_t j) { return A_.data() + n_ * j; }
   std::size_t swap_in_pivot(std::size_t k);
   void reflect_columns(std::size_t k, double size);
@@ -39,6 +41,8 @@ class LeastNormSolver {
 
   std::size_t n_ = 0, rank_ = 0;
   bool is_lu_ = false, is_finite_ = true;
+  double least_pivot_ = 0.0;        // QR: argument of factor()
+  List<double> given_, factored_;   // A as filled by the caller, and A whose factors are known
   List<double> A_;                  // QR: reflections below the diagonal, R or T above; LU: L and U
   List<double> diagonal_;           // diagonal of R or T
   List<double> beta_;               // factors of the reflections of columns

@@ -4,6 +4,7 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <type_traits>
 
 #include "engine/math/list.h"
@@ -46,6 +47,17 @@ List<int> leaves_first_order(int n, const List<std::pair<int, int>>& entries) {
   }
   if (queue.size() < size) order.clear();
   return order;
+}
+
+// Whether each row has an entry in each column, as of one body and its joints.
+bool is_complete(std::size_t n, const List<std::pair<int, int>>& entries) {
+  if (2 * entries.size() < n * (n - 1)) return false;
+  List<char> has(n * n, 0);
+  for (const auto& [i, j] : entries)
+    has[n * static_cast<std::size_t>(i) + static_cast<std::size_t>(j)] =
+        has[n * static_cast<std::size_t>(j) + static_cast<std::size_t>(i)] = 1;
+  for (std::size_t i = 0; i < n; ++i) has[n * i + i] = 1;
+  return std::find(has.begin(), has.end(), 0) == has.end();
 }
 
 // Returns the place of each row in an elimination with little fill.
@@ -110,6 +122,12 @@ void SparseLdlt::analyze(int n, const List<std::pair<int, int>>& entries) {
   const auto size = n_ = static_cast<std::size_t>(n);
   order_ = leaves_first_order(n, entries);
   is_forest_ = order_.size() == size;
+  inverse_diagonal_.assign(size, 0.0);
+  left_out_.assign(size, 0);
+  is_kept_.assign(size, 0);
+  any_left_out_ = false;
+  any_kept_ = 0;
+  if (!is_forest_ && is_complete(size, entries)) return join_all();
   if (!is_forest_) order_ = little_fill_order(n, entries);
 
   // Pattern of L by columns: entries of A, and of the children in the elimination tree.
@@ -126,11 +144,6 @@ void SparseLdlt::analyze(int n, const List<std::pair<int, int>>& entries) {
     List<int>& parent = below[static_cast<std::size_t>(rows.front())];
     parent.insert(parent.end(), rows.begin() + 1, rows.end());
   }
-  inverse_diagonal_.assign(size, 0.0);
-  left_out_.assign(size, 0);
-  is_kept_.assign(size, 0);
-  any_left_out_ = false;
-  any_kept_ = 0;
   if (is_forest_) {
     find_parents(below);
   } else {
@@ -145,6 +158,19 @@ void SparseLdlt::find_parents(const List<List<int>>& below) {
     if (!below[k].empty()) parent_[k] = static_cast<std::size_t>(below[k].front());
   values_.assign(2 * n_, 0.0);
   work_.assign(n_, 0.0);
+}
+
+// Joins all columns to one supernode, in the order of the rows.
+void SparseLdlt::join_all() {
+  order_.resize(n_);
+  std::iota(order_.begin(), order_.end(), 0);
+  row_of_.resize(n_);
+  std::iota(row_of_.begin(), row_of_.end(), std::size_t{0});
+  supernodes_.assign(1, {0, n_, n_, 0, 0, 0});
+  supernode_of_.assign(n_, 0);
+  updates_.clear();
+  targets_.clear();
+  values_.assign(n_ * n_, 0.0);
 }
 
 // Joins a column to the supernode of its child, the column before, where few of the stored entries

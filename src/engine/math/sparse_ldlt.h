@@ -75,6 +75,7 @@ class SparseLdlt {
   };
 
   void find_parents(const List<List<int>>& below);
+  void join_all();
   void join_columns(const List<List<int>>& below);
   void find_updates();
   std::size_t row_in_block(const Supernode& node, std::size_t row) const;

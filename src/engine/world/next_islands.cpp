@@ -50,7 +50,8 @@ void choose_next_methods(const WorldImpl& world, const List<JointEnds>& ends,
   for (std::size_t i = 0; i < next->size(); ++i) {
     auto& [members, island, memory, is_fresh] = (*next)[i];
     island.local_error = 0.0;
-    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
+    island.substeps = island.rejected = island.evaluations = island.iterations =
+        island.unresolved_bodies = 0;
     if (sleeps[members.bodies.front()]) {
       island.why = MethodReason::kAtRest;
       memory.quiet_for = 0;

@@ -66,11 +66,15 @@ class EventStepper {
     return is_taken;
   }
   /// Options of the present substep. Short substeps, as between bounces of a body that is about to
-  /// rest, are taken by order 5, which has half of the stages, within the same tolerance.
+  /// rest, are taken by order 5, or by order 3 where set_order() says so: with fewer stages, within
+  /// the same tolerance.
   IntegratorOptions of_substep(IntegratorOptions options) const {
-    if (is_short_) options.order = 5;
+    if (order_ != 0) options.order = order_;
     return options;
   }
+  /// Whether the present substep is so short that order 3 is worth a try.
+  bool is_very_short() const { return is_very_short_; }
+  void set_order(int order) { order_ = order; }
 
   /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
   /// found, or where the states at the event have no solution.
@@ -111,16 +115,18 @@ class EventStepper {
   // it.
   void expect_event(const RemainingInterval& start, double step) {
     constexpr int kMostInVain = 2;
-    constexpr double kShort =
-        1.0 / 32;  // share of a substep without events, with 32⁻⁶ of its error
+    // Shares of a substep without events.
+    constexpr double kShort = 1.0 / 32, kVeryShort = 1.0 / 256;
     const ExpectedEvent next = watched_.expected();
     const double least = 2.0 * event_watch::kLocatedTime * std::max(1.0, std::abs(start.t));
     expected_.reset();
-    is_short_ = false;
+    order_ = 0;
+    is_very_short_ = false;
     const bool is_within = next.time > least && next.time < std::min(step, start.left);
     if (!is_within || in_vain_ >= kMostInVain) return;
     expected_ = next;
-    is_short_ = next.time < kShort * step;
+    if (next.time < kShort * step) order_ = 5;
+    is_very_short_ = next.time < kVeryShort * step;
   }
 
   template <class Change>
@@ -144,7 +150,8 @@ class EventStepper {
   int unchanged_ = 0;                      // events that changed nothing
   std::optional<ExpectedEvent> expected_;  // event at which the substep is to end
   int in_vain_ = 0;                        // expected events in a row that were none
-  bool is_short_ = false;
+  int order_ = 0;                          // order of the present substep; 0: as usual
+  bool is_very_short_ = false;
 };
 
 }  // namespace constraint_sim::engine

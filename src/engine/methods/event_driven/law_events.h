@@ -352,20 +352,6 @@ OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool s
   return state;
 }
 
-/// Time until a body that bounces back at `speed` and falls with `fall` [m/s²] comes to rest: the
-/// sum of all its bounces. Nothing where it bounces higher than `lowest` [m or rad], or beyond the
-/// rest `left` of the interval; but with very many bounces in that rest it comes to rest at the
-/// end.
-inline std::optional<double> time_to_rest(double speed, double fall, double restitution,
-                                          double left, double lowest = kTouching) {
-  constexpr double kMostBounces = 128.0;  // bounces to follow within the interval
-  if (!(speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * lowest)) return std::nullopt;
-  const double first = 2.0 * speed / fall;
-  if (first <= (1.0 - restitution) * left) return first / (1.0 - restitution);
-  if (kMostBounces * first <= left) return left;
-  return std::nullopt;
-}
-
 /// Adds the events of a change of state, by `add(kind, impulse)`. `hit`: impulse of a limit, > 0
 /// for the lower limit. `was_saturated`, `is_saturated`: of the motor. `is_begin`: the state before
 /// is unknown.

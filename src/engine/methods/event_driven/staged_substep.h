@@ -14,7 +14,7 @@ class StagedSubstep {
  public:
   StagedSubstep() = default;  ///< no substep: no stage is known
   /// Substep of length h [s] by the pair of this order.
-  StagedSubstep(double h, int order) : h_(h), is_of_order_8_(order == 8) {}
+  StagedSubstep(double h, int order) : h_(h), order_(order) {}
 
   /// Time from a stage to the end [s]. Stage 0 is the derivative at the end, with which the next
   /// substep starts.
@@ -25,13 +25,17 @@ class StagedSubstep {
   double early_below(const Margin& margin, double at_end, double tolerance) const {
     if (h_ == 0.0) return 0.0;
     // Stages in order of time, between which margins are nearly parabolas.
-    return is_of_order_8_ ? early_below(margin, at_end, tolerance, std::array{3, 5, 9, 10})
-                          : early_below(margin, at_end, tolerance, std::array{1, 2, 3});
+    if (order_ == 8) return early_below(margin, at_end, tolerance, std::array{3, 5, 9, 10});
+    if (order_ == 5) return early_below(margin, at_end, tolerance, std::array{1, 2, 3});
+    // By order 3 forces hardly change, and a parabola has no third place to go through.
+    return margin(1) < -tolerance ? c(1) : 0.0;
   }
 
  private:
   double c(std::size_t stage) const {
-    return is_of_order_8_ ? DormandPrince8::kC[stage] : DormandPrince5::kC[stage];
+    return order_ == 8   ? DormandPrince8::kC[stage]
+           : order_ == 5 ? DormandPrince5::kC[stage]
+                         : Kutta3::kC[stage];
   }
   template <class Margin, std::size_t n>
   double early_below(const Margin& margin, double at_end, double tolerance,
@@ -40,7 +44,7 @@ class StagedSubstep {
     constexpr double kQuiet = 4.0;
     const auto [least, most] = std::minmax({margin(places[1]), margin(places[2]), at_end});
     if (least > kQuiet * (most - least) && least > 0.0) return 0.0;
-    const std::size_t stages = is_of_order_8_ ? DormandPrince8::kStages : DormandPrince5::kStages;
+    const std::size_t stages = order_ == 8 ? DormandPrince8::kStages : DormandPrince5::kStages;
     std::array<double, DormandPrince8::kStages> of_stage{};
     for (std::size_t i = 1; i < stages; ++i) {
       of_stage[i] = margin(i);
@@ -69,7 +73,7 @@ class StagedSubstep {
   }
 
   double h_ = 0.0;
-  bool is_of_order_8_ = true;
+  int order_ = 8;
 };
 
 }  // namespace constraint_sim::engine

@@ -176,11 +176,8 @@ bool RungeKutta::advance_substep(const Interval& interval, const IntegratorOptio
   if (tree_.is_current()) return advance_in_coordinates(interval, options, left, progress);
   const StageMemory memory(numbers_.data(), equations_.size());
   if (options.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
-  const SubstepLimits limits{options.tolerance, options.most_attempts, interval.stop};
   has_started_ = with_system([&](auto& system) {
-    return options.order == 5
-               ? take_substep<DormandPrince5>(system, memory, limits, *left, step_, *progress)
-               : take_substep<DormandPrince8>(system, memory, limits, *left, step_, *progress);
+    return take_substep_by_order(system, memory, options, interval.stop, left, &step_, progress);
   });
   progress->projected += equations_.take_projected_energy();
   return has_started_;
@@ -193,17 +190,15 @@ bool RungeKutta::advance_in_coordinates(const Interval& interval, const Integrat
   TreeSystem system(equations_, tree_);
   system.begin(left->t);
   if (options.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
-  const SubstepLimits limits{options.tolerance, options.most_attempts, interval.stop};
-  const auto take = [&](auto pair) {
-    return take_substep<decltype(pair)>(system, tree_.memory(), limits, *left, step_, *progress);
-  };
   const RemainingInterval start = *left;
   const IntegrationResult before = *progress;
-  if (options.order == 5 ? take(DormandPrince5{}) : take(DormandPrince8{})) {
+  if (take_substep_by_order(system, tree_.memory(), options, interval.stop, left, &step_,
+                            progress)) {
     progress->projected += system.projected();
     system.note_coordinates();
     return true;
   }
+  if (options.order == 3) return false;  // tried
   tree_.note_failure(*progress);
   if (!tree_.is_left_to_rows()) return false;
   *left = start;
@@ -215,6 +210,26 @@ bool RungeKutta::advance_in_coordinates(const Interval& interval, const Integrat
   if (!has_started_) return false;
   keep_start();
   return advance_substep(interval, options, left, progress);
+}
+
+bool RungeKutta::try_short_substep(const Interval& interval, IntegratorOptions options,
+                                   RemainingInterval* left, IntegrationResult* progress) {
+  const RemainingInterval start = *left;
+  const IntegrationResult before = *progress;
+  const double step = step_;
+  options.order = 3;
+  if (advance_substep(interval, options, left, progress)) {
+    step_ = step;  // for the usual order
+    return true;
+  }
+  const int evaluations = progress->evaluations;
+  *left = start;
+  *progress = before;
+  progress->evaluations = evaluations;
+  step_ = step;
+  has_started_ = true;
+  return_to_start();
+  return false;
 }
 
 void RungeKutta::scatter(List<BodyState>* states) {
@@ -272,6 +287,7 @@ bool RungeKutta::repeat_substep(const Interval& interval, const IntegratorOption
   const bool is_done = advance_substep(interval, whatever, &left, &repeated);
   step_ = step;
   ++progress->repeated;
+  progress->evaluations += repeated.evaluations;
   return is_done && repeated.rejected == 0;
 }
 

@@ -42,6 +42,10 @@ class RungeKutta {
   /// all stages, which impulses do not need. Returns false where it gives up.
   bool advance_substep(const Interval& interval, const IntegratorOptions& options,
                        RemainingInterval* left, IntegrationResult* progress);
+  /// Tries one substep by order 3 from the start that keep_start() has saved. Returns false, and
+  /// returns to the start, where its error exceeds the tolerance.
+  bool try_short_substep(const Interval& interval, IntegratorOptions options,
+                         RemainingInterval* left, IntegrationResult* progress);
   /// Saves the start of a substep.
   void keep_start();
   /// Repeats a substep with length h from the saved start at time t, and counts it; 0: returns to

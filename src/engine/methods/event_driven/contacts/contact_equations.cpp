@@ -275,6 +275,12 @@ double ContactEquations::potential_energy() const {
   return energy;
 }
 
+bool ContactEquations::are_rows_straight() const {
+  constexpr double kStraight = 1e-9;  // [m/s² or rad/s²]
+  return std::none_of(rows_.list().begin(), rows_.list().end(),
+                      [](const ContactRow& row) { return std::abs(row.gamma) > kStraight; });
+}
+
 double ContactEquations::largest_force() const {
   constexpr double kLeastAcceleration = 0.1;  // [m/s²] least acceleration that counts
   const double acceleration = std::max(bodies_.gravity().norm(), kLeastAcceleration);

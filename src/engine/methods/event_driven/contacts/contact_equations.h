@@ -107,6 +107,8 @@ class ContactEquations {
   const GroupForces& joint_force(std::size_t joint, std::size_t stage) const {
     return stages_[stage].joint[joint];
   }
+  /// Whether the velocities bend no row that acts at the current pose: each γ is close to zero.
+  bool are_rows_straight() const;
   /// Largest force of the group [N]; the share kForceShare of it counts as rounding.
   double largest_force() const;
 

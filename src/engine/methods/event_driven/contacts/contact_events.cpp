@@ -112,70 +112,6 @@ void ContactEvents::watch(List<Watched>* list) {
   watch_.list(equations_, pairs_, derivative(), last_, list);
 }
 
-bool ContactEvents::take(Run* run, RemainingInterval* left, double tolerance, double* step) {
-  const auto acting = static_cast<double>(
-      std::count_if(equations_.contacts().begin(), equations_.contacts().end(),
-                    [](const auto& contact) { return contact.acts != Acts::kOpen; }));
-  solver_.add(1.0 + acting * acting / 16.0);
-  const StageMemory memory(numbers_.data(), equations_.size());
-  const SubstepLimits limits{tolerance, run->options.most_attempts, run->interval.stop};
-  return stepper_.of_substep(run->options).order == 5
-             ? take_substep<DormandPrince5>(equations_, memory, limits, *left, *step, run->progress)
-             : take_substep<DormandPrince8>(equations_, memory, limits, *left, *step,
-                                            run->progress);
-}
-
-// Repeats the last substep from its start at time t with length h; with h = 0 only returns there.
-bool ContactEvents::repeat(Run* run, double t, double h) {
-  if (solver_.is_used_up()) return false;
-  const std::size_t n = equations_.size();
-  std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
-  std::copy(kept_.begin() + static_cast<std::ptrdiff_t>(n), kept_.end(), derivative());
-  equations_.restore();
-  equations_.bodies().set_time(t);
-  equations_.bodies().place(numbers_.data());
-  if (h == 0.0) return true;
-  RemainingInterval left(t, h);
-  double step = h;
-  const int rejected = run->progress.rejected;
-  const double error = run->progress.local_error;
-  const bool is_taken =
-      take(run, &left, 0.0, &step) && left.left == 0.0 && run->progress.rejected == rejected;
-  error_ = run->progress.local_error - error;
-  return is_taken;
-}
-
-// Starts or ends straight slips. Returns false where no velocities meet the rows.
-bool ContactEvents::go_straight(bool is_straight) {
-  if (is_straight == equations_.is_straight()) return true;
-  equations_.set_straight(is_straight);
-  return equations_.restart(numbers_.data(), derivative(), nullptr);
-}
-
-// Takes the substep in which events are then searched, from the state in kept_ on. Where slips were
-// assumed straight and are not, takes it again with slips that turn.
-bool ContactEvents::take_first(Run* run, RemainingInterval* left, double* step) {
-  const double tolerance = run->options.tolerance, first = *step;
-  if (equations_.is_straight()) {
-    const RemainingInterval start = *left;
-    if (take(run, left, tolerance, step) &&
-        was_straight(equations_, pairs_.tolerances(), start.left - left->left, tolerance))
-      return true;
-    const auto n = static_cast<std::ptrdiff_t>(equations_.size());
-    std::copy(kept_.begin(), kept_.begin() + n, numbers_.begin());
-    equations_.restore();
-    equations_.bodies().set_time(start.t);
-    equations_.bodies().place(numbers_.data());
-    *left = start;
-    run->progress.is_inconsistent = false;
-    *step = first;
-    if (!go_straight(false)) return false;
-    watch(stepper_.before());
-    std::copy(derivative(), derivative() + n, kept_.begin() + n);
-  }
-  return take(run, left, tolerance, step);
-}
-
 bool ContactEvents::advance_to_event(Run* run) {
   if (solver_.is_stopped() || solver_.is_used_up()) return false;
   pairs_.find_features(false, false, &equations_);
@@ -205,7 +141,7 @@ bool ContactEvents::advance_to_event(Run* run) {
   const auto repeat_to = [&](double length) { return repeat(run, start.t, length); };
   const auto look = [&](List<Watched>* list) {
     pairs_.find_features(false, true, &equations_);
-    last_ = {start.left - run->left.left, stepper_.of_substep(run->options).order};
+    last_ = {start.left - run->left.left, order_};
     watch(list);
   };
   const auto accept = [&](double length) {
@@ -302,6 +238,7 @@ bool ContactEvents::settle(Run* run, const Watched& event, bool is_begin, bool j
   double* const y = numbers_.data();
   const double t = run->interval.t + run->left.t;
   last_ = {};
+  may_be_uniform_ = true;
   equations_.set_straight(false);
   for (GroupJoint& joint : equations_.joints().list()) joint.impact = {};
   if (is_begin && !equations_.joints().list().empty()) {  // else rates may be those of no motion
@@ -318,9 +255,10 @@ bool ContactEvents::settle(Run* run, const Watched& event, bool is_begin, bool j
   };
   const auto have_jam = [&] { return impacts_.have_jam(pairs_, &solver_, &equations_, y); };
   if (jams && !have_jam()) return false;
+  const FollowedBounces followed(run->left.left, run->interval.h, run->options.tolerance,
+                                 pairs_.tolerances().touching);
   const auto have_impacts = [&] {
-    return impacts_.have_impacts(run->left.left, is_begin, pairs_, &states_, &solver_, &equations_,
-                                 y);
+    return impacts_.have_impacts(followed, is_begin, pairs_, &states_, &solver_, &equations_, y);
   };
   if (!have_impacts() && !(coarsen(impacts_.approach(), run) && have_impacts())) return false;
   if (!decide(event) && !(have_jam() && decide({}))) return false;

@@ -74,7 +74,10 @@ class ContactEvents {
 
   // ---- between events
   void watch(List<Watched>* list);
-  bool take(Run* run, RemainingInterval* left, double tolerance, double* step);
+  bool take(int order, double tolerance, Run* run, RemainingInterval* left, double* step);
+  bool rotate_little(double h);
+  bool take_uniform(Run* run, RemainingInterval* left, double* step);
+  void return_to_start(double t);
   bool repeat(Run* run, double t, double h);
   bool advance_to_event(Run* run);
   bool end_jam(Run* run);
@@ -92,11 +95,13 @@ class ContactEvents {
 
   ContactEquations equations_;
   ContactPairs pairs_;
-  List<double> numbers_;  // storage of StageMemory
-  List<double> kept_;     // state and derivative at the start of the substep
-  double step_ = 0.0;     // first guess of the next substep [s]
-  StagedSubstep last_;    // last substep, where its stages are known
-  bool closes_ = false;   // whether the next interval closes overlaps
+  List<double> numbers_;        // storage of StageMemory
+  List<double> kept_;           // state and derivative at the start of the substep
+  double step_ = 0.0;           // first guess of the next substep [s]
+  int order_ = 8;               // order of the last substep
+  bool may_be_uniform_ = true;  // no accelerations have changed since the last event
+  StagedSubstep last_;          // last substep, where its stages are known
+  bool closes_ = false;         // whether the next interval closes overlaps
   ContactWatch watch_;
   EventStepper<Watched> stepper_;
   Done done_;
@@ -110,6 +115,7 @@ class ContactEvents {
   UnchangedInterval unchanged_;
 
   List<double> before_projection_;
+  GroupMotions rates_;  // scratch
 };
 static_assert(
     IntervalMethod<ContactEvents, const JointStep&, const List<JointData>&, double>::kIsHeld);

@@ -41,22 +41,22 @@ void ContactImpacts::restore(ContactEquations* equations, double* y) const {
   equations->bodies().place(y);
 }
 
-bool ContactImpacts::have_impacts(double left, bool begins, const ContactPairs& pairs,
-                                  ContactStates* states, CountedSolver* solver,
-                                  ContactEquations* equations, double* y) {
+bool ContactImpacts::have_impacts(const FollowedBounces& followed, bool begins,
+                                  const ContactPairs& pairs, ContactStates* states,
+                                  CountedSolver* solver, ContactEquations* equations, double* y) {
   rests_.reset(*equations);
   find_hits(begins, pairs, *equations);
   approach_ = hits_.approach;
   if (hits_.empty()) return true;
   keep(*equations, y);
-  if (solve_impacts(left, begins, pairs, states, solver, equations, y)) return true;
+  if (solve_impacts(followed, begins, pairs, states, solver, equations, y)) return true;
   start_again(equations, y);
   return false;
 }
 
-bool ContactImpacts::solve_impacts(double left, bool begins, const ContactPairs& pairs,
-                                   ContactStates* states, CountedSolver* solver,
-                                   ContactEquations* equations, double* y) {
+bool ContactImpacts::solve_impacts(const FollowedBounces& followed, bool begins,
+                                   const ContactPairs& pairs, ContactStates* states,
+                                   CountedSolver* solver, ContactEquations* equations, double* y) {
   for (bool is_settled = false;;) {
     for (int count = 0; !hits_.empty(); ++count) {
       if (count == kMostImpacts || !have_impact(0.0, pairs.tolerances(), solver, equations, y))
@@ -64,7 +64,7 @@ bool ContactImpacts::solve_impacts(double left, bool begins, const ContactPairs&
       find_hits(begins, pairs, *equations);
     }
     ++count_;
-    if (!let_rest(left, pairs, states, solver, equations, y, &is_settled)) return false;
+    if (!let_rest(followed, pairs, states, solver, equations, y, &is_settled)) return false;
     if (is_settled) return true;
     start_again(equations, y);
     find_hits(begins, pairs, *equations);
@@ -247,9 +247,9 @@ bool ContactImpacts::have_jam(const ContactPairs& pairs, CountedSolver* solver,
 }
 
 // Finds the contacts and limits whose bounces are too low to be followed.
-bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactStates* states,
-                              CountedSolver* solver, ContactEquations* equations, const double* y,
-                              bool* is_settled) {
+bool ContactImpacts::let_rest(const FollowedBounces& followed, const ContactPairs& pairs,
+                              ContactStates* states, CountedSolver* solver,
+                              ContactEquations* equations, const double* y, bool* is_settled) {
   const GroupBodies& bodies = equations->bodies();
   GroupJoints& joints = equations->joints();
   const ContactTolerances& within = pairs.tolerances();
@@ -264,17 +264,22 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
            !rests_.coordinates[c];
   };
   bool any = false;
-  for (std::size_t c = 0; c < hit.contacts.size(); ++c) any = any || is_bounce(c);
+  for (std::size_t c = 0; c < hit.contacts.size(); ++c)
+    any = any || (is_bounce(c) &&
+                  followed.may_leave_out(equations->motion(equations->contacts()[c]).gap_rate()));
   for (std::size_t c = 0; c < hit.coordinates.size(); ++c) any = any || is_limit_bounce(c);
   if (!any) return true;
   if (!states->decide({}, y, pairs, solver, equations)) return false;
+  const GroupMotions& rates = states->accelerations(y, equations);
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) {
     if (!is_bounce(c)) continue;
     const ContactMotion now = equations->motion(equations->contacts()[c]);
     if (now.gap > within.touching) continue;
+    const ContactEquations::Contact& contact = equations->contacts()[c];
+    const double fall =
+        -now.n.dot(ContactEquations::slip_acceleration(now, contact, rates)) - now.n_dot.dot(now.w);
     const std::optional<double> rests_in =
-        time_to_rest(now.gap_rate(), -states->gap_acceleration(c),
-                     equations->contacts()[c].restitution, left, within.touching);
+        time_to_rest(now.gap_rate(), fall, contact.restitution, followed);
     if (!rests_in) continue;
     results_.rests_in.contacts[c] = *rests_in;
     rests_.contacts[c] = 1;
@@ -285,13 +290,12 @@ bool ContactImpacts::let_rest(double left, const ContactPairs& pairs, ContactSta
     const GroupCoordinate& of = joints.coordinates()[c];
     const bool upper_one = hit.coordinates[c] < 0.0;
     const double direction = upper_one ? -1.0 : 1.0;
-    const GroupJoints::Reading now = joints.read(bodies, of, nullptr);
+    const GroupJoints::Reading now = joints.read(bodies, of, &rates);
     const Prescribed at_limit = joints.limit(bodies, of, upper_one);
     if (direction * (now.q - at_limit.value) > kTouching) continue;
-    const std::optional<double> rests_in =
-        time_to_rest(direction * (now.rate - at_limit.rate),
-                     -direction * (states->coordinate_acceleration(c) - at_limit.acceleration),
-                     of.law.restitution, left);
+    const std::optional<double> rests_in = time_to_rest(
+        direction * (now.rate - at_limit.rate),
+        -direction * (now.acceleration - at_limit.acceleration), of.law.restitution, followed);
     if (!rests_in) continue;
     results_.rests_in.coordinates[c] = *rests_in;
     rests_.coordinates[c] = 1;

@@ -11,6 +11,7 @@
 #include "engine/methods/event_driven/contacts/contact_states.h"
 #include "engine/methods/event_driven/contacts/counted_solver.h"
 #include "engine/methods/event_driven/contacts/per_row.h"
+#include "engine/methods/event_driven/followed_bounces.h"
 
 namespace constraint_sim::engine {
 
@@ -25,12 +26,12 @@ class ContactImpacts {
   /// Clears impulses and times of rest.
   void begin_event(const ContactEquations& equations);
   /// Solves impacts one after the other until nothing is hit. Contacts and limits whose bounces are
-  /// too low to be followed within `left` [s] lose their restitution; then all impacts are
-  /// repeated. `begins`: at the start of an interval an open gap is no hit, since early hits would
-  /// end bounces too early. Changes the velocities in `y`, unless there is no solution, and then
-  /// returns false.
-  bool have_impacts(double left, bool begins, const ContactPairs& pairs, ContactStates* states,
-                    CountedSolver* solver, ContactEquations* equations, double* y);
+  /// too low to be `followed` lose their restitution; then all impacts are repeated. `begins`: at
+  /// the start of an interval an open gap is no hit, since early hits would end bounces too early.
+  /// Changes the velocities in `y`, unless there is no solution, and then returns false.
+  bool have_impacts(const FollowedBounces& followed, bool begins, const ContactPairs& pairs,
+                    ContactStates* states, CountedSolver* solver, ContactEquations* equations,
+                    double* y);
   /// Ends slips that friction drives into the other body (Painlevé), where no finite force
   /// suffices, by an impulse without restitution.
   bool have_jam(const ContactPairs& pairs, CountedSolver* solver, ContactEquations* equations,
@@ -89,8 +90,9 @@ class ContactImpacts {
     double indeterminate = 0.0;
   };
 
-  bool solve_impacts(double left, bool begins, const ContactPairs& pairs, ContactStates* states,
-                     CountedSolver* solver, ContactEquations* equations, double* y);
+  bool solve_impacts(const FollowedBounces& followed, bool begins, const ContactPairs& pairs,
+                     ContactStates* states, CountedSolver* solver, ContactEquations* equations,
+                     double* y);
   void start_again(ContactEquations* equations, double* y);
   void keep(const ContactEquations& equations, const double* y);
   void restore(ContactEquations* equations, double* y) const;
@@ -100,7 +102,7 @@ class ContactImpacts {
   bool have_impact(double faster, const ContactTolerances& within, CountedSolver* solver,
                    ContactEquations* equations, double* y);
   bool does_work() const;
-  bool let_rest(double left, const ContactPairs& pairs, ContactStates* states,
+  bool let_rest(const FollowedBounces& followed, const ContactPairs& pairs, ContactStates* states,
                 CountedSolver* solver, ContactEquations* equations, const double* y,
                 bool* is_settled);
 

@@ -132,6 +132,12 @@ bool ContactStates::decide_once(const ContactWatched& event, double least_slip, 
   return true;
 }
 
+const GroupMotions& ContactStates::accelerations(const double* y, ContactEquations* equations) {
+  if (!has_derivative_) equations->derivative(0, equations->bodies().time(), y, derivative_.data());
+  equations->bodies().find_accelerations(derivative_.data(), &rates_);
+  return rates_;
+}
+
 // Finds the accelerations without acting rows, and the contacts that touch and do not part.
 void ContactStates::find_free_motion(const double* y, const ContactTolerances& within,
                                      ContactEquations* equations) {

@@ -51,8 +51,8 @@ class ContactStates {
   // ---- results of decide()
   /// Largest acceleration of a contact that the load sharing changes, since begin_event() [m/s²].
   double indeterminate() const { return indeterminate_; }
-  double gap_acceleration(std::size_t contact) const { return gap_acceleration_[contact]; }
-  double coordinate_acceleration(std::size_t c) const { return coordinate_acceleration_[c]; }
+  /// Returns the accelerations of the bodies with the decided states.
+  const GroupMotions& accelerations(const double* y, ContactEquations* equations);
   /// Derivative of `y` with the decided states; null where decide() has not needed it.
   const double* derivative() const { return has_derivative_ ? derivative_.data() : nullptr; }
 

@@ -3,27 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/constraints/joint_load.h"
+#include "engine/methods/event_driven/followed_bounces.h"
 #include "engine/methods/event_driven/joints/event_impacts.h"
 #include "engine/methods/event_driven/law_events.h"
 #include "engine/methods/event_driven/staged_substep.h"
 
 namespace constraint_sim::engine {
-
-/// State of EventDriven::advance().
-struct EventDriven::Run {
-  const Interval& interval;
-  const IntegratorOptions& options;
-  const Surroundings& around;
-  RungeKutta* motion;
-  List<BodyState>* states;  ///< all bodies of the world; bodies of the island are at `left.t`
-  RemainingInterval left;
-  IntegrationResult progress;
-  bool begins = true;  ///< true until bodies move in the interval
-
-  double t() const { return left.t; }
-  EventBodies bodies() const { return {*states, around.masses, interval.t - interval.since_tick}; }
-};
 
 EventDriven::EventDriven(const EventDriven& other) = default;
 EventDriven::EventDriven(EventDriven&& other) noexcept = default;
@@ -131,8 +116,12 @@ bool EventDriven::advance_to_event(Run* run) {
   double* const step = motion.next_step();
   *step = std::min(*step, longest_substep(motions_));
   const auto take = [&](RemainingInterval* part) {
-    return motion.advance_substep(remaining(*run), stepper_.of_substep(run->options), part,
-                                  &run->progress);
+    const Interval now = remaining(*run);
+    const IntegratorOptions options = stepper_.of_substep(run->options);
+    const bool is_tried =
+        stepper_.is_very_short() && motion.try_short_substep(now, options, part, &run->progress);
+    if (is_tried) stepper_.set_order(3);
+    return is_tried || motion.advance_substep(now, options, part, &run->progress);
   };
   if (!stepper_.take_substep(run->options, run->progress, take, &run->left, step)) return false;
   motion.scatter(run->states);
@@ -179,21 +168,6 @@ void EventDriven::end_rattling(Run* run, const WatchedByJoints& watched) {
   run->progress.local_error += least * run->left.left;
 }
 
-void EventDriven::break_joint(Run* run, std::size_t joint) {
-  collect(*run->states, run->motion);
-  const EventJoints& joints = motions_.joints();
-  const auto break_one = [&](std::size_t l) {
-    if (!motions_.is_broken(l)) reported_.push_back({EventKind::kBroken, run->t(), l, -1, 0.0});
-    motions_.break_joint(l);
-  };
-  break_one(joint);
-  for (std::size_t l = 0; l < joints.size(); ++l)  // couplings of the joint
-    if (info(joints[l].kind).couples_joints)
-      for (const CoupledTerm& term : joints.terms(l))
-        if (term.joint == joint) break_one(l);
-  variants_.compile_bare(joints, motions_.broken(), run->around.masses);
-}
-
 // Decides how the laws act from now on, after the impacts of limits that are hit.
 bool EventDriven::settle(Run* run, const EventRelease& release, bool is_changed,
                          bool* had_impacts) {
@@ -225,34 +199,6 @@ std::optional<EventDecision> EventDriven::decide_states(const Run& run, const Ev
         decide(motions_, problem, run.t(), release, bare().largest_force());
     if (!next || !motions_.note_lost(problem, *next)) return next;
   }
-}
-
-// Joints whose impulses since `before` are more than they bear.
-List<std::size_t> EventDriven::broken_by_impacts(const Run& run,
-                                                 const EventImpulses::Sums& before) const {
-  const EventJoints& joints = motions_.joints();
-  List<std::size_t> broken;
-  for (const EventJoints::Breaking& breaking : joints.breaking()) {
-    const std::size_t l = breaking.joint;
-    if (motions_.is_broken(l)) continue;
-    const auto [a, b] = joints.ends(l);
-    const JointLoad load =
-        load_of(joints[l], run.bodies().at(a, run.t()), run.bodies().at(b, run.t()),
-                impulses_.sums().joint[l] - before.joint[l],
-                impulses_.sums().coupled[l] - before.coupled[l]);
-    if (load.breaks(joints[l], 1.0 / kImpactDuration)) broken.push_back(l);
-  }
-  return broken;
-}
-
-// Adds the joint that is farthest beyond its load, as after another joint let go.
-void EventDriven::add_overloaded(List<std::size_t>* broken) const {
-  const WatchedByJoints* worst = nullptr;
-  const auto excess = [](const WatchedByJoints& of) { return -of.value / of.tolerance; };
-  for (const WatchedByJoints& watched : stepper_.before())
-    if (watched.breaks >= 0 && excess(watched) > (worst != nullptr ? excess(*worst) : 1.0))
-      worst = &watched;
-  if (worst != nullptr) broken->push_back(static_cast<std::size_t>(worst->breaks));
 }
 
 bool EventDriven::load(Run* run, EventProblem* problem) {
@@ -316,6 +262,7 @@ bool EventDriven::let_rest(const Run& run, const List<char>& bounced, EventProbl
   const std::optional<EventDecision> next = decide_states(run, *problem, {});
   if (!next) return false;
   const List<OneSidedLaw>& laws = motions_.laws();
+  const FollowedBounces followed(run.left.left, run.interval.h, run.options.tolerance);
   for (std::size_t c = 0; c < laws.size(); ++c) {
     if (!bounced[c]) continue;
     const EventReading& reading = problem->reading(c);
@@ -327,7 +274,7 @@ bool EventDriven::let_rest(const Run& run, const List<char>& bounced, EventProbl
       const double fall = -direction * (next->acceleration[eigen_index(c)] - at_limit.acceleration);
       if (direction * (reading.q - at_limit.value) > kTouching) continue;
       const std::optional<double> rests_in =
-          time_to_rest(rate, fall, laws[c].restitution, run.left.left);
+          time_to_rest(rate, fall, laws[c].restitution, followed);
       if (!rests_in) continue;
       problem->set_rests_in(c, *rests_in);
       (*rests)[c] = 1;

@@ -136,7 +136,22 @@ class EventDriven {
   }
 
  private:
-  struct Run;  // state of advance()
+  /// State of advance().
+  struct Run {
+    const Interval& interval;
+    const IntegratorOptions& options;
+    const Surroundings& around;
+    RungeKutta* motion;
+    List<BodyState>* states;  ///< all bodies of the world; bodies of the island are at `left.t`
+    RemainingInterval left;
+    IntegrationResult progress;
+    bool begins = true;  ///< true until bodies move in the interval
+
+    double t() const { return left.t; }
+    EventBodies bodies() const {
+      return {*states, around.masses, interval.t - interval.since_tick};
+    }
+  };
 
   // ---- between events
   bool begin_run(Run* run);

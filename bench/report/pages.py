@@ -352,7 +352,7 @@ HONESTY = [
     'Each engine is used as its documentation suggests, through one adapter written for this report; '
     'somebody who knows it better may get more out of it. Point masses have small inertias where an '
     'engine insists on one.',
-    'Time steps are 0.2 s and divisors of 0.1 s, tolerances powers of ten with time steps of 0.2 s: a finer choice moves a run time by up to '
+    'Time steps are 0.2 s and divisors of 0.1 s, tolerances powers of ten: a finer choice moves a run time by up to '
     'the factor between two of them.',
     'Runs beyond the budget were not made, so that "–" may mean too dear as well as never.',
     'Building a scene and rendering are not measured. Memory is resident memory, and of small scenes '

@@ -205,14 +205,18 @@ TEST(ContactsWithLaws, LowBouncesAreNotFollowedWithALooseTolerance) {
       world.add_body(with_surface(make_body("ball", Sphere{0.1}, 2.0, {3.0, 0.0, 0.4}), 0.0, 0.5));
   world.add_body(plane("floor", {0.0, 0.0, 0.0}, Vector3d::UnitZ(), 0.0, 0.5));
   std::size_t hits = 0, stops = 0;
+  double of_ball = 0.0, of_arm = 0.0;  // sums of estimated errors
   while (world.time() < 2.0 - 1e-9) {
     const std::vector<Event> events = advance(&world, kStep);
+    of_ball += world.islands()[1].local_error;
+    of_arm += world.islands()[0].local_error;
     hits += of_kind(events, EventKind::kContactBegan).size();
     stops += of_kind(events, EventKind::kLimitReached).size();
     const double height = bouncing(0.3, 0.5, world.time());
     EXPECT_NEAR(world.state(ball).position.z() - 0.1, height, kLowest) << world.time();
     EXPECT_NEAR(world.state(arm).position.z() - 1.7, height, kLowest) << world.time();
   }
+  for (const double estimated : {of_ball, of_arm}) EXPECT_GE(estimated, kLowest);
   EXPECT_LE(hits, 8u);  // 0.3 · 0.25⁶ m is less than 1e-4 m
   EXPECT_LE(stops, 8u);
 }

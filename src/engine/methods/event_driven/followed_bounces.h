@@ -13,7 +13,9 @@ namespace constraint_sim::engine {
 struct FollowedBounces {
   /// In the last `rest` of an interval of length h [s], with a tolerance [m/s].
   FollowedBounces(double rest, double h, double tolerance, double touching = kTouching)
-      : left(rest), lowest(std::max(touching, kBounceShare * tolerance * h)) {}
+      : left(rest),
+        lowest(std::max(touching, kBounceShare * tolerance * h)),
+        error(lowest > touching ? lowest : 0.0) {}
 
   static constexpr double kBounceShare = 0.01;
   /// Fall beyond which bounces are followed, 1e5 times that of gravity [m/s²].
@@ -23,6 +25,8 @@ struct FollowedBounces {
 
   double left;    ///< rest of the interval [s]
   double lowest;  ///< [m or rad]
+  /// Error by bounces that are not followed [m or rad]; 0 where their height counts as zero.
+  double error;
 };
 
 /// Time until a body that bounces back at `speed` and falls with `fall` [m/s²] comes to rest: the

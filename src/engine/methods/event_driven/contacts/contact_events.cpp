@@ -261,6 +261,7 @@ bool ContactEvents::settle(Run* run, const Watched& event, bool is_begin, bool j
     return impacts_.have_impacts(followed, is_begin, pairs_, &states_, &solver_, &equations_, y);
   };
   if (!have_impacts() && !(coarsen(impacts_.approach(), run) && have_impacts())) return false;
+  if (followed.error > 0.0 && impacts_.any_rests()) run->progress.local_error += followed.error;
   if (!decide(event) && !(have_jam() && decide({}))) return false;
   run->progress.local_error += impacts_.indeterminate() * run->interval.h;
   run->progress.local_error += 0.5 * states_.indeterminate() * run->left.left * run->left.left;

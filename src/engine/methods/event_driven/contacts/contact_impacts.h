@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -47,6 +48,13 @@ class ContactImpacts {
   const PerRow<double>& impulses() const { return results_.impulses; }
   /// Times until bounces that are not followed are over [s].
   const PerRow<double>& rests_in() const { return results_.rests_in; }
+  /// Whether there are such bounces.
+  bool any_rests() const {
+    const auto is_rest = [](double time) { return time > 0.0; };
+    const PerRow<double>& times = results_.rests_in;
+    return std::any_of(times.contacts.begin(), times.contacts.end(), is_rest) ||
+           std::any_of(times.coordinates.begin(), times.coordinates.end(), is_rest);
+  }
   /// Rate of a contact that the impacts leave open, since it depends on the sharing of impulses
   /// [m/s].
   double indeterminate() const { return results_.indeterminate; }

@@ -246,6 +246,8 @@ bool EventDriven::have_impacts(Run* run, EventProblem* problem, bool* any) {
           ++passes == kMostImpactPasses || find_hits(motions_, *problem, run->t(), rests).empty();
       continue;
     }
+    const FollowedBounces followed(run->left.left, run->interval.h, run->options.tolerance);
+    run->progress.local_error += followed.error;
     impulses_.restore(impulses);
     problem->clear_hits();
     bare.scatter_state(start.data(), run->states);

@@ -241,13 +241,9 @@ def run_all(title, batches, table, workers, progress, **settings):
     finish(workers, run, left)
 
 
-def repeat(number, batches, table, progress, **settings):
-    """Repeats batches that succeeded in the first round: only their times can improve."""
-    good = collections.defaultdict(list)
-    for row in table.rows():
-        if row['round'] == '1' and row['outcome'] == 'ok':
-            good[row['problem'], row['contestant']].append(float(row['value']))
-    again = [batch._replace(round=number, values=good[batch.problem, label(batch.variant)])
+def repeat(number, batches, values, table, progress, **settings):
+    """Runs the batches once more, with these values of (problem, contestant)."""
+    again = [batch._replace(round=number, values=values.get((batch.problem, label(batch.variant)), []))
              for batch in batches]
     run_all(f'{table.path.stem}, round {number}', again, table, 1, progress, **settings)
 

@@ -30,6 +30,7 @@ import studies
 
 SOURCES = pathlib.Path(__file__).parent
 STUDIES = {part: studies.load(part) for part in studies.PARTS}
+NOISE = 2.0  # more than the factor between the rounds of any setting
 COUNTED = 'constraint_sim auto'  # contestant whose instructions are counted
 PARTS = studies.PARTS
 # Parts of the studies that a shorter report leaves out.
@@ -239,7 +240,8 @@ class Measurements:
             self.count_instructions()
 
     def interleaved(self, part, stages, progress, budget, **settings):
-        """Runs all rounds; batches that failed in one stage are left out of later ones."""
+        """Runs all rounds; batches that failed in one stage are left out of later ones, and runs that cannot be on
+        the front of their engine out of later rounds."""
         table, lost = self.tables[part], set()
         for batches in stages:
             cells.run_all(f'{part}, round 1', [
@@ -248,8 +250,10 @@ class Measurements:
             ended = {(row['problem'], row['contestant']): row['outcome'] for row in table.rows()}
             lost |= {self.line_of(batch) for batch in batches
                      if ended.get((batch.problem, cells.label(batch.variant))) != 'ok'}
+        # of the diagrams only the front of each engine is shown
+        again = figures.contenders(table.rows(), NOISE if part == 'diagrams' else math.inf)
         for number in range(2, self.rounds(part) + 1):
-            cells.repeat(number, [batch for batches in stages for batch in batches], table, progress,
+            cells.repeat(number, [batch for batches in stages for batch in batches], again, table, progress,
                          budget=2.0 * budget, **settings)
 
     @staticmethod

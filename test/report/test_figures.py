@@ -39,6 +39,30 @@ def facts(**values):
             'processor': 'p', 'system': 's', 'compiler': 'c', 'spread': [0.1, 0.2], **values}
 
 
+class Contenders(unittest.TestCase):
+    """Which runs of the first round later rounds repeat."""
+
+    def setUp(self):
+        self.rows = [row(position='1e-3', orientation='0', value='0.1', run_time='10'),
+                     row(position='1e-2', orientation='0', value='0.2', run_time='15'),
+                     row(position='1e-3', orientation='0', value='0.05', run_time='21'),
+                     row(position='1e-4', orientation='0', value='0.02', run_time='50'),
+                     row(position='1e-2', orientation='0', value='0.1', run_time='21', contestant='constraint_sim b'),
+                     row(position='1e-2', orientation='0', value='0.1', run_time='99', contestant='ode a'),
+                     row(position='1e-9', orientation='0', value='1', run_time='1', outcome='not_finite'),
+                     row(position='1e-9', orientation='0', value='1', run_time='1',
+                         contestant='constraint_sim a perturbed')]
+
+    def test_what_its_engine_beats_by_the_noise_is_not_repeated(self):
+        self.assertEqual(figures.contenders(self.rows, 2.0),
+                         {('p', 'constraint_sim a'): [0.2, 0.1, 0.02], ('p', 'ode a'): [0.1]})
+
+    def test_without_a_limit_all_that_succeeded_is_repeated(self):
+        self.assertEqual(figures.contenders(self.rows),
+                         {('p', 'constraint_sim a'): [0.2, 0.1, 0.05, 0.02], ('p', 'constraint_sim b'): [0.1],
+                          ('p', 'ode a'): [0.1]})
+
+
 class Script(unittest.TestCase):
     """Runs scripts/report in a package that measures nothing and only prints its arguments."""
 

@@ -52,6 +52,23 @@ def runs_of(rows):
     return found
 
 
+def contenders(rows, noise=math.inf):
+    """(problem, contestant) -> values of the runs that are worth repeating: those that succeeded, without those that
+    another run of the same engine beats in error, and in run time by more than the factor `noise`."""
+    found = collections.defaultdict(list)
+    for problem, contestants in runs_of(rows).items():
+        points = collections.defaultdict(list)
+        for contestant, runs in contestants.items():
+            if not contestant.endswith(' perturbed'):
+                points[contestant.split()[0]] += [(run.time, judged(run.errors), contestant, run.value)
+                                                  for run in runs if run.outcome == 'ok']
+        for same in points.values():
+            for time, error, contestant, value in same:
+                if not any(other[0] * noise < time and other[1] <= error for other in same):
+                    found[problem, contestant].append(value)
+    return found
+
+
 def time_to(runs, target):
     """Least run time of those that reach the target, and with which value; None: none does."""
     good = [run for run in runs if run.outcome == 'ok' and judged(run.errors) <= target]

@@ -250,7 +250,7 @@ class Measurements:
             ended = {(row['problem'], row['contestant']): row['outcome'] for row in table.rows()}
             lost |= {self.line_of(batch) for batch in batches
                      if ended.get((batch.problem, cells.label(batch.variant))) != 'ok'}
-        # of the diagrams only the front of each engine is shown
+        # diagrams show only the front of each engine
         again = figures.contenders(table.rows(), NOISE if part == 'diagrams' else math.inf)
         for number in range(2, self.rounds(part) + 1):
             cells.repeat(number, [batch for batches in stages for batch in batches], again, table, progress,
@@ -262,12 +262,11 @@ class Measurements:
         return batch.problem.rsplit('_', 1)[0], cells.label(batch.variant)
 
     def count_instructions(self):
-        """Counts the instructions of a step of this engine, where valgrind is available."""
+        """Counts the instructions of a step of this engine in the scenes that it ran, where valgrind is available."""
         path = self.work / 'instructions.json'
         counted = json.loads(path.read_text()) if path.exists() else {}
-        names = [f'{kind}_{count}' for count in self.size['counts']
-                 for kind in STUDIES['sizes'].scenes
-                 if f'{COUNTED} {kind}_{count}' not in counted]
+        names = sorted({row['problem'] for row in self.tables['sizes'].rows() if row['contestant'] == COUNTED and
+                        f'{COUNTED} {row["problem"]}' not in counted})
         if self.options.tiny or not shutil.which('valgrind'):
             names = []
 

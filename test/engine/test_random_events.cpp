@@ -224,6 +224,12 @@ TEST(RandomEvents, OfArmsWithMotorsThatBrakeCostFewSubsteps) {
   EXPECT_LT(follow_to_the_end(Kind::kArm, {361U, 567U}), 200.0);
 }
 
+// Seeds whose dearest ticks have up to 550 events, as bounces between friction and a stop, and cost
+// up to 450 times the median tick where each event takes full substeps.
+TEST(RandomEvents, OfArmsWithManyEventsInATickCostFewEvaluations) {
+  EXPECT_LT(follow_to_the_end(Kind::kArm, {4U, 519U, 588U, 2386U, 2706U, 2979U}), 200.0);
+}
+
 // Seed of a motor to a position that becomes too weak while it holds the position: the direction of
 // its force must not be that of the rounding of the position.
 TEST(RandomEvents, OfAMotorThatBecomesTooWeakAtItsPositionIsTheSameElsewhere) {

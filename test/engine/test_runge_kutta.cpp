@@ -71,6 +71,7 @@ TEST(EmbeddedPairs, MeetTheOrderConditionsOfQuadrature) {
   expect_order_conditions<DormandPrince8>();
   expect_order_conditions<DormandPrince5>();
   expect_order_conditions<Kutta3>();
+  expect_order_conditions<Euler>();
 }
 
 /// Expects that the difference to an embedded formula of this order integrates t^k and Σ_j a_ij c_j

@@ -327,16 +327,25 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
 
 double EquationsOfMotion::rounding() const { return 4.0 * kEpsilon * scale_; }
 
-double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
+// By order 3, positions err by as much as their rates times h, and turns of a body that spins by
+// the change of q̇ times h ω.
+double EquationsOfMotion::squared_size_of(const double* dy, double h, bool is_of_rates) const {
   double largest = 0.0;
   const auto consider = [&](double square) { largest = larger(largest, square); };
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    consider(ConstVector(dy + 3 * i).squaredNorm());
+    if (!is_of_rates) consider(ConstVector(dy + 3 * i).squaredNorm());
     consider(h * h * ConstVector(dy + layout().v_at + 3 * i).squaredNorm());
   }
   const double* dq = dy + layout().q_at;
   for (std::size_t i = 0; i < rotating_; ++i) {
-    const double turned = 2.0 * radius_of_gyration_[i];
+    double turned = 2.0 * radius_of_gyration_[i];
+    if (is_of_rates) {
+      const Eigen::Vector3d rate =
+          kinematics_.inverse_inertia()[i] * ConstVector(dy + layout().L_at + 3 * i);
+      const double moved = h * radius_of_gyration_[i];
+      consider(moved * moved * rate.squaredNorm());
+      turned *= std::min(1.0, h * kinematics_.angular_velocity()[i].norm());
+    }
     const double norm = Eigen::Map<const Eigen::Vector4d>(dq + 4 * i).squaredNorm();
     consider(turned * turned * norm);
   }

@@ -198,7 +198,7 @@ class EquationsOfMotion : public IslandModel {
   bool restart(double* y, double* dydt);
   /// Lower bound of error estimates, by rounding [m].
   double rounding() const;
-  double squared_size_of(const double* dy, double h) const;
+  double squared_size_of(const double* dy, double h, bool is_of_rates = false) const;
 
   // ---- for kernels, which implement System for islands of one common shape
 

@@ -47,7 +47,7 @@ class EquationsKernel {
     equations_.accept<Pair>(h);
   }
   double rounding() const { return equations_.rounding(); }
-  double squared_size_of(const double* dy, double h) const {
+  double squared_size_of(const double* dy, double h, bool /*is_of_rates*/ = false) const {
     return equations_.squared_size_of(dy, h);
   }
 

@@ -139,6 +139,16 @@ struct Kutta3 {
   static constexpr double kE2[kStages] = {1.0 / 6.0, -1.0 / 3.0, 1.0 / 6.0};
 };
 
+/// Method of Euler, without an error estimate: for steps whose error is rounding.
+struct Euler {
+  static constexpr int kOrder = 1;
+  static constexpr std::size_t kStages = 1;
+  static constexpr bool kNeedsNext = false;
+  static constexpr int kErrorOrder = 2;  // order of the error of a step
+  static constexpr double kC[kStages] = {0.0};
+  static constexpr double kA[kStages + 1][kStages] = {{0.0}, {1.0}};
+};
+
 /// For each stage, whether the sum of forces over a step needs its forces; the stage after the last
 /// is the first of the next step.
 template <class Pair>

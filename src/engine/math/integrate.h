@@ -21,7 +21,8 @@ namespace constraint_sim::engine {
 //   bool project(double t, double* y);             projects positions; false: impossible
 //   template <class Pair> void accept(double h);   takes over the stages of a step
 //   bool restart(double* y, double* dydt);         projects velocities, evaluates stage 0
-//   double squared_size_of(const double* dy, double h);  squared error of a step of h [m²]
+//   double squared_size_of(const double* dy, double h);  squared error of a step of h [m²]; order 3
+//       adds is_of_rates = true: without positions, where they err by as much as rates times h
 
 /// Memory of the stages: the state, the candidate for the next state, an error, and the derivatives
 /// of the stages.
@@ -141,8 +142,8 @@ void stage(System& system, const StageMemory& memory, double t, double h) {
 
 /// Evaluates all stages but the first, which is given.
 template <class Pair, class System, std::size_t... kBefore>
-void all_stages(System& system, const StageMemory& memory, double t, double h,
-                std::index_sequence<kBefore...>) {
+void all_stages(System& system, const StageMemory& memory, [[maybe_unused]] double t,
+                [[maybe_unused]] double h, std::index_sequence<kBefore...>) {
   (stage<Pair, kBefore + 1>(system, memory, t, h), ...);
 }
 
@@ -185,10 +186,17 @@ double estimate(DormandPrince5, const System& system, const StageMemory& memory,
   return h * std::sqrt(fourth2 * std::min(1.0, third2 / second2));
 }
 
-/// Returns the error of the midpoint rule, h³, which exceeds that of the step.
+/// Returns the error of the midpoint rule, which is at least that of the step: h times the error of
+/// rates, h³, and the error of those positions that the system adds to it.
 template <class System>
 double estimate(Kutta3, const System& system, const StageMemory& memory, double h) {
-  return h * std::sqrt(squared_error<Kutta3::kE2>(system, memory, h));
+  weigh<ErrorWeights<Kutta3::kE2>>(memory.derivatives(), system.size(), memory.error());
+  return h * std::sqrt(system.squared_size_of(memory.error(), h, true));
+}
+
+template <class System>
+double estimate(Euler, const System&, const StageMemory&, double) {
+  return 0.0;
 }
 
 /// Writes a step to candidate(); returns its error estimate [m], or a negative number without a
@@ -211,13 +219,15 @@ template <class Pair, class System>
 /// Returns the root of x of order kOrder.
 template <int kOrder>
 double root(double x) {
-  static_assert(kOrder == 8 || kOrder == 5 || kOrder == 2);
+  static_assert(kOrder == 8 || kOrder == 5 || kOrder == 2 || kOrder == 1);
   if constexpr (kOrder == 8)
     return std::sqrt(std::sqrt(std::sqrt(x)));
   else if constexpr (kOrder == 5)
     return math::fifth_root(x);
-  else
+  else if constexpr (kOrder == 2)
     return std::sqrt(x);
+  else
+    return x;
 }
 
 /// Returns the ratio of the next substep to this one.

@@ -69,8 +69,8 @@ class PointOnRod {
 
   double rounding() const { return equations_.rounding(); }
 
-  double squared_size_of(const double* dy, double h) const {
-    const double x2 = ConstVector(dy).squaredNorm();
+  double squared_size_of(const double* dy, double h, bool is_of_rates = false) const {
+    const double x2 = is_of_rates ? 0.0 : ConstVector(dy).squaredNorm();
     const double v2 = h * h * ConstVector(dy + kVelocityAt).squaredNorm();
     return v2 <= x2 ? x2 : v2;  // NaN: x has none unless v has
   }

@@ -372,19 +372,22 @@ double TreeSystem::rounding() const { return 4.0 * kEpsilon * state_.size(); }
 
 // The largest displacement of a body, and of a point at its radius of gyration by its turn.
 // Infinite where stages have left the size of the tree far behind, as with dampers that are far too
-// stiff for the step, so that such a step is rejected also without a tolerance.
-double TreeSystem::squared_size_of(const double* dy, double h) const {
-  double* const change = state_.work().data();
+// stiff for the step, so that such a step is rejected also without a tolerance. Coordinates err by
+// as much as their rates, times h, by order 3; quaternions may err by more.
+double TreeSystem::squared_size_of(const double* dy, double h, bool is_of_rates) const {
   const double* const rates = dy + tree_.rate_at;
-  for (const TreeBody& body : tree_.bodies) {
-    for (std::size_t k = body.first; k < body.end; ++k)
-      if (!body.is_of_rotation(k)) change[k] = dy[tree_.motions[k].position];
-    if (!body.turns_freely) continue;
-    write_turn(state_.memory().candidate() + body.quaternion, dy + body.quaternion,
-               change + body.end - 3);
+  double square = h * h * dynamics_.squared_size_of(tree_, rates);
+  if (!is_of_rates || tree_.has_quaternions) {
+    double* const change = state_.work().data();
+    for (const TreeBody& body : tree_.bodies) {
+      for (std::size_t k = body.first; k < body.end; ++k)
+        if (!body.is_of_rotation(k)) change[k] = dy[tree_.motions[k].position];
+      if (!body.turns_freely) continue;
+      write_turn(state_.memory().candidate() + body.quaternion, dy + body.quaternion,
+                 change + body.end - 3);
+    }
+    square = larger(dynamics_.squared_size_of(tree_, change), square);
   }
-  const double square = larger(dynamics_.squared_size_of(tree_, change),
-                               h * h * dynamics_.squared_size_of(tree_, rates));
   const double most = kMostSizes * state_.size() / h;
   return square <= most * most ? square : kInfinity;
 }

@@ -52,7 +52,7 @@ class TreeSystem {
   }
   bool restart(double* y, double* dydt);
   double rounding() const;
-  double squared_size_of(const double* dy, double h) const;
+  double squared_size_of(const double* dy, double h, bool is_of_rates = false) const;
 
  private:
   using Vector3d = Eigen::Vector3d;

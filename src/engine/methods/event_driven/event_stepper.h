@@ -35,6 +35,7 @@ class EventStepper {
   void begin_interval() {
     watched_.unchanged.clear();
     in_vain_ = 0;
+    longest_of_order_3_ = kInfinity;
   }
   /// Values at the start of the next substep.
   List<Watched>* before() { return &watched_.before; }
@@ -66,15 +67,30 @@ class EventStepper {
     return is_taken;
   }
   /// Options of the present substep. Short substeps, as between bounces of a body that is about to
-  /// rest, are taken by order 5, or by order 3 where set_order() says so: with fewer stages, within
-  /// the same tolerance.
+  /// rest, are taken by order 5, or by a lower one where note_try() says so: with fewer stages,
+  /// within the same tolerance.
   IntegratorOptions of_substep(IntegratorOptions options) const {
     if (order_ != 0) options.order = order_;
     return options;
   }
-  /// Whether the present substep is so short that order 3 is worth a try.
-  bool is_very_short() const { return is_very_short_; }
-  void set_order(int order) { order_ = order; }
+  /// Lower order, 1 or 3, that is worth a try in the present substep; 0: none. `longest_shift`:
+  /// longest substep of order 1 [s].
+  int order_to_try(double longest_shift) const {
+    if (!is_short_) return 0;
+    if (expected_->time <= longest_shift) return 1;
+    return expected_->time < longest_of_order_3_ ? 3 : 0;
+  }
+  /// Takes over whether a try of the order has been within the tolerance.
+  void note_try(int order, bool is_taken) {
+    if (is_taken) order_ = order;
+    if (order < 3) return;
+    longest_of_order_3_ =
+        is_taken ? std::max(longest_of_order_3_, 2.0 * expected_->time) : 0.5 * expected_->time;
+  }
+  /// Takes over that a substep of this length is repeated with length h.
+  void note_repeat(double h, double length) {
+    if (!is_short_) order_ = h < kShort * length ? 5 : 0;
+  }
 
   /// Ends a substep from `start` to `left` at its first event. Returns false where no event is
   /// found, or where the states at the event have no solution.
@@ -107,6 +123,8 @@ class EventStepper {
   }
 
  private:
+  // Share of a substep without events, below which a substep is short.
+  static constexpr double kShort = 1.0 / 32;
   // A substep of at least this share of the time to an expected event that finds no event counts as
   // in vain.
   static constexpr double kReached = 0.999;
@@ -114,19 +132,22 @@ class EventStepper {
   // Expects an event in a substep of at most `step` [s], where the present accelerations lead to
   // it.
   void expect_event(const RemainingInterval& start, double step) {
-    constexpr int kMostInVain = 2;
-    // Shares of a substep without events.
-    constexpr double kShort = 1.0 / 32, kVeryShort = 1.0 / 256;
+    constexpr int kMostInVain = 3;
+    // An event that did not come when expected, and is now expected within this share of that time,
+    // is near: the substep was not in vain.
+    constexpr double kNearer = 1.0 / 16;
     const ExpectedEvent next = watched_.expected();
     const double least = 2.0 * event_watch::kLocatedTime * std::max(1.0, std::abs(start.t));
+    if (expected_ && next.which == expected_->which && next.time < kNearer * expected_->time)
+      in_vain_ = 0;
     expected_.reset();
     order_ = 0;
-    is_very_short_ = false;
+    is_short_ = false;
     const bool is_within = next.time > least && next.time < std::min(step, start.left);
     if (!is_within || in_vain_ >= kMostInVain) return;
     expected_ = next;
-    if (next.time < kShort * step) order_ = 5;
-    is_very_short_ = next.time < kVeryShort * step;
+    is_short_ = next.time < kShort * step;
+    if (is_short_) order_ = 5;
   }
 
   template <class Change>
@@ -151,7 +172,8 @@ class EventStepper {
   std::optional<ExpectedEvent> expected_;  // event at which the substep is to end
   int in_vain_ = 0;                        // expected events in a row that were none
   int order_ = 0;                          // order of the present substep; 0: as usual
-  bool is_very_short_ = false;
+  bool is_short_ = false;                  // whether the present substep is short from its start
+  double longest_of_order_3_ = kInfinity;  // shorter substeps are tried by order 3 [s]
 };
 
 }  // namespace constraint_sim::engine

@@ -27,6 +27,7 @@ class StagedSubstep {
     // Stages in order of time, between which margins are nearly parabolas.
     if (order_ == 8) return early_below(margin, at_end, tolerance, std::array{3, 5, 9, 10});
     if (order_ == 5) return early_below(margin, at_end, tolerance, std::array{1, 2, 3});
+    if (order_ == 1) return 0.0;
     // By order 3 forces hardly change, and a parabola has no third place to go through.
     return margin(1) < -tolerance ? c(1) : 0.0;
   }

@@ -20,12 +20,12 @@ struct WatchedSubstep {
     return event_watch::level_of(before[k], k < unchanged.size() ? unchanged[k] : 0);
   }
 
-  /// First event that is expected. Values at zero have none, except those that leave it.
+  /// First event that is expected. Values that rest at zero have none.
   ExpectedEvent expected() const {
     ExpectedEvent first{kInfinity, 0};
     for (std::size_t k = 0; k < before.size(); ++k) {
-      const bool leaves = before[k].known == 2 && before[k].rate > before[k].resting;
-      if (!leaves && !is_clear(before[k])) continue;
+      const bool moves = before[k].known == 2 && std::abs(before[k].rate) > before[k].resting;
+      if (!moves && !is_clear(before[k])) continue;
       const double time = event_watch::time_to_level(before[k], level(k));
       if (time < first.time) first = {time, k};
     }

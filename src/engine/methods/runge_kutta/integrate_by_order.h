@@ -18,16 +18,17 @@ IntegrationResult integrate(System& system, const StageMemory& memory, double t,
                                                         step, options.most_attempts, stop);
 }
 
-/// Takes a substep by the pair of the order in `options`; by order 3 tries one.
+/// Takes a substep by the pair of the order in `options`; by order 3 or 1 tries one.
 template <class System>
 bool take_substep_by_order(System& system, const StageMemory& memory,
                            const IntegratorOptions& options, StopFlag stop, RemainingInterval* left,
                            double* step, IntegrationResult* progress) {
-  const SubstepLimits limits{options.tolerance, options.most_attempts, stop, options.order == 3};
+  const SubstepLimits limits{options.tolerance, options.most_attempts, stop, options.order <= 3};
   const auto take = [&](auto pair) {
     return take_substep<decltype(pair)>(system, memory, limits, *left, *step, *progress);
   };
-  return options.order == 3   ? take(Kutta3{})
+  return options.order == 1   ? take(Euler{})
+         : options.order == 3 ? take(Kutta3{})
          : options.order == 5 ? take(DormandPrince5{})
                               : take(DormandPrince8{});
 }

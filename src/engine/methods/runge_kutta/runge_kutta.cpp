@@ -198,7 +198,7 @@ bool RungeKutta::advance_in_coordinates(const Interval& interval, const Integrat
     system.note_coordinates();
     return true;
   }
-  if (options.order == 3) return false;  // tried
+  if (options.order <= 3) return false;  // tried
   tree_.note_failure(*progress);
   if (!tree_.is_left_to_rows()) return false;
   *left = start;
@@ -212,12 +212,11 @@ bool RungeKutta::advance_in_coordinates(const Interval& interval, const Integrat
   return advance_substep(interval, options, left, progress);
 }
 
-bool RungeKutta::try_short_substep(const Interval& interval, IntegratorOptions options,
-                                   RemainingInterval* left, IntegrationResult* progress) {
+bool RungeKutta::try_substep(const Interval& interval, const IntegratorOptions& options,
+                             RemainingInterval* left, IntegrationResult* progress) {
   const RemainingInterval start = *left;
   const IntegrationResult before = *progress;
   const double step = step_;
-  options.order = 3;
   if (advance_substep(interval, options, left, progress)) {
     step_ = step;  // for the usual order
     return true;
@@ -273,6 +272,31 @@ void RungeKutta::return_to_start() {
   tree_.momentum() = kept_momentum_;
   tree_.set_size(kept_size_);
   TreeSystem(equations_, tree_).place_start(equations_.coordinates().time());
+}
+
+double RungeKutta::longest_shift(const Motions& rates, const List<BodyState>& states) const {
+  const List<int>& bodies = equations_.bodies();
+  double bend = 0.0;  // [m/s²]
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    bend = larger(bend, rates.linear[i].norm());
+    if (!equations_.rotates(i)) continue;
+    const double turn = rates.angular[i].norm() + states[bodies[i]].angular_velocity.squaredNorm();
+    bend = larger(bend, equations_.radius_of_gyration(i) * turn);
+  }
+  return bend > 0.0 ? std::sqrt(2.0 * equations_.rounding() / bend) : 0.0;
+}
+
+bool RungeKutta::shift_end(const Interval& interval, IntegratorOptions options, double t,
+                           double shift, IntegrationResult* progress) {
+  options.order = 1;
+  options.tolerance = 0.0;
+  RemainingInterval left(t, shift);
+  IntegrationResult shifted;
+  const double step = step_;
+  const bool is_taken = advance_substep(interval, options, &left, &shifted);
+  step_ = step;
+  progress->evaluations += shifted.evaluations;
+  return is_taken;
 }
 
 bool RungeKutta::repeat_substep(const Interval& interval, const IntegratorOptions& options,

@@ -42,16 +42,23 @@ class RungeKutta {
   /// all stages, which impulses do not need. Returns false where it gives up.
   bool advance_substep(const Interval& interval, const IntegratorOptions& options,
                        RemainingInterval* left, IntegrationResult* progress);
-  /// Tries one substep by order 3 from the start that keep_start() has saved. Returns false, and
-  /// returns to the start, where its error exceeds the tolerance.
-  bool try_short_substep(const Interval& interval, IntegratorOptions options,
-                         RemainingInterval* left, IntegrationResult* progress);
+  /// Tries one substep by order 1 or 3 from the start that keep_start() has saved. Returns false,
+  /// and returns to the start, where its error exceeds the tolerance.
+  bool try_substep(const Interval& interval, const IntegratorOptions& options,
+                   RemainingInterval* left, IntegrationResult* progress);
   /// Saves the start of a substep.
   void keep_start();
   /// Repeats a substep with length h from the saved start at time t, and counts it; 0: returns to
   /// the start. Returns false where it fails.
   bool repeat_substep(const Interval& interval, const IntegratorOptions& options, double t,
                       double h, IntegrationResult* progress);
+  /// Longest time by which the state may be moved along its derivative, with no error but rounding
+  /// [s]. `rates`: its accelerations.
+  double longest_shift(const Motions& rates, const List<BodyState>& states) const;
+  /// Moves the state from its time t by `shift` [s], which may be negative, along its derivative.
+  /// Returns false where that fails.
+  bool shift_end(const Interval& interval, IntegratorOptions options, double t, double shift,
+                 IntegrationResult* progress);
   /// Writes the bodies at the present state.
   void scatter(List<BodyState>* states);
   /// Accelerations of the bodies at the present state, at time t [s].

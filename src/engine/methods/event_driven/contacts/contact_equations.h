@@ -73,7 +73,7 @@ class ContactEquations {
   /// Projects velocities and evaluates the derivative. `known`: the derivative, where already
   /// known.
   bool restart(double* y, double* dydt, const double* known = nullptr);
-  double squared_size_of(const double* dy, double h) const {
+  double squared_size_of(const double* dy, double h, bool /*is_of_rates*/ = false) const {
     return bodies_.squared_size_of(dy, h);
   }
   double rounding() const { return bodies_.rounding(); }

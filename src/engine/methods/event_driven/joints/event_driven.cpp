@@ -117,15 +117,27 @@ bool EventDriven::advance_to_event(Run* run) {
   *step = std::min(*step, longest_substep(motions_));
   const auto take = [&](RemainingInterval* part) {
     const Interval now = remaining(*run);
-    const IntegratorOptions options = stepper_.of_substep(run->options);
-    const bool is_tried =
-        stepper_.is_very_short() && motion.try_short_substep(now, options, part, &run->progress);
-    if (is_tried) stepper_.set_order(3);
-    return is_tried || motion.advance_substep(now, options, part, &run->progress);
+    if (const int order = stepper_.order_to_try(motion.longest_shift(rates_, *run->states))) {
+      IntegratorOptions options = run->options;
+      options.order = order;
+      const bool is_taken = motion.try_substep(now, options, part, &run->progress);
+      stepper_.note_try(order, is_taken);
+      if (is_taken) return true;
+    }
+    return motion.advance_substep(now, stepper_.of_substep(run->options), part, &run->progress);
   };
   if (!stepper_.take_substep(run->options, run->progress, take, &run->left, step)) return false;
   motion.scatter(run->states);
+  const double length = start.left - run->left.left;
   const auto repeat = [&](double h) {
+    const double shift = h - (start.left - run->left.left);
+    if (h > 0.0 && run->options.tolerance > 0.0 &&
+        std::abs(shift) <= motion.longest_shift(rates_, *run->states) &&
+        motion.shift_end(remaining(*run), run->options, run->t(), shift, &run->progress)) {
+      motion.scatter(run->states);
+      return true;
+    }
+    stepper_.note_repeat(h, length);
     const bool is_done = motion.repeat_substep(remaining(*run), stepper_.of_substep(run->options),
                                                start.t, h, &run->progress);
     motion.scatter(run->states);

@@ -235,7 +235,8 @@ def conditions_of(run):
         'engines: ' + ', '.join(f'{NAMES.get(name, name)} {version}'
                                 for name, version in sorted(run['engines'].items())) + '; absent: ' + (', '.join(run['absent']) or 'none'),
         f'{run["size"]} run, measured in {run["minutes"]:.1f} minutes; each time the best of {run["rounds"]} '
-        'interleaved rounds' + spread,
+        'interleaved rounds' + spread + '; runs that another of their engine beats in error, and in run time by the '
+        'factor 2, were not repeated',
         f'time steps from {run["time_steps"][0]:g} s to {run["time_steps"][1]:g} s; longest run ' +
         ', '.join(f'{limit:g} s ({part})' for part, limit in budgets.items())]
 
@@ -352,8 +353,8 @@ HONESTY = [
     'Each engine is used as its documentation suggests, through one adapter written for this report; '
     'somebody who knows it better may get more out of it. Point masses have small inertias where an '
     'engine insists on one.',
-    'Time steps are 0.2 s and divisors of 0.1 s, tolerances powers of ten: a finer choice moves a run time by up to '
-    'the factor between two of them.',
+    'Time steps are 0.2 s and divisors of 0.1 s, tolerances powers of ten with time steps of 0.2 s: a finer choice '
+    'moves a run time by up to the factor between two of them.',
     'Runs beyond the budget were not made, so that "–" may mean too dear as well as never.',
     'Building a scene and rendering are not measured. Memory is resident memory, and of small scenes '
     'mostly what a library takes once.',

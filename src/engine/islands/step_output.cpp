@@ -26,10 +26,15 @@ void StepOutput::add_contacts(const TouchingPair& pair, double time_step) {
   }
 }
 
+// Sorts events by time; equal times keep their order. Few events are inserted one by one, which
+// needs no memory.
 void StepOutput::sort_events() {
+  constexpr std::size_t kFew = 64;
   const auto is_earlier = [](const Event& l, const Event& r) { return l.time < r.time; };
-  if (!std::is_sorted(events.begin(), events.end(), is_earlier))
-    std::stable_sort(events.begin(), events.end(), is_earlier);
+  if (std::is_sorted(events.begin(), events.end(), is_earlier)) return;
+  if (events.size() > kFew) return std::stable_sort(events.begin(), events.end(), is_earlier);
+  for (auto next = events.begin(); next != events.end(); ++next)
+    std::rotate(std::upper_bound(events.begin(), next, *next, is_earlier), next, next + 1);
 }
 
 }  // namespace constraint_sim::engine

@@ -236,7 +236,7 @@ def conditions_of(run):
                                 for name, version in sorted(run['engines'].items())) + '; absent: ' + (', '.join(run['absent']) or 'none'),
         f'{run["size"]} run, measured in {run["minutes"]:.1f} minutes; each time the best of {run["rounds"]} '
         'interleaved rounds' + spread + '; runs that another of their engine beats in error, and in run time by the '
-        'factor 2, were not repeated',
+        f'factor {run["noise"]:g}, were not repeated',
         f'time steps from {run["time_steps"][0]:g} s to {run["time_steps"][1]:g} s; longest run ' +
         ', '.join(f'{limit:g} s ({part})' for part, limit in budgets.items())]
 

@@ -308,6 +308,7 @@ def facts_of(measurements, size, options, taken, runs):
     steps = steps_of(size['shortest'])
     return {'commit': options.commit, 'date': options.date, 'size': measurements.size_name, 'covers': '',
             'minutes': round(taken / 60.0, 1), 'rounds': measurements.rounds('diagrams'),
+            'noise': NOISE,
             'budgets': {'diagrams': size['budget'], 'grid': size['grid_budget'], 'many': size['many_budget'],
                         'sizes': size['sizes_budget']},
             'time_steps': [steps[0], steps[-1]],

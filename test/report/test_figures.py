@@ -34,7 +34,7 @@ def problem(**values):
 
 
 def facts(**values):
-    return {'commit': 'abc', 'date': '2026-01-01', 'size': 'full', 'covers': '', 'minutes': 1.0, 'rounds': 2,
+    return {'commit': 'abc', 'date': '2026-01-01', 'size': 'full', 'covers': '', 'minutes': 1.0, 'rounds': 2, 'noise': 2.0,
             'budgets': {'diagrams': 0.1}, 'time_steps': [0.2, 1e-5], 'engines': {'ode': '1'}, 'absent': [],
             'processor': 'p', 'system': 's', 'compiler': 'c', 'spread': [0.1, 0.2], **values}
 

@@ -23,8 +23,12 @@ List<ContactControl::ErrorGroup> ContactControl::find_groups(
     const int first = lists.island_parts[step.topology.island_of(body)].members.bodies.front();
     links.emplace_back(first, body);
   }
+  const auto found_of = [&](int body) {
+    return lists.island_parts[step.topology.island_of(body)].found.time;
+  };
   for (const Broadphase::Pair& pair : near)
-    if (is_advanced[pair.first] && is_advanced[pair.second])
+    if (is_advanced[pair.first] && is_advanced[pair.second] &&
+        found_of(pair.first) == found_of(pair.second))
       links.emplace_back(pair.first, pair.second);
   List<bool> acts(links.size());
   std::fill(acts.begin(), acts.end(), true);
@@ -33,7 +37,9 @@ List<ContactControl::ErrorGroup> ContactControl::find_groups(
   std::fill(group_of.begin(), group_of.end(), -1);
   for (IslandMembers& members : find_islands(is_advanced, acts, links)) {
     for (const int body : members.bodies) group_of[body] = static_cast<int>(groups.size());
-    groups.emplace_back().members.bodies = std::move(members.bodies);
+    ErrorGroup& group = groups.emplace_back();
+    group.done = found_of(members.bodies.front());
+    group.members.bodies = std::move(members.bodies);
   }
   const auto group_of_pair = [&](const std::pair<int, int>& ends) {
     return std::max(group_of[ends.first], group_of[ends.second]);
@@ -43,10 +49,10 @@ List<ContactControl::ErrorGroup> ContactControl::find_groups(
     groups[group_of[model.is_movable(a) ? a : b]].members.joints.push_back(j);
   }
   for (const Broadphase::Pair& pair : near) {
-    const auto takes_part = [&](int body) {
-      return is_advanced[body] || !model.is_movable(to_index(body));
-    };
     const int of_pair = group_of_pair(pair.bodies());
+    const auto takes_part = [&](int body) {
+      return group_of[body] == of_pair || !model.is_movable(to_index(body));
+    };
     if (of_pair < 0 || step.topology.is_unpaired(pair.bodies())) continue;
     ErrorGroup& group = groups[of_pair];
     if (takes_part(pair.first) && takes_part(pair.second))
@@ -78,8 +84,9 @@ ContactControl::Outcome ContactControl::advance(const StepContext& step, const A
   const List<BodyState> at_start = state->states;
   const GroupSurroundings around{step, awake, pipeline->moving_shapes(), wrenches, at_start};
   for (ErrorGroup& group : groups) {
-    const ControlledStep::Outcome of_group = controlled_.advance(
-        around, group.members, group.near, &group.contacts, pipeline->broadphase(), method, state);
+    const ControlledStep::Outcome of_group =
+        controlled_.advance(around, group.members, group.done, group.near, &group.contacts,
+                            pipeline->broadphase(), method, state);
     for (const int body : group.members.bodies) errors_[body] = of_group.error;
     add_impulses(of_group.impulses, &outcome.impulses);
     outcome.error = larger(outcome.error, of_group.error);

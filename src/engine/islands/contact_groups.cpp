@@ -209,7 +209,7 @@ ContactGroup& ContactGroups::add() {
   group.islands.clear();
   group.pairs.clear();
   group.spheres.reset();
-  group.has_failed = false;
+  group.has_failed = group.is_found = false;
   return group;
 }
 
@@ -344,7 +344,9 @@ void ContactGroups::take_out_contacts(const Topology& topology,
                                       List<TouchingPair>* touching) const {
   const auto is_of_group = [&](const TouchingPair& pair) {
     const int island = std::max(topology.island_of(pair.a), topology.island_of(pair.b));
-    return contains(to_index(island)) && !groups_[group_of_[island]].has_failed;
+    if (!contains(to_index(island))) return false;
+    const ContactGroup& group = groups_[group_of_[island]];
+    return !group.has_failed || group.is_found;
   };
   touching->erase(std::remove_if(touching->begin(), touching->end(), is_of_group), touching->end());
 }

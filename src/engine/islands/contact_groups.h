@@ -32,9 +32,10 @@ struct ContactGroup {
   Storage<ContactEvents> events;            ///< method that advances the group in this step
   std::shared_ptr<ElasticSpheres> spheres;  ///< method in place of `events`; null: none
   bool has_failed = false;                  ///< in this step: impulses advance its islands
-  bool is_small_enough = false;             ///< small enough for `events`
-  bool closes = false;                      ///< has overlaps, which `events` close
-  bool is_elastic = false;                  ///< has only spheres that `spheres` can advance
+  bool is_found = false;         ///< failed after a part of the step, which is kept (FoundPart)
+  bool is_small_enough = false;  ///< small enough for `events`
+  bool closes = false;           ///< has overlaps, which `events` close
+  bool is_elastic = false;       ///< has only spheres that `spheres` can advance
 };
 
 /// Whether an island of this nature can be in an event-driven group, wherever its bodies are.
@@ -71,7 +72,12 @@ class ContactGroups {
   IntegrationResult advance(std::size_t group, const Interval& interval,
                             const IntegratorOptions& options, const WorldOptions& world_options,
                             State* state);
-  void mark_failed(std::size_t group) { groups_[group].has_failed = true; }
+  void mark_failed(std::size_t group, bool is_found) {
+    groups_[group].has_failed = true;
+    groups_[group].is_found = is_found;
+  }
+  /// The group of an island that contains() is true of.
+  const ContactGroup& of(std::size_t island) const { return groups_[group_of_[island]]; }
   /// Takes contacts of groups out of the contacts of impulses.
   void take_out_contacts(const Topology& topology, List<TouchingPair>* touching) const;
   /// Events of the group of an island; the first island reports the events of all.

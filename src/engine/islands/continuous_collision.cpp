@@ -40,6 +40,11 @@ bool is_forced(const StepContext& step, const Broadphase::Pair& pair) {
   return step.assumed.of(pair.first) > 0.0 || step.assumed.of(pair.second) > 0.0;
 }
 
+/// Time from the start of the step by which events have advanced a body [s].
+double found_of(const StepContext& step, const IslandLists& lists, int body) {
+  return lists.island_parts[step.topology.island_of(to_index(body))].found.time;
+}
+
 /// Whether one of two bodies is dynamic and follows a curve, by a joint or by forces.
 bool is_led(const StepContext& step, const IslandLists& lists, const Broadphase::Pair& pair) {
   const auto has_joints = [&](int body) {
@@ -313,39 +318,62 @@ bool ContinuousCollision::divide(const StepContext& step, const IslandLists& lis
                                  const List<int>& bodies, const List<int>& joints, State* state) {
   const Model& model = step.model;
   const double h = model.options.time_step;
-  const auto is_about_to_hit = [&](const TouchingPair& pair) {
-    return time_to_watch(step, *state, lists, pair) < h;
-  };
-  if (!std::any_of(state->touching.begin(), state->touching.end(), is_about_to_hit)) return false;
-  List<bool> is_member(model.bodies.size());
+  groups_.clear();
+  others_ = ImpulseGroup{};
+  group_of_.assign(model.bodies.size(), -1);
+  for (const int body : bodies) {
+    const double found = found_of(step, lists, body);
+    if (found == 0.0) continue;
+    const auto same = std::find_if(groups_.begin(), groups_.end(),
+                                   [&](const Group& group) { return group.done == found; });
+    group_of_[body] = static_cast<int>(same - groups_.begin());
+    if (same == groups_.end()) groups_.push_back({{}, found});
+  }
+  const int of_fast = static_cast<int>(groups_.size());
   bool spreads = false;
   const auto join = [&](int body) {
-    if (!model.is_movable(to_index(body)) || is_member[body]) return;
+    if (!model.is_movable(to_index(body)) || group_of_[body] >= 0) return;
     spreads = true;
     for (const int other : lists.island_parts[step.topology.island_of(body)].members.bodies)
-      is_member[other] = true;
+      group_of_[other] = of_fast;
   };
   for (const TouchingPair& pair : state->touching) {
-    if (!is_about_to_hit(pair)) continue;
+    if (time_to_watch(step, *state, lists, pair) >= h) continue;
     join(pair.a);
     join(pair.b);
   }
+  if (spreads) groups_.emplace_back();
   while (spreads) {
     spreads = false;
     for (const TouchingPair& pair : state->touching) {
-      if (is_member[pair.a]) join(pair.b);
-      if (is_member[pair.b]) join(pair.a);
+      if (group_of_[pair.a] == of_fast) join(pair.b);
+      if (group_of_[pair.b] == of_fast) join(pair.a);
     }
   }
-  ImpulseGroup group;
-  others_ = ImpulseGroup{};
-  for (const int body : bodies) (is_member[body] ? group : others_).bodies.push_back(body);
+  const auto members_of = [&](int body) -> ImpulseGroup& {
+    return group_of_[body] >= 0 ? groups_[group_of_[body]].members : others_;
+  };
+  for (const int body : bodies) members_of(body).bodies.push_back(body);
   for (const int j : joints) {
     const auto [a, b] = step.topology.ends(j);
-    (is_member[model.is_movable(a) ? a : b] ? group : others_).joints.push_back(j);
+    members_of(static_cast<int>(model.is_movable(a) ? a : b)).joints.push_back(j);
   }
-  divided_.begin(step, group);
-  return true;
+  return is_divided();
+}
+
+HitReport ContinuousCollision::advance(const StepContext& step, const IslandLists& lists,
+                                       const AwakeSets& awake, const List<int>& moving_shapes,
+                                       const List<ActingWrench>& wrenches, Broadphase* broadphase,
+                                       SequentialImpulses* method, State* state) {
+  hits_.clear();
+  HitReport report;
+  for (const Group& group : groups_) {
+    const HitReport of_group = advance_group(step, lists, awake, moving_shapes, wrenches, group,
+                                             broadphase, method, state);
+    add_impulses(of_group.impulses, &report.impulses);
+    report.hits += of_group.hits;
+  }
+  return report;
 }
 
 bool ContinuousCollision::has_met(const Broadphase::Pair& pair) const {
@@ -360,14 +388,17 @@ std::uint32_t ContinuousCollision::return_contacts(State* state) const {
   return points;
 }
 
-HitReport ContinuousCollision::advance(const StepContext& step, const IslandLists& lists,
-                                       const AwakeSets& awake, const List<int>& moving_shapes,
-                                       const List<ActingWrench>& wrenches, Broadphase* broadphase,
-                                       SequentialImpulses* method, State* state) {
+// Advances a group to the end of the step, and adds its contacts to hits_.
+HitReport ContinuousCollision::advance_group(const StepContext& step, const IslandLists& lists,
+                                             const AwakeSets& awake, const List<int>& moving_shapes,
+                                             const List<ActingWrench>& wrenches, const Group& group,
+                                             Broadphase* broadphase, SequentialImpulses* method,
+                                             State* state) {
   const Model& model = step.model;
   HitReport report;
+  divided_.begin(step, group.members);
   bool has_missed_any = false;
-  List<TouchingPair> of_others;
+  List<TouchingPair> hits, of_others;
   const auto is_of_group = [&](const TouchingPair& pair) {
     return divided_.contains(pair.a) || divided_.contains(pair.b);
   };
@@ -375,8 +406,10 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   const auto others = std::find_if_not(state->touching.begin(), state->touching.end(), is_of_group);
   of_others.assign(others, state->touching.end());
   state->touching.erase(others, state->touching.end());
-  hits_.clear();
+  const bool is_found = group.done > 0.0;
+  if (is_found) hits = state->touching;
   const bool is_on_joints =
+      (is_found && !group.members.joints.empty()) ||
       std::any_of(state->touching.begin(), state->touching.end(), [&](const TouchingPair& pair) {
         return is_forced(step, pair.shapes()) ||
                (pair.manifold.count == 0 && is_led(step, lists, pair.shapes()));
@@ -387,7 +420,8 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
   const ContactStep contacts = contact_step(model.options, h);
   const List<BodyState> at_start = state->states;  // kinematic bodies are moved from here
   bool was_hit = false;
-  double done = 0.0;
+  double done = group.done;
+  if (is_on_joints && is_found) divided_.sum_joints(model, done, state);
   int advances = 0;
   List<double> allowed;
   for (int leg = 0; done < h && !is_set(step.stop); ++leg) {
@@ -420,14 +454,16 @@ HitReport ContinuousCollision::advance(const StepContext& step, const IslandList
     divided_.sum_joints(model, duration, state);
     if (!are_in_range(*state, divided_.group().bodies)) break;  // the step fails at its end
     has_missed_any = has_missed_any || has_outrun(step, *state, near, allowed, duration);
-    add_contacts(state->touching, &hits_);
+    add_contacts(state->touching, &hits);
     done = is_last ? h : done + duration;
   }
   for (const int body : awake.kinematic) state->states[body] = at_start[body];
   divided_.finish_joints(step, state);
-  for (TouchingPair& pair : hits_)
+  for (TouchingPair& pair : hits)
     for (Manifold::Point& point : pair.manifold.points) point.depth = std::max(point.depth, 0.0);
   state->touching = std::move(of_others);
+  hits_.insert(hits_.end(), hits.begin(), hits.end());
+  std::sort(hits_.begin(), hits_.end(), TouchingPair::in_order);
   if (has_missed_any) note_missed_hits(divided_.group().bodies.front());
   return report;
 }

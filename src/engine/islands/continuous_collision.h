@@ -56,23 +56,24 @@ class ContinuousCollision {
   /// Adds the fast pairs with joints that impulses advance to the contacts, as pairs about to hit.
   void add_jointed_pairs(const StepContext& step, const IslandLists& lists, State* state) const;
 
-  /// Separates the bodies about to hit from all bodies that impulses advance. False where there are
-  /// none.
+  /// Separates the bodies about to hit, and those of islands whose step events began (FoundPart),
+  /// from all bodies that impulses advance. False where there are none.
   bool divide(const StepContext& step, const IslandLists& lists, const List<int>& bodies,
               const List<int>& joints, State* state);
   /// Begins an attempt of a step, in which no step of a group has been divided yet.
   void begin_step() {
-    divided_.clear();
+    groups_.clear();
     first_body_with_missed_hits_.reset();
   }
-  bool is_divided() const { return !divided_.group().is_empty(); }
+  bool is_divided() const { return !groups_.empty(); }
   /// Whether the step of a body was divided.
-  bool divides(int body) const { return is_divided() && divided_.contains(body); }
-  /// Whether bodies of the group met as this pair.
+  bool divides(int body) const { return is_divided() && group_of_[body] >= 0; }
+  /// Whether bodies of a group met as this pair.
   bool has_met(const Broadphase::Pair& pair) const;
-  /// Everything that impulses advance beside the group.
+  /// Everything that impulses advance beside the groups.
   const ImpulseGroup& others() const { return others_; }
-  /// Advances the group by a step, from hit to hit. `broadphase` knows the shapes that rest.
+  /// Advances each group to the end of the step, from hit to hit. `broadphase` knows the shapes
+  /// that rest.
   HitReport advance(const StepContext& step, const IslandLists& lists, const AwakeSets& awake,
                     const List<int>& moving_shapes, const List<ActingWrench>& wrenches,
                     Broadphase* broadphase, SequentialImpulses* method, State* state);
@@ -83,10 +84,20 @@ class ContinuousCollision {
   }
   /// Notes that hits of the group of this first body may have been missed.
   void note_missed_hits(int first_body) { first_body_with_missed_hits_ = first_body; }
-  /// Returns the contacts of the group to the contacts of all, and the number of their points.
+  /// Returns the contacts of the groups to the contacts of all, and the number of their points.
   std::uint32_t return_contacts(State* state) const;
 
  private:
+  /// Bodies whose step is divided.
+  struct Group {
+    ImpulseGroup members;
+    double done = 0.0;  ///< time from the start of the step that they have advanced [s]
+  };
+
+  HitReport advance_group(const StepContext& step, const IslandLists& lists, const AwakeSets& awake,
+                          const List<int>& moving_shapes, const List<ActingWrench>& wrenches,
+                          const Group& group, Broadphase* broadphase, SequentialImpulses* method,
+                          State* state);
   bool is_fast_body(const StepContext& step, const State& state, int body) const;
   void list_jointed_pairs(const StepContext& step, const List<Broadphase::Pair>& near,
                           const State& state, const IslandLists& lists);
@@ -95,9 +106,11 @@ class ContinuousCollision {
   double fast_square_ = 0.0;  // square of the speed above which bodies are fast [m²/s²]
   List<int> fast_bodies_;
   List<Broadphase::Pair> jointed_pairs_;
-  DividedStep divided_;  // step of the group
+  List<Group> groups_;
+  List<int> group_of_;   // by body: index in groups_; -1: none
+  DividedStep divided_;  // step of the group that is advanced
   ImpulseGroup others_;
-  List<TouchingPair> hits_;  // contacts of the group, with the impulses of all its hits
+  List<TouchingPair> hits_;  // contacts of all groups, with the impulses of all their hits
   std::optional<int> first_body_with_missed_hits_;
 };
 

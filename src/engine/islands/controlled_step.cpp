@@ -273,21 +273,30 @@ void ControlledStep::finish(const GroupSurroundings& around, List<TouchingPair>*
   outcome_.impulses.stage_times = parts_.stage_times();
 }
 
+// Begins the sums of the step with the part of it that is over, of `done` [s].
+void ControlledStep::begin_sums(const Model& model, double done, const List<TouchingPair>& contacts,
+                                State* state) {
+  sums_.clear();
+  if (done == 0.0) return;
+  sums_ = contacts;
+  parts_.sum_joints(model, done, state);
+}
+
 ControlledStep::Outcome ControlledStep::advance(const GroupSurroundings& around,
-                                                const ImpulseGroup& group,
+                                                const ImpulseGroup& group, double start,
                                                 const List<Broadphase::Pair>& near,
                                                 List<TouchingPair>* contacts,
                                                 Broadphase* broadphase, SequentialImpulses* method,
                                                 State* state) {
   const WorldOptions& options = around.step.model.options;
   const double step = options.time_step, tolerance = options.contact_tolerance;
-  parts_.begin(around, group, near, *contacts, *state);
+  parts_.begin(around, group, start, near, *contacts, *state);
   outcome_ = Outcome{};
-  sums_.clear();
+  begin_sums(around.step.model, start, *contacts, state);
   const bool is_large = group.bodies.size() > kMostControlledBodies;
   const double shortest = kLeastPart * step;
   double lump = 0.5 * tolerance * step, h = step;  // lump: error left for what jumps [m]
-  double done = 0.0, until_hit = 0.0;              // until_hit: time to a located impact, or 0 [s]
+  double done = start, until_hit = 0.0;            // until_hit: time to a located impact, or 0 [s]
   int unsolved = 0;
   while (done < step && !is_set(around.step.stop) && are_in_range(*state, group.bodies)) {
     const double left = step - done;

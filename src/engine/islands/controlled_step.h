@@ -26,9 +26,10 @@ class ControlledStep {
     std::uint32_t substeps = 0, rejected = 0, hits = 0;
     bool has_left_any = false;  ///< a body that had taken its step was in the way
   };
-  /// Advances a group by a step. `near`: pairs that may touch; `contacts`: contacts of the step
-  /// before, in which the contacts of this step are returned.
-  Outcome advance(const GroupSurroundings& around, const ImpulseGroup& group,
+  /// Advances a group from `start` [s], after the start of a step, to its end. `near`: pairs that
+  /// may touch; `contacts`: contacts of the step before, in which the contacts of this step are
+  /// returned.
+  Outcome advance(const GroupSurroundings& around, const ImpulseGroup& group, double start,
                   const List<Broadphase::Pair>& near, List<TouchingPair>* contacts,
                   Broadphase* broadphase, SequentialImpulses* method, State* state);
 
@@ -41,6 +42,8 @@ class ControlledStep {
   };
 
   ImpulseStepKind part_kind() const;
+  void begin_sums(const Model& model, double done, const List<TouchingPair>& contacts,
+                  State* state);
   void list_met(const Model& model, const List<TouchingPair>& touching);
   Attempt attempt(const GroupSurroundings& around, double done, double h, bool is_free,
                   SequentialImpulses* method, State* state);

@@ -16,7 +16,7 @@ constexpr std::uint32_t kIterationsPerSolve = 10;
 
 }  // namespace
 
-void GroupParts::begin(const GroupSurroundings& around, const ImpulseGroup& group,
+void GroupParts::begin(const GroupSurroundings& around, const ImpulseGroup& group, double done,
                        const List<Broadphase::Pair>& near, const List<TouchingPair>& contacts,
                        const State& state) {
   const double step = around.step.model.options.time_step;
@@ -26,8 +26,9 @@ void GroupParts::begin(const GroupSurroundings& around, const ImpulseGroup& grou
   has_left_any_ = false;
   stage_times_ = {};
   near_ = near;
-  note_rooms(around, step, state);
-  keep_guesses(step, contacts, state);
+  const bool is_found = done > 0.0;
+  note_rooms(around, is_found ? 0.0 : step, state);
+  keep_guesses(is_found ? done : step, contacts, state);
 }
 
 void GroupParts::keep_guesses(double h, const List<TouchingPair>& contacts, const State& state) {

@@ -38,8 +38,9 @@ class GroupParts {
     bool any_corrections = false;
   };
 
-  /// Begins a step. `near`: pairs that may touch in the step; `contacts`: of the step before.
-  void begin(const GroupSurroundings& around, const ImpulseGroup& group,
+  /// Begins a step, of which `done` [s] are over. `near`: pairs that may touch in the whole step;
+  /// `contacts`: of the step before, or of the part that is over.
+  void begin(const GroupSurroundings& around, const ImpulseGroup& group, double done,
              const List<Broadphase::Pair>& near, const List<TouchingPair>& contacts,
              const State& state);
   const List<int>& bodies() const { return divided_.group().bodies; }

@@ -64,10 +64,11 @@ bool add_result(IslandLists* lists, std::size_t i, const IntegrationResult& prog
   island.rejected += static_cast<std::uint32_t>(progress.rejected);
   island.evaluations += static_cast<std::uint32_t>(progress.evaluations);
   island.iterations += static_cast<std::uint32_t>(progress.iterations);
-  if (!progress.done) return false;
+  lists->island_parts[i].found.time = progress.found;
+  if (!progress.done && progress.found == 0.0) return false;
   lists->island_parts[i].projected_energy += progress.projected;
   lists->island_parts[i].correction_work += progress.corrected;
-  return true;
+  return progress.done;
 }
 
 IntegratorOptions integrator_options(const IntegrationStep& in, double most_frequency) {

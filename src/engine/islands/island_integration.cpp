@@ -31,7 +31,8 @@ bool is_integrated(const Model& model, const Topology& topology, const IslandLis
 void report_switch(const IntegrationStep& in, EventKind kind, std::size_t i) {
   const List<int>& members = in.lists->island_parts[i].members.bodies;
   const int second = members.size() > 1 ? members[1] : members[0];
-  in.output->events.push_back({kind, in.state->time(in.model.options.time_step),
+  const double found = in.lists->island_parts[i].found.time;
+  in.output->events.push_back({kind, in.state->time(in.model.options.time_step) + found,
                                in.model.body_ids[members[0]], in.model.body_ids[second]});
 }
 
@@ -80,6 +81,7 @@ void begin_islands(const List<int>& integrated, const List<JointData>& joint_sta
     IslandParts& parts = lists->island_parts[i];
     parts.projected_energy = parts.correction_work = 0.0;
     parts.changes = 0;
+    parts.found = {};
     parts.needs_method_choice = parts.has_failed = false;
     if (parts.motion >= 0) lists->motions[parts.motion].begin_step(joint_states);
   }
@@ -145,13 +147,15 @@ void IslandIntegration::sort_islands(const IntegrationStep& in, const ContactRea
     for (const int body : {pair.a, pair.b})
       if (in.topology.island_of(body) >= 0) in_contact_[in.topology.island_of(body)] = true;
 
-  bool changed = !in.lists->fresh_islands.empty() || sleep->awake_sets_changed();
+  bool changed =
+      !in.lists->fresh_islands.empty() || sleep->awake_sets_changed() || !partition_.ended.empty();
   sleep->forget_change();
   any_rejected_ = any_needs_choice_ = false;
   for (const int index : in.awake.islands) {
     const std::size_t i = to_index(index);
     Island& island = in.lists->islands[i];
     IslandParts& parts = in.lists->island_parts[i];
+    parts.found = {};
     const bool has_woken = island.why == MethodReason::kAtRest;
     const bool was_in_group = island.why == MethodReason::kFewContacts;
     const MethodChoice choice = choose_method(in, i, in_contact_[i], reach, *groups);
@@ -220,6 +224,9 @@ void IslandIntegration::list_by_method(const Model& model, const Topology& topol
   }
   partition_.impulse_bodies.clear();
   partition_.impulse_joints.clear();
+  partition_.ended.clear();
+  for (const int i : awake.islands)
+    if (lists.island_parts[i].found.time > 0.0) partition_.ended.push_back(i);
   for (const int body : awake.bodies) {
     const int island = topology.island_of(body);
     if (island >= 0 && uses_impulses(lists.islands[island].method))
@@ -260,6 +267,8 @@ void IslandIntegration::integrate(const IntegrationStep& in, const ContinuousCol
     const Interval continued{t,      interval.h,   in.model.options.gravity,
                              loads_, prescribed_,  is_disturbed,
                              k > 0,  in.step.stop, since};
+    // Fast pairs with joints that impulses advance are followed from the start of the step.
+    const bool keeps_found = continuous.jointed_pairs().empty();
     workers_.run(threads, integrated.size(), [&](std::size_t s) {
       const std::size_t i = to_index(integrated[s]);
       IslandParts& parts = lists->island_parts[i];
@@ -271,15 +280,15 @@ void IslandIntegration::integrate(const IntegrationStep& in, const ContinuousCol
     });
     for (const int i : integrated)
       if (lists->island_parts[i].has_failed && !uses_impulses(lists->islands[i].method))
-        reject(in, to_index(i), MethodReason::kRefused);
-    if (!groups->is_empty()) advance_groups(in, continued, groups);
+        give_up(in, to_index(i), MethodReason::kRefused, continued, keeps_found);
+    if (!groups->is_empty()) advance_groups(in, continued, keeps_found, groups);
     for (const int j : time_varying_joints_)
       if (is_integrated(in.model, in.topology, *lists, to_index(j)))
         finish_interval(in.model.joints[j], interval, in.state->joint_states[j]);
   }
   if (!continuous.jointed_pairs().empty()) {
     for (const int i : continuous.find_passing(in.step, *in.state, in.rollback, *lists)) {
-      reject(in, to_index(i), MethodReason::kContact);
+      begin_anew(in, to_index(i), MethodReason::kContact);
       remember_choice({impulses_of(in.model.options), MethodReason::kContact}, true,
                       in.state->step_count, &lists->island_parts[i]);
     }
@@ -394,19 +403,23 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
                                          const Interval& interval) {
   State* const state = in.state;
   IslandLists* const lists = in.lists;
-  const IslandParts& parts = lists->island_parts[i];
+  IslandParts& parts = lists->island_parts[i];
+  const bool is_done = parts.motion < 0 || integrate_joints(in, i, interval);
+  const double h = is_done ? interval.h : parts.found.time;
   for (const int body : parts.turning_freely) {
+    if (h == 0.0) return false;
     Vector3d torque = Vector3d::Zero();
     for (const AppliedWrench& load : loads_)
       if (load.body == body) torque += load.torque;
     if (!FreeRotation::turns(torque, state->states[body])) continue;
     if (!add_result(lists, i,
-                    rotations_[body].advance(interval.h, torque, in.model.masses[body],
+                    rotations_[body].advance(h, torque, in.model.masses[body],
                                              integrator_options(in, kInfinity), interval.stop,
                                              &state->states[body])))
       return false;
+    if (!is_done) parts.found.time = h;
   }
-  if (parts.motion >= 0) return integrate_joints(in, i, interval);
+  if (parts.motion >= 0) return is_done;
 
   const int body = parts.members.bodies.front();
   Vector3d acceleration = in.model.gravity_on(to_index(body));
@@ -417,7 +430,7 @@ bool IslandIntegration::integrate_island(const IntegrationStep& in, std::size_t 
 }
 
 void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval& part,
-                                       ContactGroups* groups) {
+                                       bool keeps_found, ContactGroups* groups) {
   Interval interval = part;
   if (interval_ends_.size() == 2)
     interval.h = in.model.options.time_step;  // the whole step, however late it is
@@ -433,8 +446,11 @@ void IslandIntegration::advance_groups(const IntegrationStep& in, const Interval
         in.lists->island_parts[i].energy.has_changed = true;  // exchanged
     }
     if (is_done) continue;
-    groups->mark_failed(g);
-    for (const int i : group.islands) reject(in, to_index(i), MethodReason::kContactsGivenUp);
+    groups->mark_failed(g, keeps_found && progress.found > 0.0);
+    for (const int i : group.islands) {
+      in.lists->island_parts[i].found.time = progress.found;
+      give_up(in, to_index(i), MethodReason::kContactsGivenUp, part, keeps_found);
+    }
   }
 }
 
@@ -476,14 +492,38 @@ bool IslandIntegration::report_islands(const IntegrationStep& in, const ContactG
   return any_changed;
 }
 
+// Leaves this step of an island that could not be advanced in a part of it, and some more steps,
+// to impulses. A motion that events found is kept; else the step begins anew.
+void IslandIntegration::give_up(const IntegrationStep& in, std::size_t i, MethodReason why,
+                                const Interval& part, bool keeps_found) {
+  IslandParts& parts = in.lists->island_parts[i];
+  if (!keeps_found || parts.found.time == 0.0) return begin_anew(in, i, why);
+  const JointStep found = joint_step(in.model.options, part.t, parts.found.time);
+  for (const int j : time_varying_joints_) {
+    if (in.topology.island_of_joint(in.model, to_index(j)) != i) continue;
+    prescribed_[j].begin(in.model.joints[j], found, in.state->joint_states[j]);
+    finish_interval(in.model.joints[j], found, in.state->joint_states[j]);
+  }
+  parts.found = {part.since_tick + parts.found.time, in.lists->islands[i].local_error};
+  in.output->report.energy.correction_work += parts.correction_work;
+  reject(in, i, why);
+}
+
 // Leaves this step of an island, from its start, and some more steps to impulses.
+void IslandIntegration::begin_anew(const IntegrationStep& in, std::size_t i, MethodReason why) {
+  IslandParts& parts = in.lists->island_parts[i];
+  parts.found = {};
+  in.rollback.restore(parts.members, in.state);
+  parts.projected_energy = parts.correction_work = 0.0;
+  reject(in, i, why);
+}
+
+// Leaves the rest of this step of an island, and some more steps, to impulses.
 void IslandIntegration::reject(const IntegrationStep& in, std::size_t i, MethodReason why) {
   StepReport& report = in.output->report;
-  in.rollback.restore(in.lists->island_parts[i].members, in.state);
   in.lists->islands[i].method = impulses_of(in.model.options);
   in.lists->islands[i].why = why;
   in.lists->island_parts[i].is_in_group = false;
-  in.lists->island_parts[i].projected_energy = in.lists->island_parts[i].correction_work = 0.0;
   if (why == MethodReason::kContactsGivenUp)
     switch_to_impulses(in, i, why);
   else if (why != MethodReason::kContact)

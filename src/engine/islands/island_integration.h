@@ -56,7 +56,7 @@ class IslandIntegration {
   void choose_methods(const IntegrationStep& in, bool may_change, const ContactReach& reach,
                       Sleep* sleep, ContactGroups* groups);
   /// Advances the integrated islands by a step. Islands that cannot be advanced are left to
-  /// impulses at the start of the step.
+  /// impulses at the start of the step, or where events got to (FoundPart).
   void integrate(const IntegrationStep& in, const ContinuousCollision& continuous,
                  ContactGroups* groups);
   /// Compiles islands anew whose joints without axes have closed their errors.
@@ -97,7 +97,11 @@ class IslandIntegration {
   void split_step(const IntegrationStep& in);
   void find_loads(const Model& model, const State& state, double from, double to);
   bool integrate_island(const IntegrationStep& in, std::size_t i, const Interval& interval);
-  void advance_groups(const IntegrationStep& in, const Interval& part, ContactGroups* groups);
+  void advance_groups(const IntegrationStep& in, const Interval& part, bool keeps_found,
+                      ContactGroups* groups);
+  void give_up(const IntegrationStep& in, std::size_t i, MethodReason why, const Interval& part,
+               bool keeps_found);
+  void begin_anew(const IntegrationStep& in, std::size_t i, MethodReason why);
   void reject(const IntegrationStep& in, std::size_t i, MethodReason why);
   bool report_islands(const IntegrationStep& in, const ContactGroups& groups);
 

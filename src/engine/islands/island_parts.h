@@ -22,6 +22,12 @@ struct WatchedEnergy {
   bool has_changed = false;  ///< whether it changed to or from impulses since the last comparison
 };
 
+/// Part of a step that events advanced, before impulses took over.
+struct FoundPart {
+  double time = 0.0;   ///< from the start of the step [s]; 0: none
+  double error = 0.0;  ///< estimated error of the part [m]
+};
+
 /// Members of an island, and its memory from step to step.
 struct IslandParts : IslandMemory {
   /// Lets the methods begin anew, after an edit.
@@ -40,6 +46,7 @@ struct IslandParts : IslandMemory {
   std::uint32_t changes = 0;                             ///< number of changes of the method
   bool needs_method_choice = false;                      ///< the next step chooses a method anew
   bool has_failed = false;
+  FoundPart found;
 
   bool is_fresh = true;         ///< no step since an edit of the island
   bool is_stale = false;        ///< bodies or laws differ from the compiled ones

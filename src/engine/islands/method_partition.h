@@ -14,6 +14,7 @@ struct MethodPartition {
   List<int> integrated;      ///< islands that other methods than impulses advance
   List<int> impulse_bodies;  ///< dynamic bodies of all other islands
   List<int> impulse_joints;  ///< acting joints of all other islands
+  List<int> ended;           ///< islands whose step events began and impulses end
 };
 
 }  // namespace constraint_sim::engine

@@ -49,7 +49,10 @@ class StageMemory {
 
 /// Result of an integration.
 struct IntegrationResult {
-  bool done = true;          ///< false: the state is at the time reached
+  bool done = true;  ///< false: the state is at the time reached
+  /// Without `done`: time from the start of the interval up to which the motion was found and the
+  /// states belong to [s]; 0: the motion has to begin anew.
+  double found = 0.0;
   double local_error = 0.0;  ///< sum of the error estimates of the substeps [m]
   int substeps = 0;
   int rejected = 0;

@@ -166,17 +166,22 @@ void World::Impl::integrate(const StepContext& step) {
 }
 
 // Lists the wrenches that act within the step on bodies that impulses advance, with the duration of
-// each within the step.
+// each within the step. In a step that events began it is the duration in the rest of the step, as
+// if the rest were as long as the step.
 void World::Impl::find_acting_wrenches(const StepContext& step) {
   for (const Wrench& wrench : wrenches) {
-    const bool acts_throughout = wrench.start <= step.tick.start && wrench.end >= step.tick.end;
-    const double duration = acts_throughout ? options.time_step
-                                            : std::min(wrench.end, step.tick.end) -
-                                                  std::max(wrench.start, step.tick.start);
+    const std::size_t i = index(wrench.body), island = to_index(topology.island_of(i));
+    if (!uses_impulses(islands[island].method)) continue;
+    const double found = island_parts[island].found.time, start = step.tick.start + found;
+    const bool acts_throughout = wrench.start <= start && wrench.end >= step.tick.end;
+    double duration = acts_throughout
+                          ? options.time_step
+                          : std::min(wrench.end, step.tick.end) - std::max(wrench.start, start);
     if (duration <= 0.0) continue;  // the wrench begins after this step
-    const std::size_t i = index(wrench.body);
-    if (uses_impulses(islands[static_cast<std::size_t>(topology.island_of(i))].method))
-      acting_wrenches.push_back({i, duration, wrench.force, wrench.torque});
+    // parts of a step take their share of the duration
+    if (found > 0.0 && !acts_throughout)
+      duration *= options.time_step / (options.time_step - found);
+    acting_wrenches.push_back({i, duration, wrench.force, wrench.torque});
   }
 }
 
@@ -195,6 +200,8 @@ void World::Impl::find_custom_forces(const StepContext& step) {
 }
 
 void World::Impl::advance_by_impulses(const StepContext& step) {
+  const bool any_found = !integration.partition().ended.empty();
+  if (any_found) read_found(step, this);
   sequential_impulses.begin_step(bodies.size());
   acting_wrenches.clear();
   if (!wrenches.empty()) find_acting_wrenches(step);
@@ -212,7 +219,7 @@ void World::Impl::advance_by_impulses(const StepContext& step) {
     if (controlled.left_body) continuous.note_missed_hits(*controlled.left_body);
     return;
   }
-  if (!continuous.fast_bodies().empty() &&
+  if ((any_found || !continuous.fast_bodies().empty()) &&
       continuous.divide(step, *this, integration.partition().impulse_bodies,
                         integration.partition().impulse_joints, this)) {
     const HitReport hits =
@@ -252,8 +259,9 @@ void World::Impl::set_estimates(const StepContext& step) {
   for (const int body : bodies) islands[island_of(body)].local_error = 0.0;
   for (const int body : bodies) {
     double& error = islands[island_of(body)].local_error;
-    error = larger(error, control.is_used() ? control.error_of(body)
-                                            : sequential_impulses.error_of(to_index(body)));
+    const double of_impulses =
+        control.is_used() ? control.error_of(body) : sequential_impulses.error_of(to_index(body));
+    error = larger(error, island_parts[island_of(body)].found.error + of_impulses);
     if (continuous.first_body_with_missed_hits() && continuous.divides(body)) error = kUnknown;
   }
   for (const auto& [pair, depth] : unseen.find(step, rollback, *this))

@@ -28,6 +28,42 @@ void add_joint_events(const Model& model, const EventDriven& from, std::vector<E
   }
 }
 
+// Reads events and joints of an island that events advanced in a part of the step, or in all of it.
+void read_events(const EventDriven& by_events, JointStep step, WorldImpl* world) {
+  std::array<double, kMaxCoordinates> positions;
+  add_joint_events(*world, by_events, &world->events);
+  step.counted = positions.data();
+  for (std::size_t l = 0; l < by_events.joints().size(); ++l) {
+    by_events.write(l, &world->joint_states[by_events.joints()[l]], &positions);
+    world->read_integrated_joint(to_index(by_events.joints()[l]), step, by_events.impulse(l),
+                                 by_events.coupled_impulse(l));
+  }
+}
+
+// Reads events, contacts and joints of a group that events advanced in a part of the step, or in
+// all of it.
+void read_group(const ContactGroup& group, JointStep step, WorldImpl* world) {
+  List<JointData>& joint_states = world->joint_states;
+  add_group_events(*world, group, world->integration.interval_ends().back(), &world->events);
+  add_group_contacts(*world, world->states, group, &world->touching);
+  if (group.spheres != nullptr) return;
+  std::array<double, kMaxCoordinates> positions;
+  step.counted = positions.data();
+  const ContactEquations& equations = group.events->equations();
+  const GroupJoints& joints = equations.joints();
+  for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
+    group.events->reports().write(equations, c,
+                                  &joint_states[joints[joints.coordinates()[c].joint].index]);
+  for (std::size_t j = 0; j < joints.list().size(); ++j) {
+    const GroupJoint& joint = joints[j];
+    if (joint.is_broken) joint_states[joint.index].broken = true;
+    positions.fill(std::numeric_limits<double>::quiet_NaN());
+    joints.angles().read(j, &positions);
+    world->read_integrated_joint(to_index(joint.index), step, joint.impulse.rows,
+                                 joint.impulse.coupling);
+  }
+}
+
 }  // namespace
 
 // Rebuilds everything that follows from bodies, joints and options: once after an edit, before the
@@ -216,14 +252,7 @@ void World::Impl::read_integrated_joints(JointStep step) {
     if (island_parts[i].motion < 0 || groups.contains(to_index(i))) continue;
     IslandMotion& motion = motions[island_parts[i].motion];
     if (const EventDriven* by_events = motion.finish_events(states)) {
-      add_joint_events(*this, *by_events, &events);
-      for (std::size_t l = 0; l < by_events->joints().size(); ++l) {
-        by_events->write(l, &joint_states[by_events->joints()[l]], &positions);
-        step.counted = positions.data();
-        read_integrated_joint(to_index(by_events->joints()[l]), step, by_events->impulse(l),
-                              by_events->coupled_impulse(l));
-      }
-      step.counted = nullptr;
+      read_events(*by_events, step, this);
       continue;
     }
     const EquationsOfMotion& equations = motion.equations();
@@ -249,28 +278,9 @@ void World::Impl::read_integrated_joints(JointStep step) {
 }
 
 void World::Impl::report_contact_groups(JointStep step) {
-  std::array<double, kMaxCoordinates> positions;
   const std::size_t first = touching.size();
-  for (const ContactGroup& group : groups.groups()) {
-    if (group.has_failed) continue;
-    add_group_events(*this, group, integration.interval_ends().back(), &events);
-    add_group_contacts(*this, states, group, &touching);
-    if (group.spheres != nullptr) continue;
-    const ContactEquations& equations = group.events->equations();
-    const GroupJoints& joints = equations.joints();
-    for (std::size_t c = 0; c < joints.coordinates().size(); ++c)
-      group.events->reports().write(equations, c,
-                                    &joint_states[joints[joints.coordinates()[c].joint].index]);
-    for (std::size_t j = 0; j < joints.list().size(); ++j) {
-      const GroupJoint& joint = joints[j];
-      if (joint.is_broken) joint_states[joint.index].broken = true;
-      positions.fill(std::numeric_limits<double>::quiet_NaN());
-      joints.angles().read(j, &positions);
-      step.counted = positions.data();
-      read_integrated_joint(to_index(joint.index), step, joint.impulse.rows,
-                            joint.impulse.coupling);
-    }
-  }
+  for (const ContactGroup& group : groups.groups())
+    if (!group.has_failed) read_group(group, step, this);
   for (std::size_t i = first; i < touching.size(); ++i) {
     const Manifold& manifold = touching[i].manifold;
     report.contacts.points += static_cast<std::uint32_t>(manifold.count);
@@ -299,6 +309,26 @@ void World::Impl::read_integrated_joint(std::size_t j, const JointStep& step,
   if (has_coupling && info(joints[j].kind).couples_joints)
     add_coupled_effort(terms_of(j), state.coupling.effort, &joint_states);
   if (state.broken) mark_broken(j);
+}
+
+void read_found(const StepContext& step, WorldImpl* world) {
+  for (const int index : world->integration.partition().ended) {
+    const std::size_t i = to_index(index);
+    const JointStep found =
+        joint_step(world->options, step.tick.start, world->island_parts[i].found.time);
+    if (!world->groups.contains(i)) {
+      IslandMotion& motion = world->motions[world->island_parts[i].motion];
+      read_events(*motion.finish_events(world->states), found, world);
+      world->report.costs.events += motion.events();
+      continue;
+    }
+    const ContactGroup& group = world->groups.of(i);
+    if (group.islands.front() != index) continue;
+    read_group(group, found, world);
+    world->report.costs.events += world->groups.events_of(i);
+    world->report.energy.driven_work += world->groups.driven_work_of(i);
+  }
+  std::sort(world->touching.begin(), world->touching.end(), TouchingPair::in_order);
 }
 
 }  // namespace constraint_sim::engine

@@ -138,4 +138,7 @@ struct ImplAccess {
 
 using WorldImpl = ImplAccess::Impl;
 
+/// Reads the parts of the step that events began and impulses end, for the impulses.
+void read_found(const StepContext& step, WorldImpl* world);
+
 }  // namespace constraint_sim::engine

@@ -96,10 +96,26 @@ void ContactEvents::integrate(Run* run) {
   std::copy(equations_.bodies().numbers().begin(), equations_.bodies().numbers().end(),
             numbers_.begin());
   step_ = run->interval.h;
+  kept_at_ = -1.0;
   stepper_.begin_interval();
   bool is_done = settle(run, {}, true);
-  while (is_done && run->left.left > 0.0) is_done = advance_to_event(run);
+  double t = 0.0;
+  while (is_done && run->left.left > 0.0) {
+    t = run->left.t;
+    is_done = advance_to_event(run);
+  }
   run->progress.done = is_done;
+  if (!is_done && t > 0.0 && done_.breaks == 0) return_to_found(t, run);
+}
+
+// Returns to the time `t` in the interval, at which the last substep began and could not be ended.
+void ContactEvents::return_to_found(double t, Run* run) {
+  run->progress.found = t;
+  if (kept_at_ != t) return;  // the substep was not begun
+  equations_.restore();
+  equations_.bodies().set_time(t);
+  equations_.bodies().place(kept_.data());
+  reports_.keep(reports_kept_);
 }
 
 double* ContactEvents::derivative() {
@@ -132,6 +148,8 @@ bool ContactEvents::advance_to_event(Run* run) {
   kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
   kept_.insert(kept_.end(), derivative(), derivative() + n);
   equations_.keep();
+  kept_at_ = run->left.t;
+  reports_kept_ = reports_.list().size();
   const RemainingInterval start = run->left;
   const auto take_part = [&](RemainingInterval* part) { return take_first(run, part, &step); };
   if (!stepper_.take_substep(run->options, run->progress, take_part, &run->left, &step))

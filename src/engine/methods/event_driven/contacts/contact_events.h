@@ -36,8 +36,8 @@ class ContactEvents {
   /// Finds the contacts, all open, and clears the results. Returns false where two shapes overlap
   /// by more than ContactTolerances::overlap, unless the first interval `closes` overlaps.
   bool begin(const List<BodyState>& states, bool closes);
-  /// Advances the group as IntervalMethod describes. Gives up after too many events, or at an event
-  /// without a solution; the states are then those of any time in the interval. `joint_step`,
+  /// Advances the group as IntervalMethod describes. Gives up after too much work, or at an event
+  /// without a solution; the states are then those of IntegrationResult::found. `joint_step`,
   /// `joint_states`: step that contains the interval, and states of all joints. `most_work`: limit
   /// for the step, as work().
   IntegrationResult advance(const Interval& interval, const IntegratorOptions& options,
@@ -70,6 +70,7 @@ class ContactEvents {
 
   void begin_joints(const JointStep& step, const List<JointData>& states);
   void integrate(Run* run);
+  void return_to_found(double t, Run* run);
   double* derivative();
 
   // ---- between events
@@ -95,13 +96,15 @@ class ContactEvents {
 
   ContactEquations equations_;
   ContactPairs pairs_;
-  List<double> numbers_;        // storage of StageMemory
-  List<double> kept_;           // state and derivative at the start of the substep
-  double step_ = 0.0;           // first guess of the next substep [s]
-  int order_ = 8;               // order of the last substep
-  bool may_be_uniform_ = true;  // no accelerations have changed since the last event
-  StagedSubstep last_;          // last substep, where its stages are known
-  bool closes_ = false;         // whether the next interval closes overlaps
+  List<double> numbers_;          // storage of StageMemory
+  List<double> kept_;             // state and derivative at the start of the substep
+  double kept_at_ = -1.0;         // time of this start in the interval [s]
+  std::size_t reports_kept_ = 0;  // events reported until then
+  double step_ = 0.0;             // first guess of the next substep [s]
+  int order_ = 8;                 // order of the last substep
+  bool may_be_uniform_ = true;    // no accelerations have changed since the last event
+  StagedSubstep last_;            // last substep, where its stages are known
+  bool closes_ = false;           // whether the next interval closes overlaps
   ContactWatch watch_;
   EventStepper<Watched> stepper_;
   Done done_;

@@ -35,6 +35,8 @@ class ContactReports {
   };
   const List<Report>& list() const { return list_; }
   void clear() { list_.clear(); }
+  /// Forgets all events but the first `count`.
+  void keep(std::size_t count) { list_.resize(count); }
 
   /// Infers the states of coordinates before the step, as far as the motion shows them.
   void begin_step(const ContactEquations& equations);

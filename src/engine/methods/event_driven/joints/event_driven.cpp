@@ -57,14 +57,20 @@ IntegrationResult EventDriven::advance(const Interval& interval, const Integrato
                                        List<BodyState>* states) {
   Run run{interval, options, around, motion, states, RemainingInterval(interval.t, interval.h), {}};
   bool is_done = begin_run(&run);
-  while (is_done && run.left.left > 0.0) is_done = advance_to_event(&run);
-  if (is_done) {
-    motions_.finish(run.bodies(), motion->equations(), rates_);
-  } else {
+  const auto is_used_up = [&] { return stepper_.work(run.progress) > options.most_work; };
+  while (is_done && run.left.left > 0.0 && !is_used_up()) is_done = advance_to_event(&run);
+  const bool is_ended = is_done && run.left.left <= 0.0;
+  if (is_done)
+    motions_.finish(run.bodies(), motion->equations(), rates_,
+                    is_ended ? run.left.end : run.left.t);
+  const List<char>& broken = motions_.broken();
+  if (is_done && !is_ended && std::find(broken.begin(), broken.end(), 1) == broken.end())
+    run.progress.found = run.left.t - interval.t;
+  if (!is_ended) {
     motions_.set_started(false);
     motion->forget();
   }
-  run.progress.done = is_done;
+  run.progress.done = is_ended;
   return run.progress;
 }
 
@@ -109,7 +115,6 @@ void EventDriven::watch(const Run& run, double h, List<WatchedByJoints>* list) {
 
 // Makes the next substep, or the part of it before an event.
 bool EventDriven::advance_to_event(Run* run) {
-  if (stepper_.work(run->progress) > run->options.most_work) return false;
   RungeKutta& motion = *run->motion;
   const RemainingInterval start = run->left;
   motion.keep_start();

@@ -340,29 +340,29 @@ void EventMotions::hold_motors(std::size_t l, double t) {
 // ---- end of an interval
 
 void EventMotions::finish(const EventBodies& bodies, const EquationsOfMotion& equations,
-                          const Motions& rates) {
+                          const Motions& rates, double t) {
   const auto q_of = [&](const OneSidedLaw& law) {
-    return read_law(*this, bodies, law, end_, equations, rates).q;
+    return read_law(*this, bodies, law, t, equations, rates).q;
   };
   for (std::size_t c = 0; c < laws().size(); ++c) {
     const OneSidedLaw& law = laws()[c];
     const OneSidedState& state = states_[c];
     if (law.is_distance) {
-      held_[c] = travel(law.joint, end_);
+      held_[c] = travel(law.joint, t);
       // A length that has yielded is held where it is.
       if (state.drive != 0 || state.yield != 0)
-        held_[c] += q_of(law) - (state.drive != 0 ? prescribed_[law.joint].length(end_)
-                                                  : limit(c, state.yield > 0, end_))
+        held_[c] += q_of(law) - (state.drive != 0 ? prescribed_[law.joint].length(t)
+                                                  : limit(c, state.yield > 0, t))
                                     .value;
     } else if (state.hold == Hold::kDrive) {
-      held_[c] = prescribed_[law.joint].target(law.function, end_).value + law.zero;
+      held_[c] = prescribed_[law.joint].target(law.function, t).value + law.zero;
     }
   }
   for (const OneSidedLaw& law : laws()) joint_states_[law.joint].saturated = false;
   for (std::size_t c = 0; c < laws().size(); ++c) {
     const OneSidedLaw& law = laws()[c];
     if (!has_force_limit(law) && !is_at_end_[law.joint]) continue;
-    if (is_saturated(c, states_[c], end_, q_of(law))) joint_states_[law.joint].saturated = true;
+    if (is_saturated(c, states_[c], t, q_of(law))) joint_states_[law.joint].saturated = true;
   }
 }
 

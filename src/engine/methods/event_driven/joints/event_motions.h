@@ -94,8 +94,9 @@ class EventMotions {
   /// prescribed motions of changed joints.
   void change_states(const EventProblem& problem, const List<OneSidedState>& next, double t);
   /// Sets the held values of all laws for the next interval, and the saturation of joints, at the
-  /// end of an interval; `equations` and `rates` as in read_law().
-  void finish(const EventBodies& bodies, const EquationsOfMotion& equations, const Motions& rates);
+  /// time `t` that an interval got to [s]; `equations` and `rates` as in read_law().
+  void finish(const EventBodies& bodies, const EquationsOfMotion& equations, const Motions& rates,
+              double t);
   /// Writes where motors with a force limit hold, whether they are saturated, and whether the joint
   /// broke. `positions`: all coordinates of the joint, laid out as JointStep::counted.
   void write(std::size_t joint, JointData* state,

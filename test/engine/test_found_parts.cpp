@@ -1,5 +1,5 @@
 // Steps that events begin and impulses end, since they take more than `event_work`. Oracles: closed
-// forms of a ball between two walls, on which nothing acts, and of its motor.
+// forms of a ball between two walls, on which no other force acts.
 
 #include "by_events.h"
 #include "rotation_between.h"

@@ -34,7 +34,7 @@ class ContactControl {
     ImpulseGroup members;
     List<Broadphase::Pair> near;
     List<TouchingPair> contacts;
-    double done = 0.0;          // time from the start of the step that is over [s]
+    double done = 0.0;          // part of the step that the group has taken [s]
     bool has_left_any = false;  // a body that had taken its step may be hit
   };
   List<ErrorGroup> find_groups(const StepContext& step, const List<int>& bodies,

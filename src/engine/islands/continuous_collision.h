@@ -72,8 +72,8 @@ class ContinuousCollision {
   bool has_met(const Broadphase::Pair& pair) const;
   /// Everything that impulses advance beside the groups.
   const ImpulseGroup& others() const { return others_; }
-  /// Advances each group to the end of the step, from hit to hit. `broadphase` knows the shapes
-  /// that rest.
+  /// Advances each group to the end of the step, from hit to hit. `broadphase` knows resting
+  /// shapes.
   HitReport advance(const StepContext& step, const IslandLists& lists, const AwakeSets& awake,
                     const List<int>& moving_shapes, const List<ActingWrench>& wrenches,
                     Broadphase* broadphase, SequentialImpulses* method, State* state);

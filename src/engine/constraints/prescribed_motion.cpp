@@ -110,4 +110,22 @@ void finish_interval(const Joint& joint, const JointStep& step, JointData& state
   for (CoordinateState& coordinate : state.coordinates) coordinate.held += coordinate.bias * step.h;
 }
 
+void set_mean_rates(const Joint& joint, const JointStep& step, const JointData& before,
+                    JointData& state) {
+  if (const auto* distance = if_distance(joint)) {
+    JointData whole = before;
+    drive(*distance, step, joint.motor, whole);
+    state.bias = whole.bias;
+    return;
+  }
+  for (std::size_t i = 0; i < to_index(forms(joint.kind).coordinates); ++i) {
+    const CoordinateLaw& law = joint.coordinates[i];
+    if (!law.motor || !law.motor->is_rigid()) continue;
+    CoordinateState whole = before.coordinates[i];
+    drive(law, step, &whole);
+    state.coordinates[i].bias = whole.bias;
+  }
+  state.bias = state.coordinates[0].bias;
+}
+
 }  // namespace constraint_sim::engine

@@ -132,5 +132,9 @@ class PrescribedMotion {
 
 /// Adds the motion of the motors in an interval to travel and held positions.
 void finish_interval(const Joint& joint, const JointStep& step, JointData& state);
+/// Sets the rates of the motors to their means over a step whose parts were advanced one after the
+/// other, each with its own mean. `before`: at the start of the step.
+void set_mean_rates(const Joint& joint, const JointStep& step, const JointData& before,
+                    JointData& state);
 
 }  // namespace constraint_sim::engine

@@ -324,6 +324,7 @@ void World::Impl::read_results(const StepContext& step) {
     read_integrated_joints(joint_step(options, step.tick.start, options.time_step));
   if (!groups.is_empty())
     report_contact_groups(joint_step(options, step.tick.start, options.time_step));
+  if (!sleep.awake().joints.empty()) read_motors_of_parts(step, this);
   if (!touching.empty() || contacts.size() > resting_contact_count)
     set_contacts(touching, options.time_step);
   if (const std::optional<int> body = continuous.first_body_with_missed_hits())

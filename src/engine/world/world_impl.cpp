@@ -242,12 +242,6 @@ void World::Impl::abandon_step() {
 
 void World::Impl::read_integrated_joints(JointStep step) {
   std::array<double, kMaxCoordinates> positions;
-  const bool is_split = integration.interval_ends().size() > 2;
-  for (std::size_t k = 0; is_split && k < integration.time_varying_joints().size(); ++k) {
-    const std::size_t j = to_index(integration.time_varying_joints()[k]);
-    if (!uses_impulses(islands[topology.island_of_joint(*this, j)].method))
-      joint_states[j].bias = (joint_states[j].travel - rollback.joint_states()[j].travel) / step.h;
-  }
   for (const int i : integration.partition().integrated) {
     if (island_parts[i].motion < 0 || groups.contains(to_index(i))) continue;
     IslandMotion& motion = motions[island_parts[i].motion];
@@ -329,6 +323,19 @@ void read_found(const StepContext& step, WorldImpl* world) {
     world->report.energy.driven_work += world->groups.driven_work_of(i);
   }
   std::sort(world->touching.begin(), world->touching.end(), TouchingPair::in_order);
+}
+
+void read_motors_of_parts(const StepContext& step, WorldImpl* world) {
+  const MethodPartition& partition = world->integration.partition();
+  const bool is_split =
+      !partition.integrated.empty() && world->integration.interval_ends().size() > 2;
+  const bool is_divided = world->control.is_used() || world->continuous.is_divided();
+  if (!is_split && !is_divided && partition.ended.empty()) return;
+  const JointStep whole = joint_step(world->options, step.tick.start, world->options.time_step);
+  for (const int j : world->sleep.awake().joints)
+    if (has_moving_motor(world->joints[j]) && acts(world->joints[j], world->joint_states[j]))
+      set_mean_rates(world->joints[j], whole, world->rollback.joint_states()[j],
+                     world->joint_states[j]);
 }
 
 }  // namespace constraint_sim::engine

@@ -140,5 +140,7 @@ using WorldImpl = ImplAccess::Impl;
 
 /// Reads the parts of the step that events began and impulses end, for the impulses.
 void read_found(const StepContext& step, WorldImpl* world);
+/// Sets the rates of motors to their means over a step that was advanced in parts.
+void read_motors_of_parts(const StepContext& step, WorldImpl* world);
 
 }  // namespace constraint_sim::engine

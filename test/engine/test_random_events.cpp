@@ -73,7 +73,7 @@ TEST(RandomEvents, OfContactsWithLawsGainNoEnergy) {
 // Two groups that are given up in a step after one in which impulses corrected positions: the
 // velocities that did so are not those of the bodies.
 TEST(RandomEvents, OfGroupsThatAreGivenUpAfterACorrectionGainNoEnergy) {
-  for (const unsigned seed : {57u, 121u}) {
+  for (const unsigned seed : {57u, 65u}) {
     const Scene scene = scene_of(Kind::kAligned, seed);
     Verdict verdict;
     follow(scene, &verdict);
@@ -84,7 +84,7 @@ TEST(RandomEvents, OfGroupsThatAreGivenUpAfterACorrectionGainNoEnergy) {
 
 // A group that is given up is handed over once, and keeps its reason.
 TEST(RandomEvents, OfGroupsThatAreGivenUpAreHandedOverOnce) {
-  for (const unsigned seed : {57u, 121u}) {
+  for (const unsigned seed : {57u, 65u}) {
     World world = world_of(scene_of(Kind::kAligned, seed));
     while (!has_given_up(world)) ASSERT_LT(world.step().time, 10.0) << seed;
     EXPECT_GT(world.report().contacts.handed_over, 0u) << seed;

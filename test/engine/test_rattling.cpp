@@ -18,12 +18,18 @@ double zero_speed_after(int count, double apart, double speed) {
   return within.resting;
 }
 
-// The first event follows none, 20 more double the speed, and each further 4 do.
+// The first event follows none; the 15th one after it and each further one double the speed.
 TEST(Rattling, DoublesTheSpeedThatCountsAsZero) {
-  EXPECT_EQ(zero_speed_after(20, 1e-6, 1e-8), 1e-9);
-  EXPECT_EQ(zero_speed_after(21, 1e-6, 1e-8), 2e-9);
-  EXPECT_EQ(zero_speed_after(24, 1e-6, 1e-8), 2e-9);
-  EXPECT_EQ(zero_speed_after(25, 1e-6, 1e-8), 4e-9);
+  EXPECT_EQ(zero_speed_after(15, 1e-6, 1e-8), 1e-9);
+  EXPECT_EQ(zero_speed_after(16, 1e-6, 1e-8), 2e-9);
+  EXPECT_EQ(zero_speed_after(17, 1e-6, 1e-8), 4e-9);
+}
+
+// A box that rocks to rest hits faster at first: those events count too.
+TEST(Rattling, CountsEventsThatAreFaster) {
+  Rattling rattling;
+  for (int i = 0; i < 16; ++i) EXPECT_EQ(rattling.zero_speed(1e-6 * i, 1e-3, 1e-9, 1e-6), 1e-9);
+  EXPECT_EQ(rattling.zero_speed(1.6e-5, 1e-7, 1e-9, 1e-6), 2e-9);
 }
 
 TEST(Rattling, EndsAtASpeedThatMatters) {
@@ -47,17 +53,22 @@ TEST(Rattling, ScalesWithTheShape) {
 }
 
 // A force that starts at its bound may exceed it by its tolerance. Each event without a change
-// doubles the tolerance, up to 512 times.
+// makes the tolerance eight times as large, up to 512 times; that of a gap doubles.
 TEST(EventLevel, WidensWhereEventsChangeNothing) {
   WatchedValue force;
   force.value = -1e-9;
   force.tolerance = 1e-9;
   EXPECT_EQ(event_watch::level_of(force, 0), -1e-9);
   EXPECT_NEAR(event_watch::level_of(force, 1), -2e-9, 1e-20);
-  EXPECT_NEAR(event_watch::level_of(force, 2), -3e-9, 1e-20);
-  EXPECT_NEAR(event_watch::level_of(force, 3), -5e-9, 1e-20);
-  EXPECT_NEAR(event_watch::level_of(force, 10), -513e-9, 1e-20);
-  EXPECT_EQ(event_watch::level_of(force, 11), event_watch::level_of(force, 10));
+  EXPECT_NEAR(event_watch::level_of(force, 2), -9e-9, 1e-20);
+  EXPECT_NEAR(event_watch::level_of(force, 3), -65e-9, 1e-20);
+  EXPECT_NEAR(event_watch::level_of(force, 4), -513e-9, 1e-20);
+  EXPECT_EQ(event_watch::level_of(force, 5), event_watch::level_of(force, 4));
+  WatchedValue gap;
+  gap.known = 2;
+  EXPECT_NEAR(event_watch::level_of(gap, 2), -2.0 * gap.touching, 1e-20);
+  EXPECT_NEAR(event_watch::level_of(gap, 10), -512.0 * gap.touching, 1e-20);
+  EXPECT_EQ(event_watch::level_of(gap, 11), event_watch::level_of(gap, 10));
 }
 
 }  // namespace

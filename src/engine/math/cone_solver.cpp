@@ -26,13 +26,15 @@ constexpr double kStrict = 1e-8;  // share of the largest rate by which a row le
 // Share of the largest rate that rounding adds along directions without effect.
 constexpr double kConeSolved = 1e-9;
 constexpr double kRateRounding = 4.0 * kEpsilon;  // share of the terms of a rate that is rounding
-// A polish precedes sweeps 0, 1, 2, 4 and so on; 2¹⁰ + 1 sweeps include the polish before 2¹⁰.
-constexpr int kMostSweeps = 1025;
-constexpr double kCompliance = 1e-6;  // added to a compliance of 1 on average
-constexpr int kMostPasses = 4;        // solutions with compliance, each from the one before
-constexpr int kMostTogether = 8;      // steps of Newton's method with all rows together
+// A polish precedes sweeps 0, 1, 2, 4 and so on; 2⁸ + 1 sweeps include the polish before 2⁸.
+constexpr int kMostSweeps = 257;
+constexpr std::size_t kMostKnown = 8;  // solutions that are kept
+// Compliance of the interior-point method, of a response of 1 on average. Newton's method then
+// removes its effect. Much less lets rounding choose among the solutions for a singular A.
+constexpr double kCompliance = 1e-6;
+constexpr int kMostTogether = 8;  // steps of Newton's method with all rows together
 // Steps of Newton's method in a polish, and of them those that do not halve the residual.
-constexpr int kMostNewton = 40, kMostWorse = 6;
+constexpr int kMostNewton = 40, kMostWorse = 2;
 // Most steps of Newton's method for κ; six suffice without bisection.
 constexpr int kMostKappaSteps = 100;
 constexpr int kMostStalled = 3;  // polishes without halving the residual: rounding
@@ -40,10 +42,6 @@ constexpr int kMostStalled = 3;  // polishes without halving the residual: round
 // Costs of a sweep for each row and each pair of rows [substeps of a group with one point]; fitted
 // to costs of 3, 18 and 36 rows.
 constexpr double kSweepOfRow = 0.02, kSweepOfPair = 7e-5;
-// Costs of a step of Newton's method: of each step, and for each pair and each triple of rows, as
-// the factorization goes [substeps of a group with one point].
-constexpr double kNewtonStep = 0.15, kNewtonOfPair = 1.8e-3, kNewtonOfTriple = 2.3e-5;
-
 /// Returns the cost of a sweep over `rows` rows, in substeps.
 double sweep_cost(std::size_t rows) {
   const auto n = static_cast<double>(rows);
@@ -160,6 +158,14 @@ bool solve_contact(const Matrix3d& A, const Vector3d& b, const ConeContact& cont
 
 namespace {
 
+// Whether contacts have the same friction and slip or not alike.
+bool are_alike(const List<ConeContact>& a, const List<ConeContact>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const ConeContact& left, const ConeContact& right) {
+                      return left.slips == right.slips && left.friction == right.friction;
+                    });
+}
+
 Vector3d into_cone(const Vector3d& x, double mu) {
   const double t = x.tail<2>().norm();
   if (t <= mu * x[0]) return x;
@@ -172,25 +178,22 @@ Vector3d into_cone(const Vector3d& x, double mu) {
 
 }  // namespace
 
-double ConeSolver::cost_of_a_step(std::size_t rows) {
-  const auto n = static_cast<double>(rows);
-  return kNewtonStep + kNewtonOfPair * n * n + kNewtonOfTriple * n * n * n;
-}
-
-// Solves the problem; for a singular A by impulses of least norm, found at once or with a small
-// compliance. Further passes with the compliance start from the last impulses, which removes its
-// effect.
+// Solves the problem by the first method that finds a solution. Slips, whose friction moves other
+// contacts, may need sweeps.
 bool ConeSolver::solve(const ConeProblem& problem, List<double>* p, SolveEffort* effort) {
   p->resize(problem.b.size());
   if (effort->is_over()) return false;
   effort_ = effort;
-  effort->spent += cost_of_a_step(p->size());  // cost of the setup
+  effort->spent += cost_of_newton_step(p->size());  // cost of the setup
   set(problem);
-  bool is_found = find_together(p->data());
+  bool is_known = false;
+  bool is_found = find_again(p->data(), &is_known) || (!is_known && find_together(p->data()));
+  if (!is_found && find_inside(p->data())) {
+    is_found = true;
+    keep(p->data());
+  }
   if (!is_found) {
     start(p->data());
-    for (int pass = 0; pass < kMostPasses && residual(p->data()) > rounding(p->data()); ++pass)
-      if (!find_with_compliance(kCompliance, p->data())) break;
     is_found = find(p->data());
   }
   unscale(problem, p->data());
@@ -252,30 +255,16 @@ const double* ConeSolver::rates(const double* p) {
   return u_.data();
 }
 
-/// Solves from p on, with rates that rise by `compliance` times the change of the impulse from p.
-bool ConeSolver::find_with_compliance(double compliance, double* p) {
-  stiff_A_ = scaled_.A;
-  stiff_b_ = scaled_.b;
-  const auto n = scaled_.b.size();
-  for (std::size_t i = 0; i < n; ++i) {
-    scaled_.A[n * i + i] += compliance;
-    scaled_.b[i] -= compliance * p[i];
-  }
-  const bool is_found = find(p);
-  scaled_.A.swap(stiff_A_);
-  scaled_.b.swap(stiff_b_);
-  return is_found;
-}
-
 /// Solves by Newton's method from all pushed rows acting together. Also returns false without
 /// strict complementarity, since other rows might then share an impulse.
 bool ConeSolver::find_together(double* p) {
   start(p);
   double before = residual(p);
   if (before <= kDone * largest_rate_) return true;
-  for (int k = 0; k < kMostTogether && count_newton(); ++k) {
+  for (int k = 0, worse = 0; k < kMostTogether && worse < kMostWorse && count_newton(); ++k) {
     take_newton(true, p);
     const double now = residual(p);
+    worse += now > 0.5 * before ? 1 : 0;
     const bool is_done =
         now <= kDone * largest_rate_ ||
         (now > 0.5 * before && std::max(now, before) <= kNearlyDone * largest_rate_);
@@ -283,6 +272,60 @@ bool ConeSolver::find_together(double* p) {
     before = now;
   }
   return false;
+}
+
+/// Solves by Newton's method from the known solution with the least residual. A row of events, as
+/// of a box that rocks to rest, poses two or three problems in turn. `is_known`: whether a problem
+/// with the same contacts has been solved.
+bool ConeSolver::find_again(double* p, bool* is_known) {
+  *is_known = false;
+  double least = kInfinity;
+  for (std::size_t k = 0; k < std::min(solutions_, known_.size()); ++k) {
+    const Known& known = known_[k];
+    if (known.p.size() != scaled_.b.size() || !are_alike(known.contacts, scaled_.contacts))
+      continue;
+    *is_known = true;
+    tried_ = known.p;
+    for (double& x : tried_) x *= largest_rate_ / known.largest_rate;
+    const double now = residual(tried_.data());
+    if (!(now < least)) continue;
+    least = now;
+    std::copy(tried_.begin(), tried_.end(), p);
+  }
+  if (least == kInfinity) return false;
+  polish(p);
+  return residual(p) <= rounding(p);
+}
+
+/// Keeps a solution, in the place of the oldest one.
+void ConeSolver::keep(const double* p) {
+  const std::size_t place = solutions_++ % kMostKnown;
+  if (known_.size() <= place) known_.resize(place + 1);
+  known_[place].contacts = scaled_.contacts;
+  known_[place].largest_rate = largest_rate_;
+  known_[place].p.assign(p, p + size());
+}
+
+/// Solves by the interior-point method, to the accuracy from which Newton's method finds the
+/// solution. With strict complementarity that is the first one. Returns false, and leaves p as it
+/// was, where the residual remains too large.
+bool ConeSolver::find_inside(double* p) {
+  double least = kConeSolved * largest_rate_;
+  bool is_found = false;
+  interior_point_.begin(scaled_, largest_rate_, kCompliance);
+  tried_.resize(scaled_.b.size());
+  for (const double within : {1e-10, 1e-14, 1e-18}) {
+    if (!interior_point_.approach(within, effort_)) break;
+    interior_point_.write(tried_.data());
+    polish(tried_.data());
+    const double now = residual(tried_.data());
+    if (!(now <= least)) continue;
+    is_found = true;
+    least = now;
+    std::copy(tried_.begin(), tried_.end(), p);
+    if (now <= kNearlyDone * largest_rate_) break;
+  }
+  return is_found;
 }
 
 /// Whether strict complementarity holds: a rate keeps each row at its bound by a margin.
@@ -407,7 +450,7 @@ double ConeSolver::rounding(const double* p) const {
 
 // Books the cost of a step of Newton's method. Returns false where the effort is over.
 bool ConeSolver::count_newton() {
-  effort_->spent += cost_of_a_step(scaled_.b.size());
+  effort_->spent += cost_of_newton_step(scaled_.b.size());
   return !effort_->is_over();
 }
 

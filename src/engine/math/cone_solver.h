@@ -3,42 +3,44 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "constraint_sim/engine/stop_flag.h"
 #include "engine/math/cone_problem.h"
+#include "engine/math/interior_point.h"
 #include "engine/math/least_norm_solver.h"
 #include "engine/math/list.h"
-#include "engine/math/numbers.h"
+#include "engine/math/solve_effort.h"
 
 namespace constraint_sim::engine {
 
-/// Budget and cost of a solution. The unit is a substep of a body with a contact, 7 µs.
-struct SolveEffort {
-  double most = kInfinity;
-  StopFlag stop = nullptr;
-  double spent = 0.0;
-
-  bool is_over() const { return spent > most || is_set(stop); }
-};
-
 /// Solves a ConeProblem by Newton's method (Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92
-/// (1991) 353): first from all pushed rows together, with p of least norm, else from sweeps with
-/// exact solutions per contact (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235). For a
-/// singular A, p is approximately of least norm, with each contact's block of A scaled to a trace
-/// of 3. Returns false without a solution up to rounding, where convergence is too slow, or where
-/// `effort` is over.
+/// (1991) 353): first from all pushed rows together, with p of least norm, then from the end of an
+/// interior-point method, else from sweeps with exact solutions per contact (Jean, Comput. Methods
+/// Appl. Mech. Eng. 177 (1999) 235). For a singular A, p is of least norm, or nearly so, with each
+/// contact's block of A scaled to a trace of 3. Returns false without a solution up to rounding,
+/// where convergence is too slow, or where `effort` is over.
 class ConeSolver {
  public:
+  /// Forgets solutions of the interior-point method. Until then they are tried for problems with
+  /// the same contacts.
+  void forget() { solutions_ = 0; }
   bool solve(const ConeProblem& problem, List<double>* p, SolveEffort* effort);
-  /// Returns the cost of a step of Newton's method, in units of SolveEffort.
-  static double cost_of_a_step(std::size_t rows);
 
  private:
+  /// Solution of the interior-point method.
+  struct Known {
+    List<ConeContact> contacts;
+    double largest_rate = 0.0;
+    List<double> p;
+  };
+
   using Numbers = Eigen::Map<Eigen::VectorXd>;
   using ConstNumbers = Eigen::Map<const Eigen::VectorXd>;
   using Matrix = Eigen::Map<const Eigen::MatrixXd>;
 
   void set(const ConeProblem& problem);
   bool find_together(double* p);
+  bool find_again(double* p, bool* is_known);
+  bool find_inside(double* p);
+  void keep(const double* p);
   bool is_strict(const double* p);
   bool find(double* p);
   bool sweep(bool back, double* p);
@@ -48,7 +50,6 @@ class ConeSolver {
   double residual(const double* p);
   double rounding(const double* p) const;
   bool count_newton();
-  bool find_with_compliance(double compliance, double* p);
   void start(double* p) const;
   void unscale(const ConeProblem& problem, double* p) const;
 
@@ -74,7 +75,10 @@ class ConeSolver {
   double largest_rate_ = 0.0;
   SolveEffort* effort_ = nullptr;
   LeastNormSolver factors_;
-  List<double> swept_, tried_, x_, u_, off_, right_, stiff_A_, stiff_b_;  // scratch
+  InteriorPoint interior_point_;
+  List<Known> known_;                                 // the latest solutions
+  std::size_t solutions_ = 0;                         // since forget()
+  List<double> swept_, tried_, x_, u_, off_, right_;  // scratch
 };
 
 /// Solves a single contact: A of 3×3, b of 3. Returns false where no normal impulse gives a normal

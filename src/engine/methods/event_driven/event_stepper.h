@@ -31,6 +31,7 @@ class EventStepper {
   void begin_step() {
     events_ = 0;
     unchanged_ = 0;
+    substeps_before_ = 0.0;
   }
   void begin_interval() {
     watched_.unchanged.clear();
@@ -42,9 +43,12 @@ class EventStepper {
   const List<Watched>& before() const { return watched_.before; }
   void count_event() { ++events_; }
   std::uint32_t events() const { return events_; }
-  /// Substeps and events of the step.
+  /// Substeps and events of the step. `progress`: of the present interval.
   double work(const IntegrationResult& progress) const {
-    return progress.substeps + progress.rejected + static_cast<double>(events_);
+    return substeps_before_ + progress.substeps + progress.rejected + static_cast<double>(events_);
+  }
+  void end_interval(const IntegrationResult& progress) {
+    substeps_before_ += progress.substeps + progress.rejected;
   }
 
   /// Takes a substep of at most `step` [s] from the start of `left`. The substep ends at the next
@@ -168,6 +172,7 @@ class EventStepper {
 
   WatchedSubstep<Watched> watched_;
   std::uint32_t events_ = 0;
+  double substeps_before_ = 0.0;           // substeps of earlier intervals of the step
   int unchanged_ = 0;                      // events that changed nothing
   std::optional<ExpectedEvent> expected_;  // event at which the substep is to end
   int in_vain_ = 0;                        // expected events in a row that were none

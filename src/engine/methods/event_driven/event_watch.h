@@ -61,7 +61,8 @@ inline constexpr double kLocatedTime = 1e-15;  // [s], and share of the time
 inline constexpr int kMostLocations = 120;     // repeated substeps per event
 inline constexpr int kMostNewton = 40;         // repetitions by interpolation; further ones bisect
 inline constexpr int kMostSmooth = 5;    // repetitions with the tolerance of values with a slope
-inline constexpr int kMostDoubled = 10;  // events without a change that widen a tolerance
+inline constexpr int kMostDoubled = 9;   // doublings of a tolerance by events without a change
+inline constexpr int kDoubledForce = 3;  // doublings of the tolerance of a force by each
 // Repetitions before crossings of interpolants alone do not count.
 inline constexpr int kMostUnpassed = 12;
 
@@ -70,12 +71,14 @@ inline constexpr int kMostUnpassed = 12;
 /// may exceed the bound by its tolerance. A gap or rate that starts at zero and at rest may fall by
 /// `touching` or `resting` below its start, which rounding may have put below zero. The same holds
 /// after an event that changed nothing. `unchanged`: such events in a row; the value is then less
-/// certain than its tolerance, which counts twice as much after each further one. A value that
-/// starts below zero and rises has its event where it is back at its start.
+/// certain than its tolerance, which counts twice as much after each further one, and eight times
+/// for a force. A value that starts below zero and rises has its event where it is back at its
+/// start.
 inline double level_of(const WatchedValue& start, int unchanged) {
   const double below = std::min(start.value, 0.0);
   const bool is_muted = unchanged > 0;
-  const double factor = is_muted ? std::ldexp(1.0, std::min(unchanged, kMostDoubled) - 1) : 1.0;
+  const int doublings = (unchanged - 1) * (start.known == 0 ? kDoubledForce : 1);
+  const double factor = is_muted ? std::ldexp(1.0, std::min(doublings, kMostDoubled)) : 1.0;
   if (start.known == 0) {
     if (is_muted) return below - factor * start.tolerance;
     return (start.value > start.tolerance ? -kLocatedForce : -1.0) * start.tolerance;

@@ -7,9 +7,9 @@
 namespace constraint_sim::engine {
 
 /// Closing rule for events that follow each other without end at speeds that no longer matter:
-/// corners and limits that rattle ever lower, slips that turn at their end again and again. Where a
-/// step has many such events, the speeds that count as zero are doubled, until contacts and limits
-/// rest and slips stick.
+/// corners and limits that rattle ever lower, boxes that rock to rest, slips that turn at their end
+/// again and again. Where a step has many events in a row, the speeds that count as zero double at
+/// each further one, until contacts and limits rest and slips stick.
 class Rattling {
  public:
   /// Speed of events of laws that need not be followed [m/s or rad/s]. Under an acceleration of 1e3
@@ -25,16 +25,15 @@ class Rattling {
   double zero_speed(double t, double speed, double zero, double most) {
     const bool is_soon = t - last_ <= kSoon;
     last_ = t;
-    if (!is_soon || speed > most || --left_ > 0) return zero;
-    left_ = kNextEvents;
-    return std::min(2.0 * zero, most);
+    if (is_soon && left_ > 0) --left_;
+    return is_soon && left_ == 0 && speed <= most ? std::min(2.0 * zero, most) : zero;
   }
 
  private:
   static constexpr double kSoon = 1e-5;  // [s]
-  static constexpr int kMostEvents = 20, kNextEvents = 4;
+  static constexpr int kMostEvents = 15;
 
-  int left_ = kMostEvents;  // events until speeds are doubled
+  int left_ = kMostEvents;  // events until speeds grow
   double last_ = -kInfinity;
 };
 

@@ -10,7 +10,10 @@ namespace constraint_sim::engine {
 /// where the limit of the step is used up or the step has to stop.
 class CountedSolver {
  public:
-  void begin_step() { work_ = 0.0; }
+  void begin_step() {
+    work_ = 0.0;
+    solver_.forget();
+  }
   /// `most`: limit for the step.
   void begin_interval(double most, StopFlag stop) {
     most_ = most;

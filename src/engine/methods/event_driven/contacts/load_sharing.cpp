@@ -170,7 +170,7 @@ double LoadSharing::share(const ContactPairs& pairs, CountedSolver* solver, Cont
   List<double> next;
   double beyond = kBeyond;
   for (int round = 0; round < kMostSharingRounds; ++round, beyond *= kBeyond) {
-    solver->add(ConeSolver::cost_of_a_step(force.size()));
+    solver->add(cost_of_newton_step(force.size()));
     if (!find_step(pairs, *problem, *equations, beyond)) return 0.0;
     const double before = margin;
     for (double step = 1.0; margin == before && step > kLeastStep; step *= 0.5) {

@@ -66,6 +66,7 @@ IntegrationResult EventDriven::advance(const Interval& interval, const Integrato
   const List<char>& broken = motions_.broken();
   if (is_done && !is_ended && std::find(broken.begin(), broken.end(), 1) == broken.end())
     run.progress.found = run.left.t - interval.t;
+  stepper_.end_interval(run.progress);
   if (!is_ended) {
     motions_.set_started(false);
     motion->forget();

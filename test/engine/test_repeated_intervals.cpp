@@ -54,7 +54,7 @@ struct ArmOnFloor {
   JointId elbow, rope;
 };
 
-/// Bits that a world reports: states, forces and what motors and contacts do.
+/// Bits that a world reports: states, forces, events and what motors and contacts do.
 std::vector<double> report_of(const World& world) {
   std::vector<double> numbers{world.report().local_error, world.report().energy.correction_work,
                               static_cast<double>(world.state_hash())};
@@ -70,6 +70,9 @@ std::vector<double> report_of(const World& world) {
   for (const Contact& contact : world.contacts())
     for (const double number :
          {contact.force.x(), contact.force.z(), contact.depth, static_cast<double>(contact.state)})
+      numbers.push_back(number);
+  for (const Event& event : world.events())
+    for (const double number : {event.time, static_cast<double>(event.kind), event.impulse})
       numbers.push_back(number);
   return numbers;
 }
@@ -137,6 +140,13 @@ const Edit kEdits[] = {
      }},
 };
 
+void expect_what_is_computed(World* world, const std::string& where) {
+  World computed = read_snapshot(write_snapshot(*world));
+  computed.step();
+  world->step();
+  EXPECT_EQ(report_of(*world), report_of(computed)) << where;
+}
+
 class RepeatedIntervals : public testing::TestWithParam<Edit> {};
 
 INSTANTIATE_TEST_SUITE_P(Edits, RepeatedIntervals, testing::ValuesIn(kEdits));
@@ -147,14 +157,33 @@ TEST_P(RepeatedIntervals, AreWhatAComputedOneWouldBe) {
   EXPECT_EQ(arm.world.report().costs.substeps, 0u);
   ASSERT_EQ(arm.world.contacts().size(), 4u);
   for (int edits = 0; edits < 2; ++edits) {
-    for (int i = 0; i < 5; ++i) {
-      World computed = read_snapshot(write_snapshot(arm.world));
-      computed.step();
-      arm.world.step();
-      EXPECT_EQ(report_of(arm.world), report_of(computed)) << edits << " " << i;
-    }
+    for (int i = 0; i < 5; ++i)
+      expect_what_is_computed(&arm.world, std::to_string(edits) + " " + std::to_string(i));
     GetParam().apply(&arm);
   }
+}
+
+// Also from the first interval on, after which contacts count as touched. At the friction of the
+// slope they may stick or slip.
+TEST(RepeatedIntervals, OfABoxOnASlopeAreWhatComputedOnesWouldBe) {
+  constexpr double kSlope = 0.5;
+  for (const double friction : {0.7, kSlope, 0.0})
+    for (const double height : {0.0, 0.001}) {
+      WorldOptions options;
+      options.time_step = 0.01;
+      options.gravity = friction > 0.0 ? Vector3d(9.0 * kSlope, 0.0, -9.0) : Vector3d(0, 0, -9.0);
+      options.sleep_after = std::numeric_limits<double>::infinity();
+      World world(options);
+      world.add_body(make_floor(friction));
+      Body box = make_body("box", Box{{0.4, 0.4, 0.2}}, 1.0, {0.0, 0.0, 0.1 + height});
+      box.friction = friction;
+      world.add_body(box);
+      for (int i = 0; i < 10; ++i) {
+        expect_what_is_computed(&world, std::to_string(friction) + " " + std::to_string(i));
+        EXPECT_TRUE(height > 0.0 || world.events().empty());
+      }
+      EXPECT_EQ(world.islands().front().method, Method::kEventDriven);
+    }
 }
 
 }  // namespace

@@ -71,8 +71,10 @@ IntegrationResult ContactEvents::advance(const Interval& interval, const Integra
   equations_.prepare_stages();
   begin_joints(joint_step, joint_states);
   if (is_first && unchanged_.is_repeated_by(interval, equations_, pairs_.list())) {
-    for (ContactPair& pair : pairs_.list()) pair.forget();  // as after reporting
+    states_.begin_event(equations_);
+    impacts_.begin_event(equations_);
     unchanged_.repeat(&equations_);
+    report(interval.t, interval.t, true);
     run.progress = unchanged_.progress();
     solver_.add(unchanged_.work());
   } else {
@@ -293,10 +295,15 @@ bool ContactEvents::settle(Run* run, const Watched& event, bool is_begin, bool j
   if (!equations_.restart(y, derivative(), is_known ? states_.derivative() : nullptr)) return false;
   run->progress.projected += kinetic - equations_.bodies().kinetic_energy();
   run->progress.corrected += equations_.potential_energy() - potential;
-  reports_.add({run->interval.t, t, is_begin, states_.acts_before(), states_.coordinates_before(),
+  report(run->interval.t, t, is_begin);
+  return break_hit(run) ? settle(run, {}, false) : break_overloaded(run);
+}
+
+// Reports changes since begin_event() of the contacts and impacts.
+void ContactEvents::report(double interval_start, double t, bool is_begin) {
+  reports_.add({interval_start, t, is_begin, states_.acts_before(), states_.coordinates_before(),
                 impacts_.impulses(), impacts_.rests_in()},
                equations_, &pairs_);
-  return break_hit(run) ? settle(run, {}, false) : break_overloaded(run);
 }
 
 // Breaks a joint and the couplings on it.

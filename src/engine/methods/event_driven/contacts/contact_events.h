@@ -90,6 +90,7 @@ class ContactEvents {
   void end_rattling(Run* run, const Watched& event);
   bool coarsen(double least, Run* run);
   bool settle(Run* run, const Watched& event, bool is_begin, bool jams = false);
+  void report(double interval_start, double t, bool is_begin);
   void break_joint(const Run& run, std::size_t joint);
   bool break_hit(Run* run);
   bool break_overloaded(Run* run);

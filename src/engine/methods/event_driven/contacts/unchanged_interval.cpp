@@ -40,11 +40,11 @@ bool are_same(const Shape& l, const Shape& r) {
   return l.index() == r.index() && std::visit(are_equal, l);
 }
 
+// The state at the end of the previous step matters for reports of events alone.
 bool are_same(const ContactPair& l, const ContactPair& r) {
   return l.shape_index_a == r.shape_index_a && l.shape_index_b == r.shape_index_b &&
-         l.friction == r.friction && l.restitution == r.restitution && l.held == r.held &&
-         l.stuck == r.stuck && l.is_still == r.is_still && are_same(l.shape_a, r.shape_a) &&
-         are_same(l.shape_b, r.shape_b);
+         l.friction == r.friction && l.restitution == r.restitution &&
+         are_same(l.shape_a, r.shape_a) && are_same(l.shape_b, r.shape_b);
 }
 
 bool are_same(const std::optional<Eigen::Quaterniond>& l,

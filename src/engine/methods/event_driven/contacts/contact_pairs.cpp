@@ -126,31 +126,29 @@ bool ContactPairs::begin(bool closes, ContactEquations* equations) {
   add_contacts(equations);
   depths_.at_start.assign(pairs_.size(), 0.0);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    pairs_[p].is_still = false;
     if (pairs_[p].is_of_boxes()) depths_.at_start[p] = -gap_of_boxes(*equations, pairs_[p]);
     if (is_too_deep(p, depths_.at_start[p])) return false;
   }
   for (std::size_t c = 0; c < equations->contacts().size(); ++c) {
-    const double depth = -equations->motion(equations->contacts()[c]).gap;
-    if (is_too_deep(pair_of_[c], depth)) return false;
-    depths_.at_start[pair_of_[c]] = std::max(depths_.at_start[pair_of_[c]], depth);
+    const ContactMotion now = equations->motion(equations->contacts()[c]);
+    const std::size_t p = pair_of_[c];
+    if (is_too_deep(p, -now.gap)) return false;
+    depths_.at_start[p] = std::max(depths_.at_start[p], -now.gap);
+    note_step_before(now, &pairs_[p]);
   }
-  note_step_before(*equations);
+  for (ContactPair& pair : pairs_) pair.stuck = pair.stuck && pair.is_still;
   return true;
 }
 
-// Infers how pairs acted at the end of the previous step, as far as the motion shows it.
-void ContactPairs::note_step_before(const ContactEquations& equations) {
-  for (ContactPair& pair : pairs_) {
-    pair.is_still = false;
-    for (std::size_t c = pair.first; pair.touched && c < pair.first + pair.count; ++c) {
-      const ContactMotion now = equations.motion(equations.contacts()[c]);
-      if (now.gap > tolerances_.touching || std::abs(now.gap_rate()) > tolerances_.resting)
-        continue;
-      pair.held = true;
-      pair.is_still = pair.is_still || now.slip().norm() <= tolerances_.resting;
-    }
-    pair.stuck = pair.stuck && pair.is_still;
-  }
+// Infers how a pair acted at the end of the previous step, as far as the motion of a contact shows
+// it.
+void ContactPairs::note_step_before(const ContactMotion& now, ContactPair* pair) const {
+  if (!pair->touched || now.gap > tolerances_.touching ||
+      std::abs(now.gap_rate()) > tolerances_.resting)
+    return;
+  pair->held = true;
+  pair->is_still = pair->is_still || now.slip().norm() <= tolerances_.resting;
 }
 
 void ContactPairs::find_features(bool all, bool is_within, ContactEquations* equations) {

@@ -72,7 +72,7 @@ class ContactPairs {
 
  private:
   void add_contacts(ContactEquations* equations);
-  void note_step_before(const ContactEquations& equations);
+  void note_step_before(const ContactMotion& now, ContactPair* pair) const;
 
   /// Overlaps per pair [m].
   struct Depths {

@@ -250,7 +250,7 @@ TEST(RandomEvents, OfAlignedBoxesThatBeginToSlipOrEndAreNotGivenUp) {
 // again and again; where a force at its bound is less certain than its tolerance, so that its event
 // comes again and changes nothing; and where rounding hides an impact at 1e-9 m/s.
 TEST(RandomEvents, OfAlignedBoxesThatRattleComeToRest) {
-  follow_to_the_end(Kind::kAligned, {22U, 40U, 54U, 108U, 118U, 256U, 280U});
+  follow_to_the_end(Kind::kAligned, {22U, 40U, 108U, 118U, 256U, 280U});
 }
 
 // Seeds of a box that tilts on an edge: the redundant rows of its two corners must stay redundant

@@ -13,7 +13,9 @@ namespace constraint_sim::engine {
 namespace {
 
 constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
-constexpr double kMostBoxTurn = 1.0;  // [rad] rotation of a box in a substep
+// Rotation of a box in a substep [rad]: the gap of a corner at the distance r from the centre is
+// then within 3.4e-7 r of its interpolant, r θ⁶/46080.
+constexpr double kMostBoxTurn = 0.5;
 
 double gap_of_boxes(const ContactEquations& equations, const ContactPair& pair) {
   const GroupBodies& bodies = equations.bodies();
@@ -206,7 +208,8 @@ double ContactPairs::longest_substep(double left, const ContactEquations& equati
       longest = std::min(longest, kMostBoxTurn / bodies.state(contact.a).angular_velocity.norm());
     if (pair.is_of_boxes() || bodies.shapes().is_beside(contact.shape_index_b))
       longest = std::min(longest, kMostBoxTurn / bodies.state(contact.b).angular_velocity.norm());
-    if (!std::isfinite(pair.thickness)) continue;
+    // Behind a plane the gap stays negative, so no hit is passed over.
+    if (!std::isfinite(pair.thickness) || std::holds_alternative<Plane>(pair.shape_b)) continue;
     const ContactMotion now = equations.motion(contact);
     const double allowed = std::max(now.gap, kFastShare * pair.thickness);
     longest = std::min(longest, allowed / std::max(now.w.norm() + fall, pair.assumed_speed));
